@@ -1,0 +1,84 @@
+# The commands that people type. Each one works on a fresh Debian machine with make, a C++ compiler and Python 3.11 or
+# newer, and installs what is missing; the second time it needs no network. `make help` lists them.
+
+PYTHON ?= python3
+# A preset of CMakePresets.json: the build that `make test` tests.
+PRESET ?= dev
+
+export PYTHON
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+
+# What has been done already is a stamp file, as old as the doing.
+SYSTEM := build/stamps/system
+VENV := .venv/stamps
+PIP_INSTALL := .venv/bin/python -m pip install --quiet
+CPP_SOURCES = $(shell find cpp python/bindings tests -name '*.hpp' -o -name '*.cpp')
+# What includes all of the library.
+TIDY_SOURCES := tests/cpp/freestanding/flight_core.cpp
+PACKAGE_SOURCES = CMakeLists.txt pyproject.toml README.md LICENSE \
+  $(shell find cmake cpp/include python -type f -not -path '*/__pycache__/*')
+
+.PHONY: help
+help: ## List these commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
+
+.PHONY: test
+test: test-cpp test-python ## Install what is missing, build, run the C++ and the Python tests
+
+.PHONY: test-cpp
+test-cpp: $(SYSTEM)-test ## The C++ tests alone
+	cmake --preset $(PRESET)
+	cmake --build --preset $(PRESET)
+	ctest --preset $(PRESET)
+
+.PHONY: test-python
+test-python: $(VENV)/package ## The Python tests alone
+	.venv/bin/python -m pytest
+
+.PHONY: bench
+bench: $(SYSTEM)-test $(SYSTEM)-bench ## Build and run the benchmarks
+	cmake --preset bench
+	cmake --build --preset bench
+	for program in build/bench/cpp/benchmarks/benchmark_*; do "$$program"; done
+
+.PHONY: lint
+lint: $(VENV)/package $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+	.venv/bin/clang-format --dry-run --Werror $(CPP_SOURCES)
+	cmake --preset $(PRESET)
+	clang-tidy -p build/$(PRESET) --quiet --warnings-as-errors='*' --extra-arg=-std=c++17 $(TIDY_SOURCES)
+
+.PHONY: format
+format: $(VENV)/dev ## Format the C++ and the Python sources
+	.venv/bin/ruff check --fix .
+	.venv/bin/ruff format .
+	.venv/bin/clang-format -i $(CPP_SOURCES)
+
+.PHONY: clean
+clean: ## Remove all that these commands made here
+	rm -rf build dist .venv
+
+# --- stamps ------------------------------------------------------------------------------------------------------------
+
+$(SYSTEM)-%: tools/install_system_packages.sh
+	tools/install_system_packages.sh $*
+	mkdir -p $(@D) && touch $@
+
+# The virtual environment holds the build requirements too, so that the package can be built again without the network.
+$(VENV)/requirements: pyproject.toml tools/requirements.py | $(SYSTEM)-test
+	test -x .venv/bin/python || $(PYTHON) -m venv .venv
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py build runtime test)
+	mkdir -p $(@D) && touch $@
+
+$(VENV)/dev: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py dev)
+	touch $@
+
+$(VENV)/package: $(VENV)/requirements $(PACKAGE_SOURCES)
+	$(PIP_INSTALL) --no-index --no-deps --no-build-isolation --config-settings=build-dir=build/python .
+	touch $@

@@ -1,0 +1,575 @@
+#pragma once
+
+/// \file
+/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2) and what bounds their sums and intersections.
+/// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
+
+#include "elliptude/factorization.hpp"
+#include "elliptude/scalar.hpp"
+#include "elliptude/status.hpp"
+
+namespace elliptude {
+
+template <typename Scalar, int N>
+struct Ellipsoid {
+  Vector<Scalar, N> center;
+  Matrix<Scalar, N> shape;  ///< P, symmetric positive semidefinite
+};
+
+/// How large an ellipsoid is: tr(W P), the weighted sum of its squared semi-axes, or its volume. The trace depends on the
+/// units of the coordinates (W carries them), the volume does not.
+template <typename Scalar, int N>
+struct SizeCriterion {
+  enum class Kind : std::uint8_t { trace, volume };
+
+  Kind kind;
+  Matrix<Scalar, N> weight;  ///< W, symmetric positive definite; not read for the volume
+
+  [[nodiscard]] static SizeCriterion trace() noexcept { return {Kind::trace, Matrix<Scalar, N>::Identity()}; }
+  [[nodiscard]] static SizeCriterion weighted_trace(const Matrix<Scalar, N>& weight) noexcept {
+    return {Kind::trace, weight};
+  }
+  [[nodiscard]] static SizeCriterion volume() noexcept { return {Kind::volume, Matrix<Scalar, N>::Identity()}; }
+};
+
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+  Matrix<Scalar, N> factor;
+  if (!scalar::all_finite(criterion.weight)) {
+    return Status::not_finite;
+  }
+  return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
+}
+
+/// \return `not_finite`, `not_symmetric`, or `not_positive_definite` if the shape is not even semidefinite.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  Matrix<Scalar, N> factor;
+  return is_symmetric(ellipsoid.shape) ? cholesky_semidefinite(ellipsoid.shape, factor) : Status::not_symmetric;
+}
+
+/// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection of rows
+/// it is the projection of E on these coordinates.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid, const Matrix<Scalar, M, N>& transform,
+                                                const Vector<Scalar, M>& shift) noexcept {
+  const Matrix<Scalar, M, N> half = transform.lazyProduct(ellipsoid.shape);
+  const Matrix<Scalar, M> shape = half.lazyProduct(transform.transpose());
+  return {transform.lazyProduct(ellipsoid.center) + shift, scalar::constant<Scalar>(0.5L) * (shape + shape.transpose())};
+}
+
+/// The projection on `Size` consecutive coordinates from `First` on.
+template <int First, int Size, typename Scalar, int N>
+[[nodiscard]] Ellipsoid<Scalar, Size> projection(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  static_assert(0 <= First && First + Size <= N);
+  return {ellipsoid.center.template segment<Size>(First), ellipsoid.shape.template block<Size, Size>(First, First)};
+}
+
+/// The support function max {dᵀx : x in E} = dᵀx̂ + √(dᵀPd).
+template <typename Scalar, int N>
+[[nodiscard]] Scalar support(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& direction) noexcept {
+  const Scalar square = direction.dot(ellipsoid.shape.lazyProduct(direction));
+  return direction.dot(ellipsoid.center) + scalar::sqrt(scalar::select(square > Scalar(0), square, Scalar(0)));
+}
+
+/// The support along each coordinate axis, less the center: √Pᵢᵢ, the half-widths of the smallest box about E.
+template <typename Scalar, int N>
+[[nodiscard]] Vector<Scalar, N> half_widths(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  return ellipsoid.shape.diagonal().cwiseSqrt();
+}
+
+/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside. Of a point off the plane of an ellipsoid with a coordinate of no width it is infinite.
+/// \return `not_finite`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status quadratic_form(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x,
+                                    Scalar& value) noexcept {
+  Vector<Scalar, N> rest = x - ellipsoid.center;
+  if (!scalar::all_finite(rest)) {
+    return Status::not_finite;
+  }
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky_semidefinite(ellipsoid.shape, l); status != Status::ok) {
+    return status;
+  }
+  Scalar sum(0);
+  for (int i = 0; i < N; ++i) {
+    if (l(i, i) == Scalar(0)) {
+      if (!(rest(i) == Scalar(0))) {
+        value = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+        return Status::ok;
+      }
+      continue;
+    }
+    const Scalar u = rest(i) / l(i, i);
+    sum += u * u;
+    for (int k = i + 1; k < N; ++k) {
+      rest(k) -= l(k, i) * u;
+    }
+  }
+  value = sum;
+  return Status::ok;
+}
+
+/// Whether x is in E. An ellipsoid that is not valid contains nothing.
+template <typename Scalar, int N>
+[[nodiscard]] bool contains(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x) noexcept {
+  Scalar value;
+  return quadratic_form(ellipsoid, x, value) == Status::ok && value <= Scalar(1);
+}
+
+/// The logarithm of the volume. \return `not_positive_definite` also of a flat ellipsoid, which has none.
+template <typename Scalar, int N>
+[[nodiscard]] Status log_volume(const Ellipsoid<Scalar, N>& ellipsoid, Scalar& value) noexcept {
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky(ellipsoid.shape, l); status != Status::ok) {
+    return status;
+  }
+  // The unit ball's volume by V(n) = V(n − 2) 2π/n.
+  long double ball = N % 2 == 0 ? 1.0L : 2.0L;
+  for (int n = N % 2 == 0 ? 2 : 3; n <= N; n += 2) {
+    ball *= 2.0L * 3.14159265358979323846264338327950288L / static_cast<long double>(n);
+  }
+  Scalar sum = scalar::log(scalar::constant<Scalar>(ball));
+  for (int i = 0; i < N; ++i) {
+    sum += scalar::log(Scalar(l(i, i)));
+  }
+  value = sum;
+  return Status::ok;
+}
+
+/// Semi-axes, longest first, and their directions (columns).
+template <typename Scalar, int N>
+struct PrincipalAxes {
+  Vector<Scalar, N> lengths;
+  Matrix<Scalar, N> directions;
+};
+
+template <typename Scalar, int N>
+[[nodiscard]] Status principal_axes(const Ellipsoid<Scalar, N>& ellipsoid, PrincipalAxes<Scalar, N>& axes) noexcept {
+  SymmetricEigen<Scalar, N> eigen;
+  if (const Status status = symmetric_eigen(ellipsoid.shape, eigen); status != Status::ok) {
+    return status;
+  }
+  axes.lengths = eigen.values.cwiseMax(Scalar(0)).cwiseSqrt();
+  axes.directions = eigen.vectors;
+  return Status::ok;
+}
+
+/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
+/// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
+/// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
+/// shape of zeros only move the center.
+/// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
+/// volume `not_positive_definite` if the sum is flat.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
+                                 const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
+  constexpr std::size_t max_terms = 64;
+  if (count == 0 || count > max_terms) {
+    return Status::out_of_range;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
+  std::array<Scalar, max_terms> share{};
+  const auto combined = [&](const Scalar& total) {
+    Matrix<Scalar, N> shape = Matrix<Scalar, N>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (share[i] > Scalar(0)) {
+        shape += (total / share[i]) * terms[i].shape;
+      }
+    }
+    return shape;
+  };
+
+  // The best shares for the trace; for the volume they are where the iteration starts.
+  Scalar total(0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const Status status = validate(terms[i]); status != Status::ok) {
+      return status;
+    }
+    center += terms[i].center;
+    share[i] = scalar::sqrt(Scalar(criterion.weight.cwiseProduct(terms[i].shape).sum()));
+    total += share[i];
+  }
+  Matrix<Scalar, N> shape = combined(total);
+
+  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+    constexpr int most_steps = 200;
+    const Scalar tolerance = Scalar(8) * Scalar(scalar::epsilon<Scalar>);
+    for (int step = 0; step < most_steps; ++step) {
+      Matrix<Scalar, N> inverse;
+      if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
+        return status;
+      }
+      Scalar change(0);
+      Scalar next_total(0);
+      std::array<Scalar, max_terms> next{};
+      for (std::size_t i = 0; i < count; ++i) {
+        if (share[i] > Scalar(0)) {
+          next[i] = scalar::sqrt(Scalar(inverse.cwiseProduct(terms[i].shape).sum()));
+          next_total += next[i];
+        }
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
+        change = difference > change ? difference : change;
+      }
+      share = next;
+      total = next_total;
+      shape = combined(total);
+      if (change <= tolerance) {
+        break;
+      }
+    }
+  }
+  sum.center = center;
+  sum.shape = shape;
+  return Status::ok;
+}
+
+/// The overlap of two ellipsoids: 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the
+/// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point. The
+/// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 6)
+/// \return what `validate` says; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
+template <typename Scalar, int N>
+[[nodiscard]] Status overlap_margin(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
+                                    Scalar& margin) noexcept {
+  if (const Status status = validate(first); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = validate(second); status != Status::ok) {
+    return status;
+  }
+  const Vector<Scalar, N> d = second.center - first.center;
+  Scalar low(0);
+  Scalar high(1);
+  Scalar lambda = scalar::constant<Scalar>(0.5L);
+  Scalar largest(0);
+  constexpr int most_steps = 60;
+  for (int step = 0; step < most_steps; ++step) {
+    const Matrix<Scalar, N> mixed = lambda * first.shape + (Scalar(1) - lambda) * second.shape;
+    Matrix<Scalar, N> l;
+    if (const Status status = cholesky(mixed, l); status != Status::ok) {
+      return status;
+    }
+    const Vector<Scalar, N> y = solve_lower_transposed(l, solve_lower(l, d));
+    const Vector<Scalar, N> y1 = first.shape.lazyProduct(y);
+    const Vector<Scalar, N> y2 = second.shape.lazyProduct(y);
+    const Scalar p1 = y.dot(y1);
+    const Scalar p2 = y.dot(y2);
+    const Scalar value = lambda * (Scalar(1) - lambda) * d.dot(y);
+    largest = value > largest ? value : largest;
+    const Scalar slope = (Scalar(1) - lambda) * (Scalar(1) - lambda) * p2 - lambda * lambda * p1;
+    (slope > Scalar(0) ? low : high) = lambda;
+    const Vector<Scalar, N> dy = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(y2 - y1)));
+    const Scalar curvature = Scalar(-2) * (lambda * p1 + (Scalar(1) - lambda) * p2) +
+                             Scalar(2) * ((Scalar(1) - lambda) * (Scalar(1) - lambda) * y2.dot(dy) -
+                                          lambda * lambda * y1.dot(dy));
+    Scalar next = lambda - slope / curvature;
+    if (!(next > low && next < high)) {
+      next = scalar::constant<Scalar>(0.5L) * (low + high);
+    }
+    const Scalar change = scalar::abs(Scalar(next - lambda));
+    lambda = next;
+    // The value is flat at the maximum: an error of √ε in λ is one of ε in it.
+    if (change <= scalar::constant<Scalar>(0.1L) * scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * (low < high ? high : low)) {
+      break;
+    }
+  }
+  margin = Scalar(1) - largest;
+  return Status::ok;
+}
+
+/// An ellipsoid that contains an intersection, and how it was mixed: `share` 0 is the first set alone, 1 the second; in the
+/// paper's notation (eq. LP) q = share / (1 − share).
+template <typename Scalar, int N>
+struct Intersection {
+  Ellipsoid<Scalar, N> set;
+  Scalar share;
+};
+
+namespace fusion {
+
+/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: all that is needed of
+/// A = M + qI at one q, and of N = k + q + vᵀA⁻¹v, whose sign tells whether the two meet. Where the ellipsoid that the ball
+/// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A.
+template <typename Scalar, int N>
+struct Combination {
+  Matrix<Scalar, N> root;     ///< lower triangle with A⁻¹ = rootᵀ root
+  Matrix<Scalar, N> inverse;  ///< A⁻¹
+  Vector<Scalar, N> center;   ///< −A⁻¹v
+  Scalar level;               ///< N
+  Scalar level_slope;         ///< dN/dq = 1 − ‖center‖²
+};
+
+/// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
+template <typename Scalar, int N, typename Slack>
+struct Problem {
+  const Matrix<Scalar, N>& m;
+  const Vector<Scalar, N>& v;
+  const Vector<Scalar, N>& present;  ///< 1 where the coordinate exists, else 0
+  const Slack& slack;
+
+  /// \return `not_positive_definite` if A is not.
+  [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
+    Matrix<Scalar, N> a = m;
+    for (int i = 0; i < N; ++i) {
+      a(i, i) += present(i) > Scalar(0) ? q : Scalar(1);
+    }
+    Matrix<Scalar, N> l;
+    if (const Status status = cholesky(a, l); status != Status::ok) {
+      return status;
+    }
+    result.root = lower_inverse(l);
+    result.inverse.noalias() = result.root.transpose().lazyProduct(result.root);
+    result.center.noalias() = -result.inverse.lazyProduct(v);
+    result.level_slope = Scalar(1) - result.center.squaredNorm();
+    result.level = slack(result.center) + q * result.level_slope;
+    return Status::ok;
+  }
+};
+
+/// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least value
+/// is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a bracket.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] bool provably_empty(const Problem<Scalar, N, Slack>& problem, const Scalar& start) noexcept {
+  if (problem.slack(Vector<Scalar, N>::Zero()) >= Scalar(0)) {
+    return false;
+  }
+  Scalar low(0);
+  Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  Scalar q = start;
+  constexpr int most_steps = 60;
+  for (int step = 0; step < most_steps; ++step) {
+    Combination<Scalar, N> combination;
+    Scalar next;
+    if (problem.combine(q, combination) != Status::ok) {
+      low = q;
+      next = Scalar(4) * q;
+    } else {
+      if (combination.level < Scalar(0)) {
+        return true;
+      }
+      const Scalar length = combination.center.norm();
+      (length > Scalar(1) ? low : high) = q;
+      const Scalar change = combination.center.squaredNorm() * (length - Scalar(1)) /
+                            combination.center.dot(combination.inverse.lazyProduct(combination.center));
+      if (scalar::abs(change) <= scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * q) {
+        return false;
+      }
+      next = q + change;
+    }
+    if (!(next > low && next < high)) {
+      next = scalar::isfinite(high) ? scalar::constant<Scalar>(0.5L) * (low + high) : Scalar(4) * q;
+    }
+    q = next;
+  }
+  return false;
+}
+
+/// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
+/// x = origin + factor u. The logarithm of either criterion is quasiconvex in q, so its only stationary point, found by
+/// safeguarded Newton steps in log q, is the best there is; each iterate is a valid bound.
+/// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
+                                          const Problem<Scalar, N, Slack>& problem,
+                                          const SizeCriterion<Scalar, N>& criterion,
+                                          Intersection<Scalar, N>& result) noexcept {
+  const bool by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
+  const Scalar dimension = problem.present.sum();
+  const Scalar absent = Scalar(N) - dimension;
+  const Matrix<Scalar, N> weight =
+      by_volume ? Matrix<Scalar, N>(problem.present.asDiagonal())
+                : Matrix<Scalar, N>(factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))));
+
+  // The logarithm of the criterion, less its value at the second set alone.
+  const Scalar reference = by_volume ? Scalar(0) : Scalar(scalar::log(Scalar(weight.trace())));
+  const auto size = [&](const Combination<Scalar, N>& c) {
+    if (by_volume) {
+      Scalar determinant(1);
+      for (int i = 0; i < N; ++i) {
+        determinant *= c.root(i, i) * c.root(i, i);
+      }
+      return Scalar(dimension * scalar::log(c.level) + scalar::log(determinant));
+    }
+    return Scalar(scalar::log(c.level) + scalar::log(Scalar(weight.cwiseProduct(c.inverse).sum())) - reference);
+  };
+  // Its first and second derivatives with respect to q.
+  const auto derivatives = [&](const Combination<Scalar, N>& c, Scalar& first, Scalar& second) {
+    const Scalar level1 = c.level_slope / c.level;
+    const Scalar level2 = Scalar(2) * c.center.dot(c.inverse.lazyProduct(c.center)) / c.level - level1 * level1;
+    if (by_volume) {
+      first = dimension * level1 - (c.inverse.trace() - absent);
+      second = dimension * level2 + (c.inverse.squaredNorm() - absent);
+    } else {
+      const Matrix<Scalar, N> half = c.inverse.lazyProduct(weight);
+      const Matrix<Scalar, N> both = half.lazyProduct(c.inverse);
+      const Scalar trace = half.trace();
+      const Scalar trace1 = -both.trace() / trace;
+      first = level1 + trace1;
+      second = level2 + Scalar(2) * both.cwiseProduct(c.inverse).sum() / trace - trace1 * trace1;
+    }
+  };
+  const auto finish = [&](const Combination<Scalar, N>& c, const Scalar& share) {
+    const Matrix<Scalar, N> half = factor.lazyProduct(c.root.transpose());
+    result.set.shape.noalias() = c.level * half.lazyProduct(half.transpose());
+    result.set.center = origin + factor.lazyProduct(c.center);
+    result.share = share;
+    return Status::ok;
+  };
+  const auto second_set_alone = [&]() {
+    result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
+    result.set.center = origin;
+    result.share = Scalar(1);
+    return Status::ok;
+  };
+
+  const Scalar start = (problem.m.norm() + problem.v.norm()) / scalar::sqrt(Scalar(N));
+  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
+  if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
+    return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
+  }
+  if (provably_empty(problem, start)) {
+    return Status::empty_intersection;
+  }
+
+  // Second set alone: the derivative with respect to 1/q at 1/q = 0.
+  const Scalar growth =
+      by_volume ? Scalar(problem.m.trace() / dimension) : Scalar(weight.cwiseProduct(problem.m).sum() / weight.trace());
+  if (slack_at_origin >= growth) {
+    return second_set_alone();
+  }
+  // First set alone, where that is bounded.
+  Combination<Scalar, N> combination;
+  Scalar slope;
+  Scalar curvature;
+  if (problem.combine(Scalar(0), combination) == Status::ok && combination.level >= Scalar(0)) {
+    derivatives(combination, slope, curvature);
+    if (!(slope < Scalar(0))) {  // also where the level is zero: the sets touch in one point
+      return finish(combination, Scalar(0));
+    }
+  }
+
+  const Scalar infinity(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  const Scalar tolerance = scalar::exp(Scalar(scalar::log(Scalar(scalar::epsilon<Scalar>)) / Scalar(3)));
+  const Scalar longest(4);
+  constexpr int most_steps = 60;
+  Scalar low = -infinity;
+  Scalar high = infinity;
+  Scalar log_q = scalar::log(start);
+  bool found = false;
+  for (int step = 0; step < most_steps; ++step) {
+    const Scalar q = scalar::exp(log_q);
+    Combination<Scalar, N> trial;
+    Scalar move;
+    if (problem.combine(q, trial) != Status::ok) {
+      low = log_q;
+      move = longest;
+    } else {
+      if (trial.level < Scalar(0)) {
+        return Status::empty_intersection;
+      }
+      combination = trial;
+      found = true;
+      if (!(trial.level > Scalar(0))) {
+        return finish(trial, Scalar(q / (Scalar(1) + q)));
+      }
+      derivatives(trial, slope, curvature);
+      curvature = q * slope + q * q * curvature;  // now with respect to log q
+      slope = q * slope;
+      (slope > Scalar(0) ? high : low) = log_q;
+      move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
+      move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+    }
+    Scalar next = log_q + move;
+    if (!(next > low && next < high)) {
+      next = scalar::constant<Scalar>(0.5L) * (low + high);
+    }
+    log_q = next;
+    if (found && scalar::abs(move) <= tolerance) {  // the size has converged to the square of this step
+      break;
+    }
+  }
+  const Scalar q = scalar::exp(log_q);
+  Combination<Scalar, N> last;
+  if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
+    combination = last;
+  } else if (!found) {
+    return Status::not_converged;
+  }
+  if (!(size(combination) < Scalar(0))) {
+    return second_set_alone();
+  }
+  return finish(combination, Scalar(q / (Scalar(1) + q)));
+}
+
+}  // namespace fusion
+
+/// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
+/// family that two multipliers give, never larger than either set. One of the two may be flat.
+/// \return what `validate` says; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
+/// common point.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
+                                          const SizeCriterion<Scalar, N>& criterion,
+                                          Intersection<Scalar, N>& result) noexcept {
+  for (const Ellipsoid<Scalar, N>* ellipsoid : {&first, &second}) {
+    if (!scalar::all_finite(ellipsoid->center) || !scalar::all_finite(ellipsoid->shape)) {
+      return Status::not_finite;
+    }
+    if (!is_symmetric(ellipsoid->shape)) {
+      return Status::not_symmetric;
+    }
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  Matrix<Scalar, N> l1;
+  if (cholesky(first.shape, l1) != Status::ok) {
+    Matrix<Scalar, N> l2;
+    if (const Status status = cholesky(second.shape, l2); status != Status::ok) {
+      return status;
+    }
+    const Status status = minimal_intersection(second, first, criterion, result);
+    if (status == Status::ok) {
+      result.share = Scalar(1) - result.share;
+    }
+    return status;
+  }
+  Matrix<Scalar, N> l2;
+  if (const Status status = cholesky_semidefinite(second.shape, l2); status != Status::ok) {
+    return status;
+  }
+  // In x = x̂₂ + L₂u the second set is the unit ball and the first ‖w + Bu‖ ≤ 1.
+  const Vector<Scalar, N> present =
+      l2.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Vector<Scalar, N> w = solve_lower(l1, Vector<Scalar, N>(second.center - first.center));
+  const Matrix<Scalar, N> b = solve_lower(l1, l2);
+  const Matrix<Scalar, N> m = b.transpose().lazyProduct(b);
+  const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
+  const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
+    return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
+  };
+  const fusion::Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
+  Intersection<Scalar, N> intersection;
+  if (const Status status = fusion::minimal_intersection(second.center, l2, problem, criterion, intersection);
+      status != Status::ok) {
+    return status;
+  }
+  const bool flat = present.sum() < Scalar(N);
+  if (intersection.share == Scalar(0) && !flat) {
+    intersection.set = first;
+  } else if (intersection.share == Scalar(1)) {
+    intersection.set = second;
+  }
+  result = intersection;
+  return Status::ok;
+}
+
+}  // namespace elliptude

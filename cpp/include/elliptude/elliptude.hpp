@@ -1,0 +1,19 @@
+#pragma once
+
+/// \file
+/// Everything, in the order in which data passes through it.
+
+// clang-format off
+#include "elliptude/version.hpp"
+#include "elliptude/status.hpp"
+#include "elliptude/scalar.hpp"
+#include "elliptude/factorization.hpp"
+#include "elliptude/so3.hpp"
+#include "elliptude/ellipsoid.hpp"
+#include "elliptude/quadric.hpp"
+#include "elliptude/rigid_body.hpp"
+#include "elliptude/potential.hpp"
+#include "elliptude/integrator.hpp"
+#include "elliptude/linearization.hpp"
+#include "elliptude/wahba.hpp"
+// clang-format on

@@ -1,0 +1,321 @@
+#pragma once
+
+/// \file
+/// Factorisations of small matrices of fixed size, as plain loops: no blocked path that would link `malloc`, a bounded
+/// number of operations, and any scalar type. Acceptance tests are written so that NaN fails them.
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <utility>
+
+#include "elliptude/scalar.hpp"
+#include "elliptude/status.hpp"
+
+namespace elliptude {
+
+/// The largest difference between entries (i, j) and (j, i), as a share of √|aᵢᵢ aⱼⱼ| (or of the largest entry, where that
+/// is more), that a symmetric input may have.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
+  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * a.cwiseAbs().maxCoeff();
+  for (int j = 0; j < N; ++j) {
+    for (int i = j + 1; i < N; ++i) {
+      if (!scalar::all(scalar::abs(Scalar(a(i, j) - a(j, i))) <= tolerance)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+/// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
+/// \return `not_positive_definite` if a pivot is not positive (or is NaN).
+template <typename Scalar, int N>
+[[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  for (int j = 0; j < N; ++j) {
+    Scalar pivot = a(j, j);
+    for (int k = 0; k < j; ++k) {
+      pivot -= factor(j, k) * factor(j, k);
+    }
+    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return Status::not_positive_definite;
+    }
+    const Scalar diagonal = scalar::sqrt(pivot);
+    const Scalar inverse = Scalar(1) / diagonal;
+    factor(j, j) = diagonal;
+    for (int i = j + 1; i < N; ++i) {
+      Scalar entry = a(i, j);
+      for (int k = 0; k < j; ++k) {
+        entry -= factor(i, k) * factor(j, k);
+      }
+      factor(i, j) = entry * inverse;
+    }
+  }
+  l = factor;
+  return Status::ok;
+}
+
+/// As `cholesky`, of a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
+/// a column of zeros in l. A pivot that rounding may have made is raised to the size of rounding, ε N aⱼⱼ, never lowered:
+/// l lᵀ is a or a little more, so that an ellipsoid factored in this way never shrinks by it.
+/// \return `not_positive_definite` if a pivot is more negative than rounding explains.
+template <typename Scalar, int N>
+[[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  for (int j = 0; j < N; ++j) {
+    if (a(j, j) == Scalar(0)) {
+      for (int i = 0; i < N; ++i) {
+        const Scalar entry = i < j ? a(j, i) : a(i, j);
+        if (!(entry == Scalar(0))) {
+          return Status::not_positive_definite;
+        }
+      }
+      continue;
+    }
+    const Scalar rounding = Scalar(N) * Scalar(scalar::epsilon<Scalar>) * a(j, j);
+    Scalar pivot = a(j, j);
+    for (int k = 0; k < j; ++k) {
+      pivot -= factor(j, k) * factor(j, k);
+    }
+    if (!(pivot >= -rounding) || !(rounding > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return Status::not_positive_definite;
+    }
+    const Scalar diagonal = scalar::sqrt(pivot > rounding ? pivot : rounding);
+    const Scalar inverse = Scalar(1) / diagonal;
+    factor(j, j) = diagonal;
+    for (int i = j + 1; i < N; ++i) {
+      Scalar entry = a(i, j);
+      for (int k = 0; k < j; ++k) {
+        entry -= factor(i, k) * factor(j, k);
+      }
+      factor(i, j) = entry * inverse;
+    }
+  }
+  l = factor;
+  return Status::ok;
+}
+
+/// The inverse of a lower triangle whose diagonal has no zero.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> lower_inverse(const Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> inverse = Matrix<Scalar, N>::Zero();
+  for (int j = 0; j < N; ++j) {
+    inverse(j, j) = Scalar(1) / l(j, j);
+  }
+  for (int j = 0; j < N; ++j) {
+    for (int i = j + 1; i < N; ++i) {
+      Scalar sum = l(i, j) * inverse(j, j);
+      for (int k = j + 1; k < i; ++k) {
+        sum += l(i, k) * inverse(k, j);
+      }
+      inverse(i, j) = -sum * inverse(i, i);
+    }
+  }
+  return inverse;
+}
+
+/// x with l x = b, for a lower triangle whose diagonal has no zero; b may have any number of columns.
+template <typename Scalar, int N, int Columns>
+[[nodiscard]] Matrix<Scalar, N, Columns> solve_lower(const Matrix<Scalar, N>& l,
+                                                     const Matrix<Scalar, N, Columns>& b) noexcept {
+  Matrix<Scalar, N, Columns> x = b;
+  for (int i = 0; i < N; ++i) {
+    for (int k = 0; k < i; ++k) {
+      x.row(i) -= l(i, k) * x.row(k);
+    }
+    x.row(i) *= Scalar(1) / l(i, i);
+  }
+  return x;
+}
+
+/// x with lᵀ x = b, as `solve_lower`.
+template <typename Scalar, int N, int Columns>
+[[nodiscard]] Matrix<Scalar, N, Columns> solve_lower_transposed(const Matrix<Scalar, N>& l,
+                                                                const Matrix<Scalar, N, Columns>& b) noexcept {
+  Matrix<Scalar, N, Columns> x = b;
+  for (int i = N - 1; i >= 0; --i) {
+    for (int k = i + 1; k < N; ++k) {
+      x.row(i) -= l(k, i) * x.row(k);
+    }
+    x.row(i) *= Scalar(1) / l(i, i);
+  }
+  return x;
+}
+
+/// The inverse of a symmetric positive definite matrix, exactly symmetric.
+/// \return `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status inverse_positive_definite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky(a, l); status != Status::ok) {
+    return status;
+  }
+  const Matrix<Scalar, N> root = lower_inverse(l);
+  inverse.noalias() = root.transpose().lazyProduct(root);
+  return Status::ok;
+}
+
+/// Eigenvalues, largest first, and the orthonormal eigenvectors of a symmetric matrix, as columns in the same order.
+template <typename Scalar, int N>
+struct SymmetricEigen {
+  Vector<Scalar, N> values;
+  Matrix<Scalar, N> vectors;
+};
+
+/// Jacobi's cyclic method: small eigenvalues of graded matrices come out with nearly full digits.
+/// \return `not_finite`, or `not_converged` after a bounded number of sweeps (not seen; quadratic convergence takes 4 to 7).
+template <typename Scalar, int N>
+[[nodiscard]] Status symmetric_eigen(const Matrix<Scalar, N>& symmetric, SymmetricEigen<Scalar, N>& eigen) noexcept {
+  if (!scalar::all_finite(symmetric)) {
+    return Status::not_finite;
+  }
+  Matrix<Scalar, N> a = scalar::constant<Scalar>(0.5L) * (symmetric + symmetric.transpose());
+  Matrix<Scalar, N> vectors = Matrix<Scalar, N>::Identity();
+  constexpr int most_sweeps = 30;
+  bool converged = false;
+  for (int sweep = 0; sweep < most_sweeps && !converged; ++sweep) {
+    converged = true;
+    for (int p = 0; p < N - 1; ++p) {
+      for (int q = p + 1; q < N; ++q) {
+        const Scalar off = a(p, q);
+        const Scalar diagonal = scalar::sqrt(scalar::abs(a(p, p))) * scalar::sqrt(scalar::abs(a(q, q)));
+        const Scalar largest = a.cwiseAbs().maxCoeff();
+        if (scalar::abs(off) <= Scalar(scalar::epsilon<Scalar>) * diagonal ||
+            scalar::abs(off) <= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) ||
+            scalar::abs(off) <= Scalar(scalar::epsilon<Scalar>) * Scalar(scalar::epsilon<Scalar>) * largest) {
+          continue;
+        }
+        converged = false;
+        // The rotation that makes entry (p, q) zero, of at most 45 degrees.
+        const Scalar cotangent = (a(q, q) - a(p, p)) / (Scalar(2) * off);
+        const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
+        const Scalar tangent = cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root))
+                                                      : Scalar(Scalar(-1) / (root - cotangent));
+        const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
+        const Scalar sine = tangent * cosine;
+        for (int k = 0; k < N; ++k) {
+          const Scalar akp = a(k, p);
+          const Scalar akq = a(k, q);
+          a(k, p) = cosine * akp - sine * akq;
+          a(k, q) = sine * akp + cosine * akq;
+        }
+        for (int k = 0; k < N; ++k) {
+          const Scalar apk = a(p, k);
+          const Scalar aqk = a(q, k);
+          a(p, k) = cosine * apk - sine * aqk;
+          a(q, k) = sine * apk + cosine * aqk;
+          const Scalar vkp = vectors(k, p);
+          const Scalar vkq = vectors(k, q);
+          vectors(k, p) = cosine * vkp - sine * vkq;
+          vectors(k, q) = sine * vkp + cosine * vkq;
+        }
+        a(p, q) = Scalar(0);
+        a(q, p) = Scalar(0);
+      }
+    }
+  }
+  if (!converged) {
+    return Status::not_converged;
+  }
+  for (int i = 0; i < N - 1; ++i) {
+    int largest = i;
+    for (int j = i + 1; j < N; ++j) {
+      if (a(j, j) > a(largest, largest)) {
+        largest = j;
+      }
+    }
+    std::swap(a(i, i), a(largest, largest));
+    vectors.col(i).swap(vectors.col(largest));
+  }
+  eigen.values = a.diagonal();
+  eigen.vectors = vectors;
+  return Status::ok;
+}
+
+/// A singular value decomposition within SO(3): a = U diag(σ₁, σ₂, s₃) Vᵀ with U and V rotations, σ₁ ≥ σ₂ ≥ |s₃|. The
+/// last value carries the sign of det a, which is what Wahba's problem needs.
+template <typename Scalar>
+struct RotationSvd {
+  Matrix3<Scalar> u;
+  Vector3<Scalar> values;
+  Matrix3<Scalar> v;
+};
+
+/// By one-sided Jacobi rotations (Hestenes). Of a matrix of rank one the second vectors are chosen freely.
+/// \return `not_finite`; `out_of_range` for the zero matrix; `not_converged`.
+template <typename Scalar>
+[[nodiscard]] Status rotation_svd(const Matrix3<Scalar>& a, RotationSvd<Scalar>& svd) noexcept {
+  if (!scalar::all_finite(a)) {
+    return Status::not_finite;
+  }
+  const Scalar size = a.cwiseAbs().maxCoeff();
+  if (!(size > Scalar(0))) {
+    return Status::out_of_range;
+  }
+  Matrix3<Scalar> columns = a / size;
+  Matrix3<Scalar> v = Matrix3<Scalar>::Identity();
+  const Scalar epsilon(scalar::epsilon<Scalar>);
+  constexpr int most_sweeps = 30;
+  bool converged = false;
+  for (int sweep = 0; sweep < most_sweeps && !converged; ++sweep) {
+    converged = true;
+    for (int p = 0; p < 2; ++p) {
+      for (int q = p + 1; q < 3; ++q) {
+        const Scalar pp = columns.col(p).squaredNorm();
+        const Scalar qq = columns.col(q).squaredNorm();
+        const Scalar pq = columns.col(p).dot(columns.col(q));
+        // Columns at right angles to rounding, or so short that their angle is rounding.
+        if (scalar::abs(pq) <= epsilon * scalar::sqrt(Scalar(pp * qq)) || scalar::abs(pq) <= epsilon * epsilon) {
+          continue;
+        }
+        converged = false;
+        const Scalar cotangent = (qq - pp) / (Scalar(2) * pq);
+        const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
+        const Scalar tangent = cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root))
+                                                      : Scalar(Scalar(-1) / (root - cotangent));
+        const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
+        const Scalar sine = tangent * cosine;
+        const Vector3<Scalar> column = columns.col(p);
+        columns.col(p) = cosine * column - sine * columns.col(q);
+        columns.col(q) = sine * column + cosine * columns.col(q);
+        const Vector3<Scalar> vp = v.col(p);
+        v.col(p) = cosine * vp - sine * v.col(q);
+        v.col(q) = sine * vp + cosine * v.col(q);
+      }
+    }
+  }
+  if (!converged) {
+    return Status::not_converged;
+  }
+  Vector3<Scalar> lengths(columns.col(0).norm(), columns.col(1).norm(), columns.col(2).norm());
+  for (int i = 0; i < 2; ++i) {
+    for (int j = i + 1; j < 3; ++j) {
+      if (lengths(j) > lengths(i)) {
+        std::swap(lengths(i), lengths(j));
+        columns.col(i).swap(columns.col(j));
+        v.col(i).swap(v.col(j));
+      }
+    }
+  }
+  Vector3<Scalar> u1 = columns.col(0) / lengths(0);
+  Vector3<Scalar> u2;
+  if (lengths(1) > epsilon * epsilon) {
+    u2 = columns.col(1) / lengths(1);
+  } else {  // rank one: any direction at right angles to u1, made from the axis least along it
+    int least = 0;
+    u1.cwiseAbs().minCoeff(&least);
+    u2 = u1.cross(Vector3<Scalar>::Unit(least)).normalized();
+  }
+  svd.u.col(0) = u1;
+  svd.u.col(1) = u2;
+  svd.u.col(2) = u1.cross(u2);
+  svd.v = v;
+  svd.v.col(2) = Vector3<Scalar>(v.col(0)).cross(Vector3<Scalar>(v.col(1)));
+  // The third column of a V is s₃ u₃, whatever sign the swaps have left on it.
+  const Vector3<Scalar> third = a * svd.v.col(2);
+  svd.values << size * lengths(0), size * lengths(1), svd.u.col(2).dot(third);
+  return Status::ok;
+}
+
+}  // namespace elliptude

@@ -1,0 +1,146 @@
+#pragma once
+
+/// \file
+/// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
+/// quadrics as an ellipsoid is, and what a measurement says of the state is one. (theory, section 6)
+
+#include "elliptude/ellipsoid.hpp"
+
+namespace elliptude {
+
+template <typename Scalar, int N>
+struct Quadric {
+  Matrix<Scalar, N> a;  ///< symmetric
+  Vector<Scalar, N> g;
+  Scalar c;
+};
+
+/// \return `not_finite`, `not_symmetric`.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const Quadric<Scalar, N>& quadric) noexcept {
+  if (!scalar::all_finite(quadric.a) || !scalar::all_finite(quadric.g) || !scalar::isfinite(quadric.c)) {
+    return Status::not_finite;
+  }
+  return is_symmetric(quadric.a) ? Status::ok : Status::not_symmetric;
+}
+
+/// c − yᵀAy − 2gᵀy: not negative inside.
+template <typename Scalar, int N>
+[[nodiscard]] Scalar slack(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& y) noexcept {
+  const Vector<Scalar, N> half = quadric.a.lazyProduct(y) + Scalar(2) * quadric.g;
+  return quadric.c - y.dot(half);
+}
+
+template <typename Scalar, int N>
+[[nodiscard]] bool contains(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& y) noexcept {
+  return slack(quadric, y) >= Scalar(0);
+}
+
+/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. \return `not_positive_definite` of a flat one.
+template <typename Scalar, int N>
+[[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
+  if (const Status status = validate(ellipsoid); status != Status::ok) {
+    return status;
+  }
+  Quadric<Scalar, N> result;
+  if (const Status status = inverse_positive_definite(ellipsoid.shape, result.a); status != Status::ok) {
+    return status;
+  }
+  result.g = -result.a.lazyProduct(ellipsoid.center);
+  result.c = Scalar(1) + result.g.dot(ellipsoid.center);
+  quadric = result;
+  return Status::ok;
+}
+
+/// The slab |nᵀy − middle| ≤ half_width, unbounded along N − 1 directions.
+/// \return `not_finite`; `zero_direction`; `out_of_range` of a negative half-width.
+template <typename Scalar, int N>
+[[nodiscard]] Status slab(const Vector<Scalar, N>& normal, const Scalar& middle, const Scalar& half_width,
+                          Quadric<Scalar, N>& quadric) noexcept {
+  if (!scalar::all_finite(normal) || !scalar::isfinite(middle) || !scalar::isfinite(half_width)) {
+    return Status::not_finite;
+  }
+  if (!(normal.squaredNorm() > Scalar(0))) {
+    return Status::zero_direction;
+  }
+  if (!(half_width >= Scalar(0))) {
+    return Status::out_of_range;
+  }
+  quadric.a = normal.lazyProduct(normal.transpose());
+  quadric.g = -middle * normal;
+  quadric.c = (half_width - middle) * (half_width + middle);
+  return Status::ok;
+}
+
+/// {z : T z + s in the quadric}: the quadric seen in coordinates y = T z + s, of any dimension. With T a selection of columns
+/// it says of all coordinates what was measured of some.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Quadric<Scalar, M> pullback(const Quadric<Scalar, N>& quadric, const Matrix<Scalar, N, M>& transform,
+                                          const Vector<Scalar, N>& shift) noexcept {
+  const Matrix<Scalar, N, M> half = quadric.a.lazyProduct(transform);
+  const Matrix<Scalar, M> a = transform.transpose().lazyProduct(half);
+  const Vector<Scalar, N> gradient = quadric.a.lazyProduct(shift) + quadric.g;
+  return {scalar::constant<Scalar>(0.5L) * (a + a.transpose()), transform.transpose().lazyProduct(gradient),
+          slack(quadric, shift)};
+}
+
+/// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
+/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it.
+template <typename Scalar, int N>
+[[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  if (const Status status = validate(quadric); status != Status::ok) {
+    return status;
+  }
+  Matrix<Scalar, N> inverse;
+  if (inverse_positive_definite(quadric.a, inverse) != Status::ok) {
+    return Status::unbounded;
+  }
+  const Vector<Scalar, N> center = -inverse.lazyProduct(quadric.g);
+  const Scalar level = slack(quadric, center);
+  if (level < Scalar(0)) {
+    return Status::empty_intersection;
+  }
+  ellipsoid.center = center;
+  ellipsoid.shape = level * inverse;
+  return Status::ok;
+}
+
+/// A small ellipsoid that contains the intersection of an ellipsoid, which may be flat, with a quadric, which may be
+/// unbounded or indefinite: the smallest of the family that two multipliers give, never larger than the ellipsoid.
+/// `share` 0 is the quadric alone, 1 the ellipsoid.
+/// \return what `validate` says; `empty_intersection` if they have no common point.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_intersection(const Quadric<Scalar, N>& quadric, const Ellipsoid<Scalar, N>& ellipsoid,
+                                          const SizeCriterion<Scalar, N>& criterion,
+                                          Intersection<Scalar, N>& result) noexcept {
+  if (const Status status = validate(quadric); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = validate(ellipsoid); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky_semidefinite(ellipsoid.shape, l); status != Status::ok) {
+    return status;
+  }
+  const Vector<Scalar, N> present =
+      l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
+  const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
+  const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
+  Intersection<Scalar, N> intersection;
+  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, criterion, intersection);
+      status != Status::ok) {
+    return status;
+  }
+  if (intersection.share == Scalar(1)) {
+    intersection.set = ellipsoid;
+  }
+  result = intersection;
+  return Status::ok;
+}
+
+}  // namespace elliptude

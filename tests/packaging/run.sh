@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# Builds and installs elliptude in every way that a user may, and uses each from a project outside its tree:
+# an installed copy, a subdirectory, and a wheel made from the sdist in an empty environment without the system's Eigen.
+# Needs the network (PyPI) for the last. Run from anywhere.
+set -euo pipefail
+source_dir=$(cd "$(dirname "$0")/../.." && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+
+version=$(sed -n 's/^#define ELLIPTUDE_VERSION_[A-Z]* //p' "$source_dir/cpp/include/elliptude/version.hpp" | paste -sd .)
+# Where Debian's libeigen3-dev has its CMake package, and a self-built Eigen may have it.
+no_system_eigen='-DCMAKE_IGNORE_PATH=/usr/share/eigen3/cmake;/usr/local/share/eigen3/cmake'
+passed=0
+
+fail() {
+    echo "FAILED: $1" >&2
+    exit 1
+}
+
+passes() {
+    echo "passed: $1"
+    passed=$((passed + 1))
+}
+
+# consume NAME CMAKE_OPTION...: configure, build and run the consumer; it must print the version.
+consume() {
+    local name=$1
+    shift
+    # A user has no doctest.
+    cmake -S "$source_dir/tests/packaging/consumer" -B "consumer-$name" -DCMAKE_BUILD_TYPE=Release \
+        -DCMAKE_DISABLE_FIND_PACKAGE_doctest=ON "$@" >"$name.log" 2>&1 || { cat "$name.log"; fail "$name: configure"; }
+    cmake --build "consumer-$name" >"$name.log" 2>&1 || { cat "$name.log"; fail "$name: build"; }
+    [ "$("consumer-$name/consumer")" = "$version" ] || fail "$name: run"
+    passes "consumer, $name"
+}
+
+echo "elliptude $version"
+
+# --- C++ ---
+cmake -S "$source_dir" -B build -DELLIPTUDE_BUILD_TESTS=OFF -DELLIPTUDE_BUILD_EXAMPLES=OFF >/dev/null
+cmake --install build --prefix "$work/first" >/dev/null
+mv first moved # an installed copy may be moved
+consume find_package -DCMAKE_PREFIX_PATH="$work/moved"
+consume add_subdirectory -DELLIPTUDE_SOURCE="$source_dir"
+
+# --- the sdist ---
+"${PYTHON:-python3}" -m venv tools
+tools/bin/pip install --quiet build
+tools/bin/python -m build --sdist --outdir dist "$source_dir" >sdist.log 2>&1 || { cat sdist.log; fail "sdist"; }
+sdist=dist/elliptude-$version.tar.gz
+if tar -tzf "$sdist" | grep -E '/(build|dist|\.venv|__pycache__|\.[a-z]+_cache)/|\.(so|o|pyc)$'; then
+    fail "the sdist holds generated files"
+fi
+passes "sdist"
+
+# --- pip install, with PyPI's Eigen ---
+"${PYTHON:-python3}" -m venv empty
+CMAKE_ARGS=$no_system_eigen empty/bin/pip install --verbose "$sdist[cpp]" >install.log 2>&1 ||
+    { cat install.log; fail "pip install of the sdist"; }
+grep -q 'elliptude: Eigen .*cmeel.prefix' install.log || fail "pip install took another Eigen than PyPI's"
+[ "$(empty/bin/python -c 'import elliptude; print(elliptude.__version__)')" = "$version" ] || fail "import elliptude"
+[ "$(empty/bin/python -m elliptude --version)" = "$version" ] || fail "python -m elliptude --version"
+[ -f "$(empty/bin/python -m elliptude --includedir)/elliptude/version.hpp" ] || fail "python -m elliptude --includedir"
+passes "pip install of the sdist, Eigen from PyPI"
+
+# --- C++ from the wheel, with PyPI's Eigen, which lies beside it ---
+cmakedir=$(empty/bin/python -m elliptude --cmakedir)
+consume wheel -Delliptude_DIR="$cmakedir" "$no_system_eigen"
+grep -q '^Eigen3_DIR:.*cmeel.prefix' consumer-wheel/CMakeCache.txt || fail "the consumer took another Eigen than PyPI's"
+
+echo "$passed passed, 0 failed"
