@@ -20,20 +20,23 @@ struct Ellipsoid {
 /// units of the coordinates (W carries them), the volume does not.
 template <typename Scalar, int N>
 struct SizeCriterion {
-  enum class Kind : std::uint8_t { trace, volume };
+  enum class Kind : std::uint8_t { trace, weighted_trace, volume };
 
   Kind kind;
-  Matrix<Scalar, N> weight;  ///< W, symmetric positive definite; not read for the volume
+  Matrix<Scalar, N> weight;  ///< W, symmetric positive definite; the identity unless the trace is weighted
 
   [[nodiscard]] static SizeCriterion trace() noexcept { return {Kind::trace, Matrix<Scalar, N>::Identity()}; }
   [[nodiscard]] static SizeCriterion weighted_trace(const Matrix<Scalar, N>& weight) noexcept {
-    return {Kind::trace, weight};
+    return {Kind::weighted_trace, weight};
   }
   [[nodiscard]] static SizeCriterion volume() noexcept { return {Kind::volume, Matrix<Scalar, N>::Identity()}; }
 };
 
 template <typename Scalar, int N>
 [[nodiscard]] Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::weighted_trace) {
+    return Status::ok;
+  }
   Matrix<Scalar, N> factor;
   if (!scalar::all_finite(criterion.weight)) {
     return Status::not_finite;
@@ -394,9 +397,9 @@ template <typename Scalar, int N, typename Slack>
     if (by_volume) {
       Scalar determinant(1);
       for (int i = 0; i < N; ++i) {
-        determinant *= c.root(i, i) * c.root(i, i);
+        determinant *= c.root(i, i);  // of the root of A⁻¹
       }
-      return Scalar(dimension * scalar::log(c.level) + scalar::log(determinant));
+      return Scalar(dimension * scalar::log(c.level) + Scalar(2) * scalar::log(determinant));
     }
     return Scalar(scalar::log(c.level) + scalar::log(Scalar(weight.cwiseProduct(c.inverse).sum())) - reference);
   };
@@ -445,25 +448,20 @@ template <typename Scalar, int N, typename Slack>
   if (slack_at_origin >= growth) {
     return second_set_alone();
   }
-  // First set alone, where that is bounded.
-  Combination<Scalar, N> combination;
-  Scalar slope;
-  Scalar curvature;
-  if (problem.combine(Scalar(0), combination) == Status::ok && combination.level >= Scalar(0)) {
-    derivatives(combination, slope, curvature);
-    if (!(slope < Scalar(0))) {  // also where the level is zero: the sets touch in one point
-      return finish(combination, Scalar(0));
-    }
-  }
-
   const Scalar infinity(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  const Scalar tolerance = scalar::exp(Scalar(scalar::log(Scalar(scalar::epsilon<Scalar>)) / Scalar(3)));
+  // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
+  // and the size to about ε.
+  const Scalar tolerance = scalar::sqrt(scalar::sqrt(Scalar(scalar::epsilon<Scalar>)));
   const Scalar longest(4);
   constexpr int most_steps = 60;
   Scalar low = -infinity;
   Scalar high = infinity;
   Scalar log_q = scalar::log(start);
+  Combination<Scalar, N> combination;
+  Scalar slope;
+  Scalar curvature;
   bool found = false;
+  bool first_set_tried = false;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar q = scalar::exp(log_q);
     Combination<Scalar, N> trial;
@@ -486,13 +484,23 @@ template <typename Scalar, int N, typename Slack>
       (slope > Scalar(0) ? high : low) = log_q;
       move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
       move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+      if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
+        // On the way to q = 0, the first set alone: the best if that is bounded and the size grows from there.
+        first_set_tried = true;
+        if (problem.combine(Scalar(0), trial) == Status::ok && trial.level >= Scalar(0)) {
+          derivatives(trial, slope, curvature);
+          if (!(slope < Scalar(0))) {  // also where the level is zero: the sets touch in one point
+            return finish(trial, Scalar(0));
+          }
+        }
+      }
     }
     Scalar next = log_q + move;
     if (!(next > low && next < high)) {
       next = scalar::constant<Scalar>(0.5L) * (low + high);
     }
     log_q = next;
-    if (found && scalar::abs(move) <= tolerance) {  // the size has converged to the square of this step
+    if (found && scalar::abs(move) <= tolerance) {
       break;
     }
   }

@@ -70,20 +70,23 @@ template <typename Scalar>
 [[nodiscard]] Status relative_attitude(const RigidBody<Scalar>& body, const Scalar& h, const Vector3<Scalar>& a,
                                        Matrix3<Scalar>& f) noexcept {
   const Vector3<Scalar> ha = h * a;
-  const Matrix3<Scalar>& inertia = body.inertia();
-  // The error after a Newton step is at most about its square, relative to c.
+  const Matrix3<Scalar> twice_inertia = Scalar(2) * body.inertia();
+  const Matrix3<Scalar> half_inverse = scalar::constant<Scalar>(0.5L) * body.inertia_inverse();
+  const auto residual = [&](const Vector3<Scalar>& c, const Scalar& along) {
+    return Vector3<Scalar>(ha + ha.cross(c) + along * c - twice_inertia * c);
+  };
+  // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
   const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
-  Vector3<Scalar> c = scalar::constant<Scalar>(0.5L) * (body.inertia_inverse() * ha);
+  // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's method.
+  Vector3<Scalar> c = half_inverse * ha;
+  c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
   constexpr int most_steps = 40;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar along = c.dot(ha);
-    const Vector3<Scalar> residual = ha + ha.cross(c) + along * c - Scalar(2) * (inertia * c);
-    Matrix3<Scalar> newton = hat(ha) + c * ha.transpose() - Scalar(2) * inertia;
-    newton.diagonal().array() += along;
-    // Cramer's rule by columns.
-    const Vector3<Scalar> n0 = newton.col(0);
-    const Vector3<Scalar> n1 = newton.col(1);
-    const Vector3<Scalar> n2 = newton.col(2);
+    // The columns of S(ha) + c haᵀ + (cᵀha) I − 2J, inverted by Cramer's rule.
+    const Vector3<Scalar> n0 = Vector3<Scalar>(along, ha.z(), -ha.y()) + ha.x() * c - twice_inertia.col(0);
+    const Vector3<Scalar> n1 = Vector3<Scalar>(-ha.z(), along, ha.x()) + ha.y() * c - twice_inertia.col(1);
+    const Vector3<Scalar> n2 = Vector3<Scalar>(ha.y(), -ha.x(), along) + ha.z() * c - twice_inertia.col(2);
     const Vector3<Scalar> cofactor0 = n1.cross(n2);
     const Vector3<Scalar> cofactor1 = n2.cross(n0);
     const Vector3<Scalar> cofactor2 = n0.cross(n1);
@@ -91,11 +94,16 @@ template <typename Scalar>
     if (!scalar::all(determinant < Scalar(0))) {
       return Status::step_too_long;
     }
-    const Vector3<Scalar> change =
-        Vector3<Scalar>(cofactor0.dot(residual), cofactor1.dot(residual), cofactor2.dot(residual)) /
-        Scalar(-determinant);
-    c += change;
-    if (scalar::all(change.squaredNorm() <= tolerance)) {
+    const Scalar scale = Scalar(-1) / determinant;
+    const auto solve = [&](const Vector3<Scalar>& rest) {
+      return Vector3<Scalar>(scale * cofactor0.dot(rest), scale * cofactor1.dot(rest), scale * cofactor2.dot(rest));
+    };
+    // The inverse serves twice: the second change costs little and leaves the product of both.
+    const Vector3<Scalar> first = solve(residual(c, along));
+    c += first;
+    const Vector3<Scalar> second = solve(residual(c, Scalar(c.dot(ha))));
+    c += second;
+    if (scalar::all(first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance)) {
       if (!scalar::all(c.squaredNorm() < Scalar(1))) {
         return Status::step_too_long;
       }
@@ -155,31 +163,43 @@ struct Stage {
   Matrix3<Scalar> rotation;      ///< F
   RigidBodyState<Scalar> state;  ///< after the stage
   Vector3<Scalar> torque;        ///< of the potential after the stage
+  /// Jω after the stage, body axes. It is carried from stage to stage, and ω follows from it: to ω and back at every stage
+  /// would multiply it by J fl(J⁻¹), whose rounding errors are always the same ones and add up.
+  Vector3<Scalar> body_momentum;
 };
 
-/// Eqs. findf0, updateR0, updatew0 over one stage of length h from time t. `torque` is the potential's at the start; the
-/// control torque (body axes, constant over the step) acts beside it.
+/// What the first stage starts from.
+/// \return `callback_failed`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status start_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
+                                 const RigidBodyState<Scalar>& state, Stage<Scalar>& stage) noexcept {
+  stage.state = state;
+  stage.torque = potential.torque(state.attitude, time);
+  stage.body_momentum = body.inertia() * state.angular_velocity;
+  return scalar::all_finite(stage.torque) ? Status::ok : Status::callback_failed;
+}
+
+/// Eqs. findf0, updateR0, updatew0 over one stage of length h from time t, from what the stage `before` left; `stage` may be
+/// the same. The control torque (body axes, constant over the step) acts beside the potential's.
 /// \return `step_too_long`, `callback_failed`.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status integrate_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
                                      const Scalar& h, const Vector3<Scalar>& control_torque,
-                                     const RigidBodyState<Scalar>& state, const Vector3<Scalar>& torque,
-                                     Stage<Scalar>& stage) noexcept {
+                                     const Stage<Scalar>& before, Stage<Scalar>& stage) noexcept {
   static_assert(is_potential<Potential, Scalar>, "see potential.hpp for what a potential is");
   const Scalar half = scalar::constant<Scalar>(0.5L) * h;
   Stage<Scalar> result;
-  result.momentum = body.inertia() * state.angular_velocity + half * (torque + control_torque);
+  result.momentum = before.body_momentum + half * (before.torque + control_torque);
   if (const Status status = relative_attitude(body, h, result.momentum, result.rotation); status != Status::ok) {
     return status;
   }
-  result.state.attitude.noalias() = state.attitude * result.rotation;
+  result.state.attitude.noalias() = before.state.attitude * result.rotation;
   result.torque = potential.torque(result.state.attitude, Scalar(time + h));
   if (!scalar::all_finite(result.torque)) {
     return Status::callback_failed;
   }
-  const Vector3<Scalar> momentum =
-      result.rotation.transpose() * result.momentum + half * (result.torque + control_torque);
-  result.state.angular_velocity.noalias() = body.inertia_inverse() * momentum;
+  result.body_momentum = result.rotation.transpose() * result.momentum + half * (result.torque + control_torque);
+  result.state.angular_velocity.noalias() = body.inertia_inverse() * result.body_momentum;
   stage = result;
   return Status::ok;
 }
@@ -212,19 +232,14 @@ template <typename Scalar, typename Potential, typename Visit>
     return status;
   }
   Stage<Scalar> stage;
-  stage.state = state;
-  stage.torque = potential.torque(state.attitude, time);
-  if (!scalar::all_finite(stage.torque)) {
-    return Status::callback_failed;
+  if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
+    return status;
   }
   for (long step = 0; step < steps; ++step) {
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
     for (int i = 0; i < composition.stages; ++i) {
       const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
-      const RigidBodyState<Scalar> before = stage.state;
-      const Vector3<Scalar> torque = stage.torque;
-      if (const Status status =
-              integrate_stage(body, potential, stage_time, length, control_torque, before, torque, stage);
+      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
           status != Status::ok) {
         return status;
       }

@@ -19,50 +19,79 @@ struct FlowLinearization {
   }
 };
 
-/// The linearization of one stage. With K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹ and ξ = K (J δω + (h/2) 𝓜 ζ):
-///
-///     ζ⁺ = Fᵀζ + ξ
-///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
-///
-/// where 𝓜 and 𝓜⁺ are the torque's Jacobians before and after the stage.
-/// \return `step_too_long` if tr(F J_d) I − F J_d is singular.
+/// The linearization as it grows stage by stage, in [ζ; δπ] with the momentum π = Jω, where a stage is a kick, a free rotor
+/// and a kick. Both matrices are transposed, so that a stage runs along columns: one row for each entry of ζ and δπ at the
+/// start and of the control torque, and three of zeros that make twelve, whole SIMD registers of any width.
 template <typename Scalar>
-[[nodiscard]] Status linearize_stage(const RigidBody<Scalar>& body, const Scalar& h, const Stage<Scalar>& stage,
-                                     const Matrix3<Scalar>& jacobian_before, const Matrix3<Scalar>& jacobian_after,
-                                     FlowLinearization<Scalar>& linearization) noexcept {
-  const Scalar half = scalar::constant<Scalar>(0.5L) * h;
-  const Matrix3<Scalar> f_transposed = stage.rotation.transpose();
-  const Matrix3<Scalar> fjd = stage.rotation * body.nonstandard_inertia();
-  const Matrix3<Scalar> implicit = fjd.trace() * Matrix3<Scalar>::Identity() - fjd;
-  if (!scalar::all(implicit.determinant() > Scalar(0))) {
-    return Status::step_too_long;
+struct MomentumLinearization {
+  Matrix<Scalar, 12, 3> zeta;
+  Matrix<Scalar, 12, 3> momentum;
+
+  [[nodiscard]] static MomentumLinearization identity() noexcept {
+    MomentumLinearization result{Matrix<Scalar, 12, 3>::Zero(), Matrix<Scalar, 12, 3>::Zero()};
+    result.zeta.template block<3, 3>(0, 0).setIdentity();
+    result.momentum.template block<3, 3>(3, 0).setIdentity();
+    return result;
   }
-  const Matrix3<Scalar> k = (h * f_transposed) * implicit.inverse();
-  // Effect of a change of a on J ω⁺ before the second half kick.
-  const Matrix3<Scalar> carried = hat(f_transposed * stage.momentum) * k + f_transposed;
 
-  // Changes of a: (h/2) 𝓜 by ζ, J by δω, (h/2) I by the control torque.
-  const Matrix3<Scalar> kick_before = half * jacobian_before;
-  const Matrix3<Scalar> kick_after = half * jacobian_after;
-  const Matrix3<Scalar>& inertia = body.inertia();
-  const Matrix3<Scalar>& inverse = body.inertia_inverse();
+  /// Half a kick: δπ ← δπ + (h/2) (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the control.
+  void kick(const Scalar& half, const Matrix3<Scalar>& jacobian) noexcept {
+    const Matrix3<Scalar> transposed = half * jacobian.transpose();
+    momentum += zeta.lazyProduct(transposed);
+    for (int i = 0; i < 3; ++i) {
+      momentum(6 + i, i) += half;
+    }
+  }
 
-  const Matrix3<Scalar> zeta_by_zeta = f_transposed + k * kick_before;
-  const Matrix3<Scalar> zeta_by_rate = k * inertia;
-  const Matrix3<Scalar> zeta_by_control = half * k;
-  linearization.state.template topLeftCorner<3, 3>() = zeta_by_zeta;
-  linearization.state.template topRightCorner<3, 3>() = zeta_by_rate;
-  linearization.state.template bottomLeftCorner<3, 3>() =
-      inverse * Matrix3<Scalar>(carried * kick_before + kick_after * zeta_by_zeta);
-  linearization.state.template bottomRightCorner<3, 3>() =
-      inverse * Matrix3<Scalar>(carried * inertia + kick_after * zeta_by_rate);
-  linearization.control.template topRows<3>() = zeta_by_control;
-  linearization.control.template bottomRows<3>() =
-      inverse * Matrix3<Scalar>(half * (carried + Matrix3<Scalar>::Identity()) + kick_after * zeta_by_control);
-  return Status::ok;
-}
+  /// The free rotor: with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
+  /// \return `step_too_long` if tr(F J_d) I − F J_d is singular.
+  [[nodiscard]] Status turn(const RigidBody<Scalar>& body, const Scalar& h, const Stage<Scalar>& stage) noexcept {
+    const Matrix3<Scalar>& f = stage.rotation;
+    const Matrix3<Scalar> fjd = f.lazyProduct(body.nonstandard_inertia());
+    // Rows of tr(F J_d) I − F J_d; its inverse by their cross products.
+    const Scalar trace = fjd.trace();
+    const Vector3<Scalar> r0(trace - fjd(0, 0), -fjd(0, 1), -fjd(0, 2));
+    const Vector3<Scalar> r1(-fjd(1, 0), trace - fjd(1, 1), -fjd(1, 2));
+    const Vector3<Scalar> r2(-fjd(2, 0), -fjd(2, 1), trace - fjd(2, 2));
+    Matrix3<Scalar> cofactors;
+    cofactors.col(0) = r1.cross(r2);
+    cofactors.col(1) = r2.cross(r0);
+    cofactors.col(2) = r0.cross(r1);
+    const Scalar determinant = r0.dot(Vector3<Scalar>(cofactors.col(0)));
+    if (!scalar::all(determinant > Scalar(0))) {
+      return Status::step_too_long;
+    }
+    const Matrix3<Scalar> k_transposed = (h / determinant) * cofactors.transpose().lazyProduct(f);
+    const Vector3<Scalar> carried = f.transpose() * stage.momentum;
+    const Matrix3<Scalar> by_momentum = f - k_transposed.lazyProduct(hat(carried));
+    zeta = (zeta.lazyProduct(f) + momentum.lazyProduct(k_transposed)).eval();
+    momentum = momentum.lazyProduct(by_momentum).eval();
+    return Status::ok;
+  }
+
+  /// The same in [ζ; δω].
+  [[nodiscard]] FlowLinearization<Scalar> in_angular_velocity(const RigidBody<Scalar>& body) const noexcept {
+    const Matrix<Scalar, 12, 3> rate = momentum.lazyProduct(body.inertia_inverse());
+    const Matrix3<Scalar>& inertia = body.inertia();
+    FlowLinearization<Scalar> result;
+    result.state.template topLeftCorner<3, 3>() = zeta.template middleRows<3>(0).transpose();
+    result.state.template topRightCorner<3, 3>() = zeta.template middleRows<3>(3).transpose().lazyProduct(inertia);
+    result.state.template bottomLeftCorner<3, 3>() = rate.template middleRows<3>(0).transpose();
+    result.state.template bottomRightCorner<3, 3>() = rate.template middleRows<3>(3).transpose().lazyProduct(inertia);
+    result.control.template topRows<3>() = zeta.template middleRows<3>(6).transpose();
+    result.control.template bottomRows<3>() = rate.template middleRows<3>(6).transpose();
+    return result;
+  }
+};
 
 /// As `integrate`, and the linearization of all the steps together: A^f = A_{l−1} … A_0 (paper, eq. flow).
+///
+/// A stage of length h with a = Jω + (h/2) M and F turns perturbations by
+///
+///     ζ⁺ = Fᵀζ + ξ,   ξ = K (J δω + (h/2) 𝓜 ζ),   K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹
+///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
+///
+/// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status integrate_linearized(const RigidBody<Scalar>& body, const Potential& potential,
                                           const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
@@ -73,41 +102,37 @@ template <typename Scalar, typename Potential>
     return status;
   }
   Stage<Scalar> stage;
-  stage.state = state;
-  stage.torque = potential.torque(state.attitude, time);
-  if (!scalar::all_finite(stage.torque)) {
-    return Status::callback_failed;
+  if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
+    return status;
   }
   Matrix3<Scalar> jacobian = potential.torque_jacobian(state.attitude, time);
-  FlowLinearization<Scalar> total = FlowLinearization<Scalar>::identity();
+  if (!scalar::all_finite(jacobian)) {
+    return Status::callback_failed;
+  }
+  auto total = MomentumLinearization<Scalar>::identity();
   for (long step = 0; step < steps; ++step) {
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
     for (int i = 0; i < composition.stages; ++i) {
       const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
-      const RigidBodyState<Scalar> before = stage.state;
-      const Vector3<Scalar> torque = stage.torque;
-      if (const Status status =
-              integrate_stage(body, potential, stage_time, length, control_torque, before, torque, stage);
+      const Scalar half = scalar::constant<Scalar>(0.5L) * length;
+      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
           status != Status::ok) {
         return status;
       }
       stage_time += length;
-      const Matrix3<Scalar> jacobian_after = potential.torque_jacobian(stage.state.attitude, stage_time);
-      if (!scalar::all_finite(jacobian_after)) {
-        return Status::callback_failed;
-      }
-      FlowLinearization<Scalar> part;
-      if (const Status status = linearize_stage(body, length, stage, jacobian, jacobian_after, part);
-          status != Status::ok) {
+      total.kick(half, jacobian);
+      if (const Status status = total.turn(body, length, stage); status != Status::ok) {
         return status;
       }
-      total.state = part.state.lazyProduct(total.state).eval();
-      total.control = (part.state.lazyProduct(total.control) + part.control).eval();
-      jacobian = jacobian_after;
+      jacobian = potential.torque_jacobian(stage.state.attitude, stage_time);
+      if (!scalar::all_finite(jacobian)) {
+        return Status::callback_failed;
+      }
+      total.kick(half, jacobian);
     }
   }
   next = stage.state;
-  linearization = total;
+  linearization = total.in_angular_velocity(body);
   return Status::ok;
 }
 

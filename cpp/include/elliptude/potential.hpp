@@ -100,7 +100,7 @@ class UniformGravity {
     return moment_.cross(down(attitude));
   }
   [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) const noexcept {
-    return hat(moment_) * hat(down(attitude));
+    return hat_product(moment_, down(attitude));
   }
   /// ½ m g ‖ρ‖: along a rotation about a fixed axis the second derivative of Cᵀe₃ is at most one in size.
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept {
@@ -171,8 +171,9 @@ class GravityGradient {
   }
   [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
     const Vector3<Scalar> b = radial(attitude, time);
+    const Vector3<Scalar> jb = inertia_ * b;
     const Matrix3<Scalar> sb = hat(b);
-    return strength() * (sb * inertia_ - hat(inertia_ * b)) * sb;
+    return strength() * (sb.lazyProduct(Matrix3<Scalar>(inertia_.lazyProduct(sb))) - hat_product(jb, b));
   }
   /// 3n² (J_max − J_min).
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return strength() * spread_; }

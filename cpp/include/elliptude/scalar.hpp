@@ -133,17 +133,12 @@ template <typename Scalar>
   return all(x - x == Scalar(0));
 }
 
-/// Whether every entry is finite.
+/// Whether every entry is finite: one sum of zeros and no branch.
 template <typename Derived>
 [[nodiscard]] bool all_finite(const Eigen::MatrixBase<Derived>& matrix) noexcept {
-  for (Eigen::Index column = 0; column < matrix.cols(); ++column) {
-    for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
-      if (!isfinite(matrix(row, column))) {
-        return false;
-      }
-    }
-  }
-  return true;
+  using Scalar = typename Derived::Scalar;
+  const auto& entries = matrix.derived();
+  return isfinite(Scalar((entries - entries).sum()));
 }
 
 /// Σ coefficients[k] xᵏ by Horner's rule.

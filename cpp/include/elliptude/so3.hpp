@@ -146,6 +146,14 @@ template <typename Derived>
   return result;
 }
 
+/// S(x) S(y) = y xᵀ − (xᵀy) I.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> hat_product(const Vector3<Scalar>& x, const Vector3<Scalar>& y) noexcept {
+  Matrix3<Scalar> result = y * x.transpose();
+  result.diagonal().array() -= x.dot(y);
+  return result;
+}
+
 /// The inverse of `hat`; of a general matrix, of its skew-symmetric part.
 template <typename Derived>
 [[nodiscard]] Vector3<typename Derived::Scalar> vee(const Eigen::MatrixBase<Derived>& matrix) noexcept {

@@ -101,22 +101,20 @@ def intersection_gain(shape_m: Array, shape_f: Array, q: float) -> Array:
 
 
 def intersection_beta(offset: Array, shape_m: Array, shape_f: Array, q: float) -> float:
-    """beta = 1 + q - x^mf' (P^m)^-1 L x^mf (betaq)."""
-    gain = intersection_gain(shape_m, shape_f, q)
-    return float(1.0 + q - offset @ np.linalg.solve(shape_m, gain @ offset))
+    """beta = 1 + q - x^mf' (P^m)^-1 L x^mf (betaq), where (P^m)^-1 L = q (q P^m + P^f)^-1."""
+    return float(1.0 + q - q * offset @ np.linalg.solve(q * shape_m + shape_f, offset))
 
 
 def intersection_member(offset: Array, shape_m: Array, shape_f: Array, q: float) -> tuple[Array, Array]:
     """x = L x^mf, P = beta (I - L) P^m (xhatP); q = inf gives E^f (theory 4).
 
-    (I - L) P^m is written P^f (q P^m + P^f)^-1 P^m, which does not cancel.
+    (I - L) P^m = ((P^m)^-1 + q (P^f)^-1)^-1, as in the proof of sufcond: it does not cancel.
     """
     if math.isinf(q):
         return offset, shape_f
-    gain = intersection_gain(shape_m, shape_f, q)
-    shape = shape_f @ np.linalg.solve(q * shape_m + shape_f, shape_m)
-    shape = intersection_beta(offset, shape_m, shape_f, q) * shape
-    return gain @ offset, 0.5 * (shape + shape.T)
+    information = np.linalg.inv(shape_m) + q * np.linalg.inv(shape_f)
+    shape = intersection_beta(offset, shape_m, shape_f, q) * np.linalg.inv(information)
+    return intersection_gain(shape_m, shape_f, q) @ offset, 0.5 * (shape + shape.T)
 
 
 def intersection_multiplier(

@@ -1,0 +1,21 @@
+#pragma once
+
+/// \file
+/// The parts that the module is made of, in the order in which they need each other.
+///
+/// A docstring begins with the signature and a line of two hyphens, which Python takes for `inspect.signature` and
+/// `help`; the stubs in python/elliptude/_core.pyi are checked against it.
+
+#include <pybind11/pybind11.h>
+
+namespace elliptude::python {
+
+void define_rotations(pybind11::module_& module);
+void define_ellipsoids(pybind11::module_& module);
+void define_quadrics(pybind11::module_& module);
+void define_rigid_body(pybind11::module_& module);
+void define_potentials(pybind11::module_& module);
+void define_integrator(pybind11::module_& module);
+void define_wahba(pybind11::module_& module);
+
+}  // namespace elliptude::python
