@@ -57,19 +57,23 @@ std::string place(const Shape& leading, Index index) {
   return "[" + result + "]";
 }
 
-Items::Items(const py::handle& value, std::string name, Shape item, Require require)
+Items::Items(const py::handle& value, std::string name, Shape item, Require require, Batch batch)
     : name_(std::move(name)), array_(real_array(value, name_)), item_(std::move(item)) {
   const Shape shape(array_.shape(), array_.shape() + array_.ndim());
   const std::size_t rank = item_.size();
-  bool fits = shape.size() >= rank;
+  bool fits = batch == Batch::allowed ? shape.size() >= rank : shape.size() == rank;
   for (std::size_t i = 0; fits && i < rank; ++i) {
     const Index length = shape[shape.size() - rank + i];
     fits = item_[i] == any_length ? length > 0 : length == item_[i];
   }
   if (!fits) {
-    std::string wanted = text(item_);
-    wanted.insert(1, rank > 0 ? "..., " : "...");
-    value_error(name_ + " must have the shape " + wanted + ", not " + text(shape));
+    std::string wanted = "the shape " + text(item_);
+    if (batch == Batch::allowed) {
+      wanted.insert(wanted.find('(') + 1, rank > 0 ? "..., " : "...");
+    } else if (rank == 0) {
+      wanted = "the shape () of a number";
+    }
+    value_error(name_ + " must have " + wanted + ", not " + text(shape));
   }
   leading_.assign(shape.begin(), shape.end() - static_cast<Index>(rank));
   item_.assign(shape.end() - static_cast<Index>(rank), shape.end());
@@ -89,14 +93,6 @@ void Items::require_finite() const {
       shape.insert(shape.end(), item_.begin(), item_.end());
       value_error(name_ + " must be finite, but " + name_ + place(shape, i) + " is " + text(data_[i]));
     }
-  }
-}
-
-void Items::require_single() const {
-  if (!leading_.empty()) {
-    Shape shape = leading_;
-    shape.insert(shape.end(), item_.begin(), item_.end());
-    value_error(name_ + " must have the shape " + text(item_) + ", not " + text(shape));
   }
 }
 
@@ -141,9 +137,7 @@ Shape broadcast(std::initializer_list<Items*> arguments) {
 }
 
 Items single(const py::handle& value, const std::string& name, Shape item) {
-  Items result(value, name, std::move(item));
-  result.require_single();
-  return result;
+  return {value, name, std::move(item), Items::Require::finite, Items::Batch::none};
 }
 
 void require_rotation(const Matrix3<double>& matrix, const std::string& label) {
@@ -159,11 +153,11 @@ void require_rotation(const Matrix3<double>& matrix, const std::string& label) {
   value_error(label + " must be a rotation, but its determinant is " + text(matrix.determinant()) + ", not 1");
 }
 
-Items attitudes(const py::handle& value, const std::string& name) {
+Items attitudes(const py::handle& value, const std::string& name, Items::Batch batch) {
   const bool has_matrix = py::hasattr(value, "as_matrix");
   const py::object matrices =
       has_matrix ? py::object(value.attr("as_matrix")()) : py::reinterpret_borrow<py::object>(value);
-  Items result(matrices, name, {3, 3});
+  Items result(matrices, name, {3, 3}, Items::Require::finite, batch);
   const py::gil_scoped_release release;
   const Index count = result.count();
   for (Index i = 0; i < count; ++i) {
@@ -176,9 +170,7 @@ Items attitudes(const py::handle& value, const std::string& name) {
 }
 
 Matrix3<double> single_attitude(const py::handle& value, const std::string& name) {
-  const Items result = attitudes(value, name);
-  result.require_single();
-  return result.matrix3(0);
+  return attitudes(value, name, Items::Batch::none).matrix3(0);
 }
 
 Results::Results(const Shape& leading, const Shape& item) : stride_(count_of(item)) {

@@ -47,9 +47,11 @@ inline constexpr Index any_length = -1;
 class Items {
  public:
   enum class Require : std::uint8_t { finite, anything };
+  enum class Batch : std::uint8_t { allowed, none };
 
   /// \throws TypeError, ValueError with the argument's name.
-  Items(const py::handle& value, std::string name, Shape item, Require require = Require::finite);
+  Items(const py::handle& value, std::string name, Shape item, Require require = Require::finite,
+        Batch batch = Batch::allowed);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] const Shape& leading() const noexcept { return leading_; }
@@ -74,9 +76,6 @@ class Items {
   /// "attitude[2]", how a message calls an item.
   [[nodiscard]] std::string label(Index i) const { return name_ + place(leading_, i); }
 
-  /// \throws ValueError if there is more than one item.
-  void require_single() const;
-
   /// Gives every argument the same leading shape, by NumPy's rules of broadcasting, and returns it.
   friend Shape broadcast(std::initializer_list<Items*> arguments);
 
@@ -98,7 +97,8 @@ Shape broadcast(std::initializer_list<Items*> arguments);
 
 /// Attitudes (..., 3, 3): an array, or what has `as_matrix()`, as SciPy's Rotation.
 /// \throws ValueError unless each is a rotation.
-[[nodiscard]] Items attitudes(const py::handle& value, const std::string& name);
+[[nodiscard]] Items attitudes(const py::handle& value, const std::string& name,
+                              Items::Batch batch = Items::Batch::allowed);
 [[nodiscard]] Matrix3<double> single_attitude(const py::handle& value, const std::string& name);
 
 /// \throws ValueError, naming what is wrong with the matrix, unless it is a rotation.

@@ -15,10 +15,7 @@ std::string text(double value) {
 
 void value_error(const std::string& message) { throw pybind11::value_error(message); }
 
-void raise_unless_ok(Status status, const std::string& subject) {
-  if (status == Status::ok) {
-    return;
-  }
+void raise(Status status, const std::string& subject) {
   const std::string explained = subject + ": " + message(status);
   if (status == Status::empty_intersection) {
     throw InconsistentSets(explained);

@@ -8,19 +8,25 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace elliptude::python {
 
 /// Becomes `elliptude.InconsistentMeasurement`.
 class InconsistentSets : public std::runtime_error {
  public:
-  explicit InconsistentSets(const std::string& message, double margin = std::numeric_limits<double>::quiet_NaN())
-      : std::runtime_error(message), margin_(margin) {}
+  explicit InconsistentSets(const std::string& message, double margin = std::numeric_limits<double>::quiet_NaN(),
+                            double time = std::numeric_limits<double>::quiet_NaN(), std::string sensor = {})
+      : std::runtime_error(message), margin_(margin), time_(time), sensor_(std::move(sensor)) {}
 
   [[nodiscard]] double margin() const noexcept { return margin_; }
+  [[nodiscard]] double time() const noexcept { return time_; }
+  [[nodiscard]] const std::string& sensor() const noexcept { return sensor_; }
 
  private:
   double margin_;
+  double time_;
+  std::string sensor_;
 };
 
 /// A number as a message shows it.
@@ -30,7 +36,14 @@ class InconsistentSets : public std::runtime_error {
 [[noreturn]] void value_error(const std::string& message);
 
 /// \param subject what the status is about, for the message: an argument or an operation.
-/// \throws InconsistentSets for an empty intersection, ValueError for any other status but `ok`.
-void raise_unless_ok(Status status, const std::string& subject);
+/// \throws InconsistentSets for an empty intersection, ValueError for any other status.
+[[noreturn]] void raise(Status status, const std::string& subject);
+
+/// Of loops `raise` is the better part: the subject is then put together only when it is needed.
+inline void raise_unless_ok(Status status, const std::string& subject) {
+  if (status != Status::ok) {
+    raise(status, subject);
+  }
+}
 
 }  // namespace elliptude::python

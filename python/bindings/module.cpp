@@ -22,7 +22,7 @@ PYBIND11_MODULE(_core, module) {
       }
     } catch (const InconsistentSets& error) {
       const py::object type = py::module_::import("elliptude.errors").attr("InconsistentMeasurement");
-      const py::object instance = type(error.what(), error.margin());
+      const py::object instance = type(error.what(), error.margin(), error.time(), error.sensor());
       PyErr_SetObject(type.ptr(), instance.ptr());
     }
   });
@@ -34,4 +34,5 @@ PYBIND11_MODULE(_core, module) {
   define_potentials(module);
   define_integrator(module);
   define_wahba(module);
+  define_filter(module);
 }

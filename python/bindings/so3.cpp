@@ -13,7 +13,7 @@ const Shape vector_item{3};
 const Shape matrix_item{3, 3};
 const Shape quaternion_item{4};
 
-/// A function of a rotation vector (..., 3) with values (..., 3, 3).
+/// A function of a rotation vector or Gibbs vector (..., 3) with values (..., 3, 3).
 template <typename Function>
 void define_function_of_vector(py::module_& module, const char* name, const char* argument, const char* documentation,
                                const Function& f) {
@@ -21,7 +21,14 @@ void define_function_of_vector(py::module_& module, const char* name, const char
       name,
       [f, argument](const py::object& value) {
         const Items vectors(value, argument, vector_item);
-        return map_items(vectors.leading(), matrix_item, [&](Index i) { return f(vectors.vector<3>(i)); });
+        return map_items(vectors.leading(), matrix_item, [&](Index i) {
+          const Vector3<double> vector = vectors.vector<3>(i);
+          if (!scalar::isfinite(vector.squaredNorm())) {
+            value_error(vectors.label(i) + " must be shorter than 1e154, where its square overflows, but its length is " +
+                        text(vector.stableNorm()));
+          }
+          return f(vector);
+        });
       },
       py::arg(argument), documentation);
 }
@@ -49,7 +56,13 @@ void define_inverse_jacobian(py::module_& module, const char* name, const char* 
 }  // namespace
 
 void define_rotations(py::module_& module) {
-  define_function_of_vector(module, "hat", "vector", R"(hat(vector)
+  module.def(
+      "hat",
+      [](const py::object& vector) {
+        const Items vectors(vector, "vector", vector_item);
+        return map_items(vectors.leading(), matrix_item, [&](Index i) { return hat(vectors.vector<3>(i)); });
+      },
+      py::arg("vector"), R"(hat(vector)
 --
 
 The skew-symmetric matrix S(x) with S(x) y = x × y (paper, §2.3.1).
@@ -75,8 +88,7 @@ Examples
 array([[ 0., -3.,  2.],
        [ 3.,  0., -1.],
        [-2.,  1.,  0.]])
-)",
-                            [](const Vector3<double>& x) { return hat(x); });
+)");
 
   module.def(
       "vee",
@@ -169,17 +181,9 @@ ndarray, shape (..., 3, 3)
 Raises
 ------
 ValueError
-    If an entry is not finite, its square overflows, or the shape is another one.
+    If an entry is not finite or the shape is another one.
 )",
-                            [](const Vector3<double>& gibbs) {
-                              const double length = gibbs.stableNorm();
-                              constexpr double limit = 1e150;
-                              if (!(length <= limit)) {
-                                value_error("gibbs_vector must not be longer than " + text(limit) + ", but its length is " +
-                                            text(length));
-                              }
-                              return cayley(gibbs);
-                            });
+                            [](const Vector3<double>& gibbs) { return cayley(gibbs); });
 
   module.def(
       "cayley_inverse",

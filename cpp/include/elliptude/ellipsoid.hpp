@@ -90,7 +90,7 @@ template <typename Scalar, int N>
 [[nodiscard]] Status quadratic_form(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x,
                                     Scalar& value) noexcept {
   Vector<Scalar, N> rest = x - ellipsoid.center;
-  if (!scalar::all_finite(rest)) {
+  if (!scalar::all_finite(rest) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
   }
   Matrix<Scalar, N> l;

@@ -57,42 +57,51 @@ template <typename Scalar, int N>
 }
 
 /// As `cholesky`, of a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
-/// a column of zeros in l. A pivot that rounding may have made is raised to the size of rounding, ε N aⱼⱼ, never lowered:
-/// l lᵀ is a or a little more, so that an ellipsoid factored in this way never shrinks by it.
-/// \return `not_positive_definite` if a pivot is more negative than rounding explains.
+/// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised diagonal: by
+/// 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7), and if that is not
+/// enough by as much of the largest, since the entries of I − nnᵀ, say, err by a share of one and not of themselves. So l lᵀ is
+/// a or a little more, and an ellipsoid factored in this way does not shrink by it. Raising the small pivot alone would not
+/// do: the errors of the entries below it would be divided by its root.
+/// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is negative.
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
-  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  const Scalar rounding = Scalar(2 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
+  Matrix<Scalar, N> raised = a;
+  Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
   for (int j = 0; j < N; ++j) {
-    if (a(j, j) == Scalar(0)) {
-      for (int i = 0; i < N; ++i) {
-        const Scalar entry = i < j ? a(j, i) : a(i, j);
-        if (!(entry == Scalar(0))) {
-          return Status::not_positive_definite;
-        }
-      }
-      continue;
-    }
-    const Scalar rounding = Scalar(N) * Scalar(scalar::epsilon<Scalar>) * a(j, j);
-    Scalar pivot = a(j, j);
-    for (int k = 0; k < j; ++k) {
-      pivot -= factor(j, k) * factor(j, k);
-    }
-    if (!(pivot >= -rounding) || !(rounding > Scalar(0)) || !scalar::isfinite(pivot)) {
+    if (!(a(j, j) >= Scalar(0))) {
       return Status::not_positive_definite;
     }
-    const Scalar diagonal = scalar::sqrt(pivot > rounding ? pivot : rounding);
-    const Scalar inverse = Scalar(1) / diagonal;
-    factor(j, j) = diagonal;
-    for (int i = j + 1; i < N; ++i) {
-      Scalar entry = a(i, j);
-      for (int k = 0; k < j; ++k) {
-        entry -= factor(i, k) * factor(j, k);
+    if (a(j, j) == Scalar(0)) {
+      bool zeros = true;
+      for (int i = 0; i < N; ++i) {
+        zeros = zeros && (i < j ? a(j, i) : a(i, j)) == Scalar(0);
       }
-      factor(i, j) = entry * inverse;
+      if (zeros) {
+        raised(j, j) = Scalar(1);  // stands alone, and is taken out again below
+        present(j) = Scalar(0);
+      }
     }
   }
+  Matrix<Scalar, N> factor;
+  Status status = cholesky(raised, factor);
+  bool accurate = status == Status::ok;
+  for (int j = 0; j < N; ++j) {
+    accurate = accurate && factor(j, j) * factor(j, j) > rounding * raised(j, j);
+  }
+  if (!accurate) {
+    raised.diagonal() *= Scalar(1) + rounding;
+    status = cholesky(raised, factor);
+  }
+  if (status != Status::ok) {
+    raised.diagonal().array() += rounding * a.diagonal().maxCoeff();
+    status = cholesky(raised, factor);
+  }
+  if (status != Status::ok) {
+    return status;
+  }
   l = factor;
+  l.diagonal().array() *= present.array();
   return Status::ok;
 }
 
@@ -300,8 +309,9 @@ template <typename Scalar>
   }
   Vector3<Scalar> u1 = columns.col(0) / lengths(0);
   Vector3<Scalar> u2;
-  if (lengths(1) > epsilon * epsilon) {
-    u2 = columns.col(1) / lengths(1);
+  if (lengths(1) > Scalar(4) * epsilon * epsilon) {
+    // So short a column may have passed the test above at an angle.
+    u2 = (columns.col(1) - u1.dot(columns.col(1)) * u1).normalized();
   } else {  // rank one: any direction at right angles to u1, made from the axis least along it
     int least = 0;
     u1.cwiseAbs().minCoeff(&least);

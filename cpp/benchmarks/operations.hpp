@@ -1,0 +1,312 @@
+#pragma once
+
+/// \file
+/// What is measured, in time by `benchmark_core` and in instructions by `instructions_core`: each operation is a function
+/// that runs `count` times and returns a number made of all the results, so that none of them can be left out.
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <elliptude/ellipsoid.hpp>
+#include <elliptude/linearization.hpp>
+#include <elliptude/wahba.hpp>
+#include <random>
+
+namespace elliptude::operations {
+
+using Vector3d = Vector3<double>;
+using Matrix3d = Matrix3<double>;
+using Ellipsoid6 = Ellipsoid<double, 6>;
+
+inline void expect_ok(Status status) {
+  if (status != Status::ok) {
+    std::abort();  // a benchmark of a failure would be a very good one
+  }
+}
+
+class Random {
+ public:
+  double uniform(double low, double high) {
+    return low + (high - low) * std::ldexp(static_cast<double>(engine_() >> 11), -53);
+  }
+  Vector3d in_cube(double half_side) {
+    const double x = uniform(-half_side, half_side);
+    const double y = uniform(-half_side, half_side);
+    return {x, y, uniform(-half_side, half_side)};
+  }
+
+ private:
+  std::mt19937_64 engine_{1};
+};
+
+// --- bodies in motion: the scenarios `free`, `orbit` and `pendulum` -----------------------------------------------------
+
+template <typename Potential>
+struct Motion {
+  RigidBody<double> body;
+  Potential potential;
+  RigidBodyState<double> state;
+  double h;
+};
+
+inline RigidBody<double> make_body(const Vector3d& moments) {
+  RigidBody<double> body;
+  expect_ok(RigidBody<double>::make(moments.asDiagonal(), body));
+  return body;
+}
+
+inline auto free_motion() {
+  return Motion<FreeBody<double>>{
+      make_body({1, 2.8, 2}), {}, {Matrix3d::Identity(), Vector3d(0.01, 0.01, 5)}, 0.01};
+}
+
+inline auto gravity_gradient_motion() {
+  const RigidBody<double> body = make_body({1, 2.8, 2});
+  GravityGradient<double> potential;
+  expect_ok(GravityGradient<double>::make(body, 1, Matrix3d::Identity(), potential));
+  return Motion<GravityGradient<double>>{
+      body, potential, {exp(Vector3d(1.8325957145940461, 0, 0)), Vector3d(2.316, 0.446, -0.591)}, 0.020943951023931952};
+}
+
+inline auto pendulum_motion() {
+  UniformGravity<double> potential;
+  expect_ok(UniformGravity<double>::make(1, 9.81, {0, 0, 0.3}, potential));
+  return Motion<UniformGravity<double>>{make_body({0.13, 0.28, 0.17}),
+                                        potential,
+                                        {exp(Vector3d(2.0943951023931953, 0, 0)), Vector3d(0.5, -0.5, 0.4)},
+                                        0.005};
+}
+
+inline Composition<double> composition(int order) {
+  Composition<double> result;
+  expect_ok(composition_of_order(order, result));
+  return result;
+}
+
+/// A step of a trajectory of `count` steps.
+template <auto make_motion, int order>
+double step(long count) {
+  const auto motion = make_motion();
+  RigidBodyState<double> end = motion.state;
+  double sum = 0;
+  expect_ok(integrate(motion.body, motion.potential, composition(order), 0.0, motion.h, count, Vector3d(0, 0, 0),
+                      motion.state, end,
+                      [&sum](long, const RigidBodyState<double>& state) { sum += state.angular_velocity.x(); }));
+  return sum + end.attitude.sum();
+}
+
+/// A step asked for by itself, its input checked each time.
+template <auto make_motion, int order>
+double lone_step(long count) {
+  const auto motion = make_motion();
+  const Composition<double> stages = composition(order);
+  RigidBodyState<double> state = motion.state;
+  for (long i = 0; i < count; ++i) {
+    expect_ok(integrate_step(motion.body, motion.potential, stages, static_cast<double>(i) * motion.h, motion.h,
+                             Vector3d(0, 0, 0), state, state));
+  }
+  return state.attitude.sum() + state.angular_velocity.sum();
+}
+
+/// A lone step, its linearization A, and A P Aᵀ.
+template <auto make_motion, int order>
+double step_with_ellipsoid(long count) {
+  const auto motion = make_motion();
+  const Composition<double> stages = composition(order);
+  RigidBodyState<double> state = motion.state;
+  FlowLinearization<double> flow;
+  Ellipsoid6 ellipsoid{Vector6<double>::Zero(), 0.01 * Matrix6<double>::Identity()};
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    expect_ok(integrate_linearized(motion.body, motion.potential, stages, static_cast<double>(i) * motion.h, motion.h,
+                                   1L, Vector3d(0, 0, 0), state, state, flow));
+    const Ellipsoid6 image = affine_image(ellipsoid, flow.state, Vector6<double>(Vector6<double>::Zero()));
+    sum += image.shape.sum();
+    ellipsoid.shape(0, 0) = 0.01 + 1e-9 * static_cast<double>(i);
+  }
+  return sum + state.attitude.sum();
+}
+
+// --- fusion -----------------------------------------------------------------------------------------------------------
+
+struct Pair {
+  Ellipsoid6 measured;
+  Ellipsoid6 predicted;
+};
+
+constexpr std::size_t pair_count = 64;
+
+/// What an update of the scenario `orbit` meets at 7 degrees: a measured ellipsoid, and one that 30 steps have carried on
+/// from such a measurement; the truth is in both.
+inline std::array<Pair, pair_count> typical_pairs() {
+  auto motion = gravity_gradient_motion();
+  Random random;
+  std::array<Pair, pair_count> pairs;
+  const auto measured_shape = [&random] {
+    Vector6<double> widths;
+    for (int i = 0; i < 6; ++i) {
+      widths(i) = random.uniform(0.1, 0.3);  // rad, and the like in orbit units
+    }
+    Matrix6<double> turn = Matrix6<double>::Zero();
+    turn.topLeftCorner<3, 3>() = exp(random.in_cube(2));
+    turn.bottomRightCorner<3, 3>() = exp(random.in_cube(2));
+    return Matrix6<double>(turn * widths.cwiseAbs2().asDiagonal() * turn.transpose());
+  };
+  const auto around_truth = [&random](const Matrix6<double>& shape) {
+    Matrix6<double> root;
+    expect_ok(cholesky(shape, root));
+    Vector6<double> direction;
+    for (int i = 0; i < 6; ++i) {
+      direction(i) = random.uniform(-0.55, 0.55);
+    }
+    return Ellipsoid6{root * (direction / std::max(1.0, direction.norm())), shape};
+  };
+  for (std::size_t i = 0; i < pair_count; ++i) {
+    FlowLinearization<double> flow;
+    expect_ok(integrate_linearized(motion.body, motion.potential, composition(2), static_cast<double>(i), motion.h, 30L,
+                                   Vector3d(0, 0, 0), motion.state, motion.state, flow));
+    const Matrix6<double> predicted = flow.state * measured_shape() * flow.state.transpose();
+    pairs[i].measured = around_truth(measured_shape());
+    pairs[i].predicted = around_truth(Matrix6<double>((predicted + predicted.transpose()) / 2));
+  }
+  return pairs;
+}
+
+template <SizeCriterion<double, 6>::Kind kind>
+double fuse(long count) {
+  static const std::array<Pair, pair_count> pairs = typical_pairs();
+  const auto criterion = kind == SizeCriterion<double, 6>::Kind::trace ? SizeCriterion<double, 6>::trace()
+                                                                       : SizeCriterion<double, 6>::volume();
+  Intersection<double, 6> result;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const Pair& pair = pairs[static_cast<std::size_t>(i) % pair_count];
+    expect_ok(minimal_intersection(pair.measured, pair.predicted, criterion, result));
+    sum += result.set.shape.trace() + result.set.center.sum();
+  }
+  return sum;
+}
+
+// --- attitude from directions ------------------------------------------------------------------------------------------
+
+template <WahbaMethod method, int directions>
+double wahba(long count) {
+  constexpr std::size_t samples = 64;
+  using Directions = Matrix<double, 3, directions>;
+  struct Sample {
+    Directions reference;
+    Directions body;
+  };
+  static const std::array<Sample, samples> inputs = [] {
+    Random random;
+    std::array<Sample, samples> result;
+    for (Sample& sample : result) {
+      const Matrix3d attitude = exp(random.in_cube(1.8));
+      for (int i = 0; i < directions; ++i) {
+        sample.reference.col(i) = (random.in_cube(0.7) + Vector3d::Unit(i % 3)).normalized();
+        sample.body.col(i) = exp(random.in_cube(0.1)) * attitude.transpose() * sample.reference.col(i);
+      }
+    }
+    return result;
+  }();
+  const Vector<double, directions> weights = Vector<double, directions>::Ones();
+  WahbaSolution<double> solution;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const Sample& sample = inputs[static_cast<std::size_t>(i) % samples];
+    expect_ok(solve_wahba(sample.reference, sample.body, weights, method, solution));
+    sum += solution.attitude.sum();
+  }
+  return sum;
+}
+
+// --- rotations ---------------------------------------------------------------------------------------------------------
+
+struct Exponential {
+  Matrix3d operator()(const Vector3d& zeta) const { return exp(zeta); }
+};
+struct RightJacobian {
+  Matrix3d operator()(const Vector3d& zeta) const { return right_jacobian(zeta); }
+};
+struct RightJacobianInverse {
+  Matrix3d operator()(const Vector3d& zeta) const { return right_jacobian_inverse(zeta); }
+};
+struct Cayley {
+  Matrix3d operator()(const Vector3d& zeta) const { return cayley(zeta); }
+};
+
+/// \param size of the rotation vectors' entries, in thousandths of a radian.
+template <typename Function, int size>
+double rotation(long count) {
+  constexpr std::size_t samples = 256;
+  static const std::array<Vector3d, samples> inputs = [] {
+    Random random;
+    std::array<Vector3d, samples> result;
+    for (Vector3d& input : result) {
+      input = random.in_cube(1e-3 * size);
+    }
+    return result;
+  }();
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    sum += Function()(inputs[static_cast<std::size_t>(i) % samples]).sum();
+  }
+  return sum;
+}
+
+inline double logarithm(long count) {
+  constexpr std::size_t samples = 256;
+  static const std::array<Matrix3d, samples> inputs = [] {
+    Random random;
+    std::array<Matrix3d, samples> result;
+    for (Matrix3d& input : result) {
+      input = exp(random.in_cube(1.8));
+    }
+    return result;
+  }();
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    sum += log(inputs[static_cast<std::size_t>(i) % samples]).sum();
+  }
+  return sum;
+}
+
+// --- all of them -------------------------------------------------------------------------------------------------------
+
+struct Operation {
+  const char* name;
+  double (*run)(long count);
+};
+
+using Kind = SizeCriterion<double, 6>::Kind;
+
+inline constexpr std::array<Operation, 25> all{{
+    {"step_free_order_2", step<free_motion, 2>},
+    {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
+    {"step_pendulum_order_2", step<pendulum_motion, 2>},
+    {"step_free_order_4", step<free_motion, 4>},
+    {"step_gravity_gradient_order_4", step<gravity_gradient_motion, 4>},
+    {"step_pendulum_order_4", step<pendulum_motion, 4>},
+    {"lone_step_free_order_2", lone_step<free_motion, 2>},
+    {"lone_step_gravity_gradient_order_2", lone_step<gravity_gradient_motion, 2>},
+    {"lone_step_pendulum_order_2", lone_step<pendulum_motion, 2>},
+    {"lone_step_pendulum_order_4", lone_step<pendulum_motion, 4>},
+    {"step_with_ellipsoid_free_order_2", step_with_ellipsoid<free_motion, 2>},
+    {"step_with_ellipsoid_gravity_gradient_order_2", step_with_ellipsoid<gravity_gradient_motion, 2>},
+    {"step_with_ellipsoid_pendulum_order_2", step_with_ellipsoid<pendulum_motion, 2>},
+    {"step_with_ellipsoid_pendulum_order_4", step_with_ellipsoid<pendulum_motion, 4>},
+    {"fuse_trace", fuse<Kind::trace>},
+    {"fuse_volume", fuse<Kind::volume>},
+    {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
+    {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
+    {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},
+    {"exp", rotation<Exponential, 1800>},
+    {"exp_of_small_angle", rotation<Exponential, 100>},
+    {"cayley", rotation<Cayley, 100>},
+    {"log", logarithm},
+    {"right_jacobian", rotation<RightJacobian, 1800>},
+    {"right_jacobian_inverse", rotation<RightJacobianInverse, 1800>},
+}};
+
+}  // namespace elliptude::operations

@@ -1,0 +1,252 @@
+#pragma once
+
+/// \file
+/// Measurements with bounded errors, and the ellipsoid that they measure (paper, §2.3.3 and §3.2), to first order.
+
+#include "elliptude/quadric.hpp"
+#include "elliptude/state.hpp"
+#include "elliptude/wahba.hpp"
+
+namespace elliptude {
+
+/// A direction e, known in reference axes, measured as b̃ in body axes: Cᵀe = exp(S(ν)) b̃ with ν in E(0, bound) (paper, eqs.
+/// bi, Sk).
+template <typename Scalar>
+struct Direction {
+  Vector3<Scalar> reference;  ///< e, need not be of unit length
+  Vector3<Scalar> body;       ///< b̃, need not be of unit length
+  Matrix3<Scalar> bound;      ///< S, rad²
+  Scalar weight;              ///< w in Wahba's problem, positive
+
+  /// A direction known to an angle, rad.
+  [[nodiscard]] static Direction within(const Vector3<Scalar>& reference, const Vector3<Scalar>& body,
+                                        const Scalar& angle) noexcept {
+    return {reference, body, angle * angle * Matrix3<Scalar>::Identity(), Scalar(1)};
+  }
+};
+
+/// ω = ω̃ + υ with υ in E(0, bound) (paper, eqs. Omega, Tk); rad/s, body axes.
+template <typename Scalar>
+struct AngularVelocity {
+  Vector3<Scalar> value;
+  Matrix3<Scalar> bound;
+};
+
+/// A whole attitude, as a star tracker gives it: C = C̃ exp(S(ν)) with ν in E(0, bound), rad².
+template <typename Scalar>
+struct MeasuredAttitude {
+  Matrix3<Scalar> attitude;
+  Matrix3<Scalar> bound;
+};
+
+/// y = H x + v with v in E(0, bound), of the error x = [ζ; δ] about the center of the ellipsoid that it updates.
+template <typename Scalar, int Rows>
+struct LinearMeasurement {
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  Matrix<Scalar, Rows> bound;
+};
+
+/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `not_symmetric`,
+/// `not_positive_definite` of the bound, which must have no zero width.
+template <typename Scalar>
+[[nodiscard]] Status validate(const Direction<Scalar>& direction) noexcept {
+  if (!scalar::all_finite(direction.reference) || !scalar::all_finite(direction.body) ||
+      !scalar::isfinite(direction.weight) || !scalar::all_finite(direction.bound)) {
+    return Status::not_finite;
+  }
+  if (!(direction.reference.stableNorm() > Scalar(0)) || !(direction.body.stableNorm() > Scalar(0))) {
+    return Status::zero_direction;
+  }
+  if (!(direction.weight > Scalar(0))) {
+    return Status::out_of_range;
+  }
+  Matrix3<Scalar> factor;
+  return is_symmetric(direction.bound) ? cholesky(direction.bound, factor) : Status::not_symmetric;
+}
+
+/// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq. zetakpm):
+/// 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
+template <typename Scalar>
+class MeasuredDirections {
+ public:
+  static constexpr std::size_t most_directions = 32;
+
+  /// \return what `validate` says of a direction; `attitude_undetermined` for fewer than two, or collinear ones;
+  /// `out_of_range` for more than `most_directions`.
+  [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count, WahbaMethod method,
+                                   MeasuredDirections& measured) noexcept {
+    if (count > most_directions) {
+      return Status::out_of_range;
+    }
+    if (count < 2) {
+      return Status::attitude_undetermined;
+    }
+    MeasuredDirections result;
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (const Status status = validate(directions[i]); status != Status::ok) {
+        return status;
+      }
+      const Vector3<Scalar> e = directions[i].reference.stableNormalized();
+      const Vector3<Scalar> b = directions[i].body.stableNormalized();
+      profile += (directions[i].weight * e) * b.transpose();
+    }
+    Scalar condition;
+    if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition);
+        status != Status::ok) {
+      return status;
+    }
+    const Matrix3<Scalar> a = result.attitude_.transpose() * profile;
+    const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
+    const Matrix3<Scalar> inverse = curvature.inverse();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3<Scalar> e = directions[i].reference.stableNormalized();
+      const Vector3<Scalar> b = directions[i].body.stableNormalized();
+      const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
+      const Matrix3<Scalar> sensitivity =
+          (-directions[i].weight) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
+      const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
+      result.terms_[i] = scalar::constant<Scalar>(0.5L) * (term + term.transpose());
+    }
+    result.count_ = count;
+    measured = result;
+    return Status::ok;
+  }
+
+  [[nodiscard]] const Matrix3<Scalar>& attitude() const noexcept { return attitude_; }
+  /// How many directions there are, and the shape 𝒜ⁱ Sⁱ 𝒜ⁱᵀ of what the error of one of them does to ζ.
+  [[nodiscard]] std::size_t count() const noexcept { return count_; }
+  [[nodiscard]] const Matrix3<Scalar>& term(std::size_t i) const noexcept { return terms_[i]; }
+
+  /// The measured attitude alone: the sum of these ellipsoids.
+  [[nodiscard]] Status measured_attitude(const SizeCriterion<Scalar, 3>& criterion,
+                                         MeasuredAttitude<Scalar>& result) const noexcept {
+    std::array<Ellipsoid<Scalar, 3>, most_directions> ellipsoids;
+    for (std::size_t i = 0; i < count_; ++i) {
+      ellipsoids[i] = {Vector3<Scalar>::Zero(), terms_[i]};
+    }
+    Ellipsoid<Scalar, 3> sum;
+    if (const Status status = minimal_sum(ellipsoids.data(), count_, criterion, sum); status != Status::ok) {
+      return status;
+    }
+    result = {attitude_, sum.shape};
+    return Status::ok;
+  }
+
+ private:
+  Matrix3<Scalar> attitude_;
+  std::array<Matrix3<Scalar>, most_directions> terms_;
+  std::size_t count_ = 0;
+};
+
+/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat
+/// ellipsoids that each error makes in [ζ; δω].
+/// \return what `validate` says of the angular velocity, and what `minimal_sum` says.
+template <typename Scalar>
+[[nodiscard]] Status measured_state(const MeasuredDirections<Scalar>& directions,
+                                    const AngularVelocity<Scalar>& angular_velocity,
+                                    const SizeCriterion<Scalar, 6>& criterion,
+                                    StateEllipsoid<RigidBodyState<Scalar>>& measured) noexcept {
+  if (!scalar::all_finite(angular_velocity.value)) {
+    return Status::not_finite;
+  }
+  if (const Status status = validate(Ellipsoid<Scalar, 3>{angular_velocity.value, angular_velocity.bound});
+      status != Status::ok) {
+    return status;
+  }
+  std::array<Ellipsoid<Scalar, 6>, MeasuredDirections<Scalar>::most_directions + 1> terms;
+  for (std::size_t i = 0; i <= directions.count(); ++i) {
+    terms[i] = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
+    if (i < directions.count()) {
+      terms[i].shape.template topLeftCorner<3, 3>() = directions.term(i);
+    } else {
+      terms[i].shape.template bottomRightCorner<3, 3>() = angular_velocity.bound;
+    }
+  }
+  Ellipsoid<Scalar, 6> sum;
+  if (const Status status = minimal_sum(terms.data(), directions.count() + 1, criterion, sum); status != Status::ok) {
+    return status;
+  }
+  measured = {{directions.attitude(), angular_velocity.value}, sum.shape};
+  return Status::ok;
+}
+
+/// One direction alone as two linear rows of ζ about a center. To first order b̃ − b̂ = S(b̂) ζ + S(b̃) ν with b̂ = Ĉᵀe, and the
+/// rows are its components along two axes across b̃; the component along b̃ says nothing.
+/// \return what `validate` says.
+template <typename Scalar>
+[[nodiscard]] Status linear_direction(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
+                                      LinearMeasurement<Scalar, 2>& linear) noexcept {
+  if (const Status status = validate(direction); status != Status::ok) {
+    return status;
+  }
+  const Vector3<Scalar> b = direction.body.stableNormalized();
+  const Vector3<Scalar> predicted = center.transpose() * direction.reference.stableNormalized();
+  int least = 0;
+  b.cwiseAbs().minCoeff(&least);
+  Matrix<Scalar, 3, 2> across;
+  across.col(0) = b.cross(Vector3<Scalar>::Unit(least)).normalized();
+  across.col(1) = b.cross(Vector3<Scalar>(across.col(0)));
+  const Matrix<Scalar, 2, 3> noise = across.transpose() * hat(b);
+  linear.y = across.transpose() * (b - predicted);
+  linear.h.setZero();
+  linear.h.template leftCols<3>() = across.transpose() * hat(predicted);
+  linear.bound = noise * direction.bound * noise.transpose();
+  return Status::ok;
+}
+
+/// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ + J_r⁻¹(ζ̃) ν.
+template <typename Scalar>
+[[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
+                                     LinearMeasurement<Scalar, 3>& linear) noexcept {
+  if (!scalar::all_finite(measured.attitude)) {
+    return Status::not_finite;
+  }
+  if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
+    return Status::not_a_rotation;
+  }
+  linear.y = ExponentialChart::error(center, measured.attitude);
+  linear.h.setZero();
+  linear.h.template leftCols<3>().setIdentity();
+  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
+  linear.bound = moved * measured.bound * moved.transpose();
+  return Status::ok;
+}
+
+/// An angular velocity as three linear rows of δω about a center.
+template <typename Scalar>
+[[nodiscard]] LinearMeasurement<Scalar, 3> linear_angular_velocity(const Vector3<Scalar>& center,
+                                                                   const AngularVelocity<Scalar>& measured) noexcept {
+  LinearMeasurement<Scalar, 3> linear;
+  linear.y = measured.value - center;
+  linear.h.setZero();
+  linear.h.template rightCols<3>().setIdentity();
+  linear.bound = measured.bound;
+  return linear;
+}
+
+/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1: what a linear measurement says of x, a quadric that may be a cylinder.
+/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement, Quadric<Scalar, 6>& quadric) noexcept {
+  if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
+      !scalar::all_finite(measurement.bound)) {
+    return Status::not_finite;
+  }
+  if (!is_symmetric(measurement.bound)) {
+    return Status::not_symmetric;
+  }
+  Matrix<Scalar, Rows> l;
+  if (const Status status = cholesky(measurement.bound, l); status != Status::ok) {
+    return status;
+  }
+  const Matrix<Scalar, Rows, 6> h = solve_lower(l, measurement.h);
+  const Vector<Scalar, Rows> y = solve_lower(l, measurement.y);
+  quadric.a = h.transpose().lazyProduct(h);
+  quadric.g = -h.transpose().lazyProduct(y);
+  quadric.c = Scalar(1) - y.squaredNorm();
+  return Status::ok;
+}
+
+}  // namespace elliptude

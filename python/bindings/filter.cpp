@@ -1,0 +1,1114 @@
+#include <pybind11/stl.h>
+
+#include <elliptude/filter.hpp>
+#include <mutex>
+#include <utility>
+#include <variant>
+
+#include "ellipsoids.hpp"
+#include "module.hpp"
+#include "potential.hpp"
+
+namespace elliptude::python {
+
+namespace {
+
+// --- arguments ---------------------------------------------------------------------------------------------------------
+
+/// The shape of an error's ellipsoid from what a user gives: a radius, or the shape matrix itself.
+[[nodiscard]] Matrix3<double> bound_of(const double* data, bool is_radius) {
+  return is_radius ? Matrix3<double>(data[0] * data[0] * Matrix3<double>::Identity())
+                   : Matrix3<double>(Eigen::Map<const RowMajor3>(data));
+}
+
+/// \throws ValueError unless the shape is symmetric and positive (semi)definite.
+void require_bound(const Matrix3<double>& bound, bool may_be_flat, const std::string& label) {
+  const Status status = validate(Ellipsoid<double, 3>{Vector3<double>::Zero(), bound});
+  raise_unless_ok(status, label);
+  Matrix3<double> factor;
+  if (!may_be_flat && cholesky(bound, factor) != Status::ok) {
+    value_error(label + " must be positive: a radius above 0, or a positive definite shape matrix");
+  }
+}
+
+/// One bound: a radius () or a shape matrix (3, 3).
+[[nodiscard]] Matrix3<double> one_bound(const py::object& value, const std::string& name, bool may_be_flat) {
+  const Items numbers(value, name, {});
+  const bool is_radius = numbers.leading().empty();
+  if (!is_radius && numbers.leading() != Shape{3, 3}) {
+    value_error(name + " must be a number (a radius) or have the shape (3, 3), not " + text(numbers.leading()));
+  }
+  if (is_radius && numbers.number(0) < 0) {
+    value_error(name + " must not be negative, but is " + text(numbers.number(0)));
+  }
+  const Matrix3<double> bound = bound_of(numbers[0], is_radius);
+  require_bound(bound, may_be_flat, name);
+  return bound;
+}
+
+/// Bounds of m directions: a radius for all, (m,) radii or (m, 3, 3) shape matrices.
+[[nodiscard]] std::vector<Matrix3<double>> direction_bounds(const py::object& value, Index m) {
+  const Items numbers(value, "bounds", {});
+  const Shape& shape = numbers.leading();
+  const bool is_radius = shape.size() < 2;
+  if (!(shape.empty() || shape == Shape{m} || shape == Shape{m, 3, 3})) {
+    value_error("bounds must be a number or have the shape (" + std::to_string(m) + ",) or (" + std::to_string(m) +
+                ", 3, 3) for " + std::to_string(m) + " directions, not " + text(shape));
+  }
+  std::vector<Matrix3<double>> bounds;
+  for (Index i = 0; i < m; ++i) {
+    const Index offset = shape.empty() ? 0 : (is_radius ? i : 9 * i);
+    const std::string label = shape.empty() ? "bounds" : "bounds[" + std::to_string(i) + "]";
+    if (is_radius && !(numbers.number(offset) > 0)) {
+      value_error(label + " must be positive, but is " + text(numbers.number(offset)) + " rad");
+    }
+    bounds.push_back(bound_of(numbers[offset], is_radius));
+    require_bound(bounds.back(), false, label);
+  }
+  return bounds;
+}
+
+/// Directions of one moment, checked as far as does not need their values.
+class DirectionArguments {
+ public:
+  DirectionArguments(const py::object& bounds, const py::object& weights, Index m)
+      : bounds_(direction_bounds(bounds, m)), weights_(static_cast<std::size_t>(m), 1.0) {
+    constexpr auto most = static_cast<Index>(MeasuredDirections<double>::most_directions);
+    if (m < 1 || m > most) {
+      value_error("directions must be 1 to " + std::to_string(most) + ", not " + std::to_string(m));
+    }
+    if (!weights.is_none()) {
+      const Items given = single(weights, "weights", {m});
+      for (Index i = 0; i < m; ++i) {
+        const double weight = given[0][i];
+        if (!(weight > 0)) {
+          value_error("weights must be positive, but weights[" + std::to_string(i) + "] is " + text(weight));
+        }
+        weights_[static_cast<std::size_t>(i)] = weight;
+      }
+    }
+  }
+
+  [[nodiscard]] Direction<double> direction(Index i, const double* reference, const double* body) const noexcept {
+    const auto k = static_cast<std::size_t>(i);
+    return {Eigen::Map<const Vector3<double>>(reference), Eigen::Map<const Vector3<double>>(body), bounds_[k],
+            weights_[k]};
+  }
+
+ private:
+  std::vector<Matrix3<double>> bounds_;
+  std::vector<double> weights_;
+};
+
+void require_direction(const Vector3<double>& direction, const std::string& label) {
+  if (!(direction.stableNorm() > 0)) {
+    value_error(label + " has no length: a direction must not be zero");
+  }
+}
+
+// --- state ellipsoids --------------------------------------------------------------------------------------------------
+
+/// A state ellipsoid of either flow: attitude, and angular velocity or gyro bias.
+struct AnyStateEllipsoid {
+  Matrix3<double> attitude;
+  Vector3<double> vector;
+  Matrix6<double> shape;
+
+  template <typename State>
+  [[nodiscard]] StateEllipsoid<State> as() const noexcept {
+    return {State{attitude, vector}, shape};
+  }
+  template <typename State>
+  [[nodiscard]] static AnyStateEllipsoid from(const StateEllipsoid<State>& ellipsoid) noexcept {
+    return {ellipsoid.center.attitude, vector_part(ellipsoid.center), ellipsoid.shape};
+  }
+};
+
+using BodyState = RigidBodyState<double>;
+
+[[nodiscard]] AnyStateEllipsoid make_state_ellipsoid(const py::object& attitude, const py::object& vector,
+                                                     const py::object& shape) {
+  AnyStateEllipsoid result;
+  result.attitude = single_attitude(attitude, "attitude");
+  result.vector = single(vector, "vector", {3}).vector<3>(0);
+  result.shape = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(shape, "shape", {6, 6})[0]);
+  raise_unless_ok(validate(result.as<BodyState>()), "shape");
+  return result;
+}
+
+[[nodiscard]] py::object quadratic_forms(const AnyStateEllipsoid& self, const py::object& attitude,
+                                         const py::object& vector) {
+  Items points = attitudes(attitude, "attitude");
+  Items vectors(vector, "vector", {3});
+  const Shape leading = broadcast({&points, &vectors});
+  const StateEllipsoid<BodyState> ellipsoid = self.as<BodyState>();
+  return map_items(leading, {}, [&](Index i) {
+    double value = 0;
+    const Status status =
+        quadratic_form(ellipsoid, BodyState{points.matrix3(i), vectors.vector<3>(i)}, value);
+    return status == Status::ok ? value : std::numeric_limits<double>::quiet_NaN();
+  });
+}
+
+[[nodiscard]] py::object extent_of(const AnyStateEllipsoid& self) {
+  Extent<double> result;
+  raise_unless_ok(extent(self.as<BodyState>(), result), "shape");
+  return py::module_::import("elliptude.results")
+      .attr("Extent")(to_array(result.half_widths_body), to_array(result.half_widths_reference), result.largest_angle,
+                      to_array(result.largest_angle_axis), to_array(result.greatest_uncertainty));
+}
+
+// --- flows -------------------------------------------------------------------------------------------------------------
+
+/// A potential as a filter keeps it; both outlive every call.
+struct HeldPotential {
+  const Potential* potential = nullptr;
+  Failure* failure = nullptr;
+
+  [[nodiscard]] double energy(const Matrix3<double>& attitude, const double& time) const noexcept {
+    return potential->energy(attitude, time, *failure);
+  }
+  [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, const double& time) const noexcept {
+    return potential->torque(attitude, time, *failure);
+  }
+  [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, const double& time) const noexcept {
+    return potential->torque_jacobian(attitude, time, *failure);
+  }
+};
+
+using BodyFlow = RigidBodyFlow<double, HeldPotential>;
+
+struct BodyFlowSettings {
+  RigidBody<double> body;
+  PotentialReference potential;
+  double step;
+  int order;
+  Matrix3<double> unknown_torque;
+
+  [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {
+    return potential.traverse(visit, argument);
+  }
+};
+
+struct GyroFlowSettings {
+  Matrix3<double> noise;
+  Matrix3<double> drift;
+};
+
+[[nodiscard]] BodyFlowSettings make_body_flow(const RigidBody<double>& body, const py::object& potential,
+                                              const py::object& step, int order, const py::object& unknown_torque) {
+  Composition<double> composition{};
+  if (composition_of_order(order, composition) != Status::ok) {
+    value_error("order must be 2, 4, 6 or 8, but is " + std::to_string(order));
+  }
+  const double longest_step = single(step, "step", {}).number(0);
+  if (!(longest_step > 0)) {
+    value_error("step must be positive, but is " + text(longest_step) + " s");
+  }
+  const py::object given = potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
+  return {body, PotentialReference(given, "potential"), longest_step, order,
+          unknown_torque.is_none() ? Matrix3<double>(Matrix3<double>::Zero())
+                                   : one_bound(unknown_torque, "unknown_torque", true)};
+}
+
+// --- the filter --------------------------------------------------------------------------------------------------------
+
+template <typename Estimator>
+using BodyFilter = AttitudeFilter<BodyFlow, Estimator>;
+template <typename Estimator>
+using GyroFilter = AttitudeFilter<GyroFlow<double>, Estimator>;
+using AnyFilter = std::variant<BodyFilter<PaperEstimator>, BodyFilter<FirstOrderEstimator>, GyroFilter<PaperEstimator>,
+                               GyroFilter<FirstOrderEstimator>>;
+
+template <typename Filter>
+inline constexpr bool has_rate = std::is_same_v<typename Filter::State, BodyState>;
+
+/// What happened at a row of a log.
+enum class Outcome : std::uint8_t { updated, predicted, refused };
+
+class PythonFilter {
+ public:
+  PythonFilter(py::object flow, const AnyStateEllipsoid& ellipsoid, const py::object& time, std::string mode,
+               std::string criterion, const py::object& weight)
+      : flow_(std::move(flow)), mode_(std::move(mode)), criterion_(std::move(criterion)) {
+    const double start = single(time, "time", {}).number(0);
+    const SizeCriterion<double, 6> size = criterion_of(weight);
+    if (mode_ != "paper" && mode_ != "first_order") {
+      value_error("mode must be 'paper' or 'first_order', not '" + mode_ + "'");
+    }
+    if (py::isinstance<BodyFlowSettings>(flow_)) {
+      const auto& settings = flow_.cast<const BodyFlowSettings&>();
+      BodyFlow core;
+      raise_unless_ok(BodyFlow::make(settings.body, HeldPotential{&*settings.potential, failure_.get()}, settings.step,
+                                     settings.order, settings.unknown_torque, core),
+                      "flow");
+      make<BodyFilter<PaperEstimator>, BodyFilter<FirstOrderEstimator>>(core, size, start, ellipsoid);
+    } else if (py::isinstance<GyroFlowSettings>(flow_)) {
+      const auto& settings = flow_.cast<const GyroFlowSettings&>();
+      GyroFlow<double> core;
+      raise_unless_ok(GyroFlow<double>::make(settings.noise, settings.drift, core), "flow");
+      make<GyroFilter<PaperEstimator>, GyroFilter<FirstOrderEstimator>>(core, size, start, ellipsoid);
+    } else {
+      throw py::type_error(std::string("flow must be a RigidBodyFlow or a GyroFlow, not ") +
+                           Py_TYPE(flow_.ptr())->tp_name);
+    }
+  }
+
+  [[nodiscard]] const py::object& flow() const noexcept { return flow_; }
+  [[nodiscard]] const std::string& mode() const noexcept { return mode_; }
+  [[nodiscard]] const std::string& criterion() const noexcept { return criterion_; }
+  [[nodiscard]] const py::object& convergence() const noexcept { return convergence_; }
+  [[nodiscard]] bool has_gyro() const noexcept { return filter_.index() >= 2; }
+
+  [[nodiscard]] py::object weight() const {
+    if (criterion_ != "weighted_trace") {
+      return py::none();
+    }
+    return std::visit([](const auto& filter) { return py::object(to_array(filter.criterion().weight)); }, filter_);
+  }
+  [[nodiscard]] double time() const {
+    return std::visit([](const auto& filter) { return filter.time(); }, filter_);
+  }
+  [[nodiscard]] AnyStateEllipsoid ellipsoid() const {
+    return std::visit([](const auto& filter) { return AnyStateEllipsoid::from(filter.ellipsoid()); }, filter_);
+  }
+  [[nodiscard]] Matrix6<double> transition() const {
+    return std::visit([](const auto& filter) { return filter.transition(); }, filter_);
+  }
+  [[nodiscard]] Matrix6<double> prior_shape() const {
+    return std::visit([](const auto& filter) { return filter.prior_shape(); }, filter_);
+  }
+
+  void resume(const py::object& transition, const py::object& prior_shape) {
+    const auto matrix = [](const py::object& value, const char* name) {
+      return Matrix6<double>(
+          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(value, name, {6, 6})[0]));
+    };
+    const Matrix6<double> a = matrix(transition, "transition");
+    const Matrix6<double> p = matrix(prior_shape, "prior_shape");
+    raise_unless_ok(std::visit([&](auto& filter) { return filter.resume(a, p); }, filter_), "prior_shape");
+  }
+
+  void predict(const py::object& time, const py::object& control_torque, const py::object& gyro) {
+    const std::unique_lock lock = exclusive();
+    const double end = single(time, "time", {}).number(0);
+    const Vector3<double> input = input_of(control_torque, gyro);
+    std::visit([&](auto& filter) { predict_to(filter, end, input, ""); }, filter_);
+  }
+
+  [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
+                                  const py::object& weights, const py::object& angular_velocity,
+                                  const py::object& rate_bound, const std::string& sensor) {
+    const std::unique_lock lock = exclusive();
+    std::vector<Direction<double>> given;
+    if (!directions.is_none()) {
+      const Items body(directions, "directions", {3});
+      if (body.leading().size() != 1) {
+        value_error("directions must have the shape (m, 3), one row for each direction");
+      }
+      const Index m = body.leading()[0];
+      if (reference.is_none() || bounds.is_none()) {
+        value_error("directions need reference and bounds beside them");
+      }
+      const Items references = single(reference, "reference", {m, 3});
+      const DirectionArguments arguments(bounds, weights, m);
+      for (Index i = 0; i < m; ++i) {
+        given.push_back(arguments.direction(i, references[0] + 3 * i, body[i]));
+        require_direction(given.back().body, "directions[" + std::to_string(i) + "]");
+        require_direction(given.back().reference, "reference[" + std::to_string(i) + "]");
+      }
+    }
+    std::optional<AngularVelocity<double>> rate;
+    if (!angular_velocity.is_none()) {
+      if (rate_bound.is_none()) {
+        value_error("angular_velocity needs rate_bound beside it");
+      }
+      rate = AngularVelocity<double>{single(angular_velocity, "angular_velocity", {3}).vector<3>(0),
+                                     one_bound(rate_bound, "rate_bound", false)};
+    }
+    if (given.empty() && !rate) {
+      value_error("update needs directions, angular_velocity or both");
+    }
+    return std::visit(
+        [&](auto& filter) {
+          Update<double> update{};
+          const Status status = fuse(filter, given.data(), given.size(), rate, update, convergence_values_);
+          raise_unless_updated(filter, status, update, sensor);
+          keep_convergence(given.size() >= 2 && rate);
+          return updated(update);
+        },
+        filter_);
+  }
+
+  [[nodiscard]] py::object update_attitude(const py::object& attitude, const py::object& bound,
+                                           const std::string& sensor) {
+    const std::unique_lock lock = exclusive();
+    const MeasuredAttitude<double> measured{single_attitude(attitude, "attitude"), one_bound(bound, "bound", false)};
+    return std::visit(
+        [&](auto& filter) {
+          Update<double> update{};
+          raise_unless_updated(filter, filter.update(measured, update), update, sensor);
+          keep_convergence(false);
+          return updated(update);
+        },
+        filter_);
+  }
+
+  [[nodiscard]] py::object update_linear(const py::object& y, const py::object& h, const py::object& bound,
+                                         const std::string& sensor) {
+    const std::unique_lock lock = exclusive();
+    const Items values = single(y, "y", {any_length});
+    const Index rows = values.item()[0];
+    if (rows > 6) {
+      value_error("y must have 1 to 6 rows, not " + std::to_string(rows));
+    }
+    const Items matrix = single(h, "h", {rows, 6});
+    const Items shape = single(bound, "bound", {rows, rows});
+    return std::visit(
+        [&](auto& filter) {
+          Update<double> update{};
+          const Status status = with_dimension(rows, [&](auto dimension) {
+            constexpr int n = decltype(dimension)::value;
+            const LinearMeasurement<double, n> measurement{values.vector<n>(0), matrix.dynamic_matrix(),
+                                                           shape.dynamic_matrix()};
+            return filter.update(measurement, update);
+          });
+          raise_unless_updated(filter, status, update, sensor);
+          keep_convergence(false);
+          return updated(update);
+        },
+        filter_);
+  }
+
+  [[nodiscard]] AnyEllipsoid angular_velocity_estimate(const py::object& gyro) const {
+    const Vector3<double> rate = single(gyro, "gyro", {3}).vector<3>(0);
+    return std::visit(
+        [&](const auto& filter) -> AnyEllipsoid {
+          using Filter = std::decay_t<decltype(filter)>;
+          if constexpr (has_rate<Filter>) {
+            throw py::type_error("angular_velocity_estimate is for a GyroFlow; here the angular velocity is in the state");
+          } else {
+            Ellipsoid<double, 3> result;
+            raise_unless_ok(filter.flow().angular_velocity(filter.ellipsoid(), {rate}, result), "gyro");
+            return {result.center, result.shape};
+          }
+        },
+        filter_);
+  }
+
+  [[nodiscard]] py::object run(const py::object& times, const py::object& directions, const py::object& reference,
+                               const py::object& bounds, const py::object& weights, const py::object& angular_velocity,
+                               const py::object& rate_bound, const py::object& gyro, const py::object& control_torque,
+                               const std::string& on_inconsistent);
+
+  [[nodiscard]] int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(flow_.ptr());
+    return 0;
+  }
+
+ private:
+  [[nodiscard]] SizeCriterion<double, 6> criterion_of(const py::object& weight) const {
+    using Criterion = SizeCriterion<double, 6>;
+    if (criterion_ == "weighted_trace") {
+      if (weight.is_none()) {
+        value_error("criterion 'weighted_trace' needs weight, a (6, 6) matrix");
+      }
+      const Matrix6<double> matrix =
+          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(weight, "weight", {6, 6})[0]);
+      raise_unless_ok(validate(Criterion::weighted_trace(matrix)), "weight");
+      return Criterion::weighted_trace(matrix);
+    }
+    if (!weight.is_none()) {
+      value_error("weight goes with criterion 'weighted_trace', not '" + criterion_ + "'");
+    }
+    if (criterion_ == "trace") {
+      return Criterion::trace();
+    }
+    if (criterion_ == "volume") {
+      return Criterion::volume();
+    }
+    value_error("criterion must be 'trace', 'weighted_trace' or 'volume', not '" + criterion_ + "'");
+  }
+
+  template <typename Paper, typename FirstOrder>
+  void make(const typename Paper::Flow& flow, const SizeCriterion<double, 6>& criterion, double time,
+            const AnyStateEllipsoid& ellipsoid) {
+    const auto start = ellipsoid.as<typename Paper::State>();
+    if (mode_ == "paper") {
+      Paper filter;
+      raise_unless_ok(Paper::make(flow, criterion, time, start, filter), "ellipsoid");
+      filter_ = filter;
+    } else {
+      FirstOrder filter;
+      raise_unless_ok(FirstOrder::make(flow, criterion, time, start, filter), "ellipsoid");
+      filter_ = filter;
+    }
+  }
+
+  /// One call at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's lock.
+  [[nodiscard]] std::unique_lock<std::mutex> exclusive() {
+    std::unique_lock lock(*mutex_, std::try_to_lock);
+    if (!lock.owns_lock()) {
+      throw std::runtime_error("the filter is in use by another thread");
+    }
+    *failure_ = Failure();
+    return lock;
+  }
+
+  [[nodiscard]] Vector3<double> input_of(const py::object& control_torque, const py::object& gyro) const {
+    if (has_gyro()) {
+      if (!control_torque.is_none()) {
+        throw py::type_error("control_torque is an input of RigidBodyFlow; a GyroFlow knows no torque");
+      }
+      if (gyro.is_none()) {
+        throw py::type_error("a GyroFlow needs gyro, the measured rate over the interval");
+      }
+      return single(gyro, "gyro", {3}).vector<3>(0);
+    }
+    if (!gyro.is_none()) {
+      throw py::type_error(
+          "gyro is the input of a GyroFlow; for a RigidBodyFlow a measured rate goes to update as angular_velocity");
+    }
+    return control_torque.is_none() ? Vector3<double>(Vector3<double>::Zero())
+                                    : single(control_torque, "control_torque", {3}).vector<3>(0);
+  }
+
+  /// \param where " at row 3", in a log.
+  template <typename Filter>
+  void predict_to(Filter& filter, double time, const Vector3<double>& input, const std::string& where) const {
+    const Status status = filter.predict(time, typename Filter::Input{input});
+    failure_->rethrow();
+    if (status == Status::out_of_range) {
+      value_error("time must not go backwards, and by no more than " + std::to_string(BodyFlow::most_steps) +
+                  " steps forwards, but is " + text(time) + " s" + where + " after " + text(filter.time()) + " s");
+    }
+    if (status == Status::step_too_long) {
+      value_error("step of the flow is too long" + where +
+                  ": the turn within a stage must stay below a right angle, and the angular velocity is " +
+                  text(vector_part(filter.ellipsoid().center).norm()) + " rad/s");
+    }
+    raise_unless_ok(status, "predict" + where);
+  }
+
+  /// Fuses whatever there is: directions and rate together where both are there, else each as it comes.
+  template <typename Filter>
+  [[nodiscard]] static Status fuse(Filter& filter, const Direction<double>* directions, std::size_t count,
+                                   const std::optional<AngularVelocity<double>>& rate, Update<double>& update,
+                                   Convergence<double>& convergence) {
+    if constexpr (has_rate<Filter>) {
+      if (rate) {
+        if (count >= 2) {
+          const Status status = filter.update(directions, count, *rate, update, convergence);
+          if (status != Status::attitude_undetermined) {
+            return status;
+          }
+        }
+        Filter trial = filter;
+        Update<double> by_directions{1.0, 1.0};
+        if (count > 0) {
+          if (const Status status = trial.update(directions, count, by_directions); status != Status::ok) {
+            update = by_directions;
+            return status;
+          }
+        }
+        const Status status = trial.update(*rate, update);
+        if (status == Status::ok) {
+          update.margin = std::min(update.margin, by_directions.margin);
+          filter = trial;
+        }
+        return status;
+      }
+    } else if (rate) {
+      throw py::type_error("angular_velocity cannot update a GyroFlow: the gyro's rate is the input of predict");
+    }
+    return filter.update(directions, count, update);
+  }
+
+  template <typename Filter>
+  static void raise_unless_updated(const Filter& filter, Status status, const Update<double>& update,
+                                   const std::string& sensor, const std::string& where = "") {
+    if (status == Status::empty_intersection) {
+      throw InconsistentSets("measurement" + (sensor.empty() ? "" : " of " + sensor) + " at " + text(filter.time()) +
+                                 " s" + where + " contradicts the prediction: the sets do not meet (margin " +
+                                 text(update.margin) + "); some bound is wrong",
+                             update.margin, filter.time(), sensor);
+    }
+    raise_unless_ok(status, "update" + where);
+  }
+
+  void keep_convergence(bool available) {
+    if (!available) {
+      convergence_ = py::none();
+      return;
+    }
+    const Convergence<double>& c = convergence_values_;
+    convergence_ = py::module_::import("elliptude.results")
+                       .attr("Convergence")(c.flow_norm, c.smallest_ratio, c.chi, c.contraction, c.trace_ratio,
+                                            c.smaller_than_sets);
+  }
+
+  [[nodiscard]] py::object updated(const Update<double>& update) const {
+    return py::module_::import("elliptude.results").attr("Update")(update.share, update.margin, convergence_);
+  }
+
+  py::object flow_;
+  std::string mode_;
+  std::string criterion_;
+  std::unique_ptr<Failure> failure_ = std::make_unique<Failure>();
+  std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
+  AnyFilter filter_;
+  Convergence<double> convergence_values_{};
+  py::object convergence_ = py::none();
+};
+
+/// A column of optional rows: (n, 3) of which a row with a NaN is absent; nothing where the argument is None.
+class OptionalRows {
+ public:
+  OptionalRows(const py::object& value, const std::string& name, Index rows) {
+    if (!value.is_none()) {
+      items_.emplace(value, name, Shape{rows, 3}, Items::Require::anything, Items::Batch::none);
+    }
+  }
+  [[nodiscard]] bool given() const noexcept { return items_.has_value(); }
+  [[nodiscard]] std::optional<Vector3<double>> row(Index i) const {
+    const Vector3<double> value = Eigen::Map<const Vector3<double>>((*items_)[0] + 3 * i);
+    return scalar::all_finite(value) ? std::optional(value) : std::nullopt;
+  }
+
+ private:
+  std::optional<Items> items_;
+};
+
+py::object PythonFilter::run(const py::object& times, const py::object& directions, const py::object& reference,
+                             const py::object& bounds, const py::object& weights, const py::object& angular_velocity,
+                             const py::object& rate_bound, const py::object& gyro, const py::object& control_torque,
+                             const std::string& on_inconsistent) {
+  const std::unique_lock lock = exclusive();
+  const Items time = single(times, "times", {any_length});
+  const Index rows = time.item()[0];
+  if (on_inconsistent != "raise" && on_inconsistent != "skip") {
+    value_error("on_inconsistent must be 'raise' or 'skip', not '" + on_inconsistent + "'");
+  }
+
+  // Directions: NaN where a sensor has nothing to say.
+  Index m = 0;
+  std::optional<Items> body;
+  std::optional<Items> references;
+  std::optional<DirectionArguments> arguments;
+  bool reference_moves = false;
+  if (!directions.is_none()) {
+    body.emplace(directions, "directions", Shape{rows, any_length, 3}, Items::Require::anything, Items::Batch::none);
+    m = body->item()[1];
+    if (reference.is_none() || bounds.is_none()) {
+      value_error("directions need reference and bounds beside them");
+    }
+    references.emplace(reference, "reference", Shape{m, 3});
+    reference_moves = !references->leading().empty();
+    if (reference_moves && references->leading() != Shape{rows}) {
+      value_error("reference must have the shape (" + std::to_string(m) + ", 3) or (" + std::to_string(rows) + ", " +
+                  std::to_string(m) + ", 3), not " + text(references->leading()) + " times (m, 3)");
+    }
+    arguments.emplace(bounds, weights, m);
+  }
+  const OptionalRows measured_rate(angular_velocity, "angular_velocity", rows);
+  Matrix3<double> bound_of_rate = Matrix3<double>::Zero();
+  if (measured_rate.given()) {
+    if (has_gyro()) {
+      throw py::type_error("angular_velocity cannot update a GyroFlow: the gyro's rates go in as gyro");
+    }
+    if (rate_bound.is_none()) {
+      value_error("angular_velocity needs rate_bound beside it");
+    }
+    bound_of_rate = one_bound(rate_bound, "rate_bound", false);
+  }
+
+  // The input over the interval that ends at row i: torque i, or the gyro's rate of the row before.
+  std::optional<Items> inputs;
+  if (has_gyro()) {
+    if (!control_torque.is_none()) {
+      throw py::type_error("control_torque is an input of RigidBodyFlow; a GyroFlow knows no torque");
+    }
+    if (gyro.is_none()) {
+      throw py::type_error("a GyroFlow needs gyro, the measured rates");
+    }
+    inputs.emplace(single(gyro, "gyro", {rows, 3}));
+    if (time[0][0] != this->time()) {
+      value_error("times[0] must be the filter's time, " + text(this->time()) +
+                  " s, for a GyroFlow: gyro[k] is the rate from times[k] on; it is " + text(time[0][0]) + " s");
+    }
+  } else {
+    if (!gyro.is_none()) {
+      throw py::type_error("gyro is the input of a GyroFlow; for a RigidBodyFlow give the rates as angular_velocity");
+    }
+    if (!control_torque.is_none()) {
+      inputs.emplace(control_torque, "control_torque", Shape{3});
+      if (!(inputs->leading().empty() || inputs->leading() == Shape{rows})) {
+        value_error("control_torque must have the shape (3,) or (" + std::to_string(rows) + ", 3)");
+      }
+    }
+  }
+
+  Results attitudes_out({rows}, {3, 3});
+  Results vectors_out({rows}, {3});
+  Results shapes_out({rows}, {6, 6});
+  Results shares_out({rows}, {});
+  Results margins_out({rows}, {});
+  py::array_t<bool> used({rows, m + 1});
+  py::array_t<std::uint8_t> outcomes(rows);
+  bool* used_data = used.mutable_data();
+  std::uint8_t* outcome_data = outcomes.mutable_data();
+
+  AnyFilter working = filter_;
+  std::visit(
+      [&](auto& filter) {
+        const py::gil_scoped_release release;
+        std::vector<Direction<double>> present;
+        present.reserve(static_cast<std::size_t>(m));
+        for (Index i = 0; i < rows; ++i) {
+          const auto where = [i] { return " at row " + std::to_string(i); };
+          Vector3<double> input = Vector3<double>::Zero();
+          if (has_gyro()) {
+            input = Eigen::Map<const Vector3<double>>((*inputs)[0] + 3 * std::max<Index>(i - 1, 0));
+          } else if (inputs) {
+            input = inputs->vector<3>(inputs->leading().empty() ? 0 : i);
+          }
+          if (!(time[0][i] >= filter.time())) {
+            value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
+                        " s after " + text(filter.time()) + " s");
+          }
+          predict_to(filter, time[0][i], input, where());
+
+          present.clear();
+          for (Index j = 0; j < m; ++j) {
+            const double* b = (*body)[0] + 3 * (i * m + j);
+            const double* e = (*references)[reference_moves ? i : 0] + 3 * j;
+            const bool there = scalar::isfinite(b[0]) && scalar::isfinite(b[1]) && scalar::isfinite(b[2]);
+            used_data[i * (m + 1) + j] = there;
+            if (there) {
+              present.push_back(arguments->direction(j, e, b));
+            }
+          }
+          std::optional<AngularVelocity<double>> rate;
+          if (measured_rate.given()) {
+            if (const auto value = measured_rate.row(i)) {
+              rate = AngularVelocity<double>{*value, bound_of_rate};
+            }
+          }
+          used_data[i * (m + 1) + m] = rate.has_value();
+
+          Update<double> update{1.0, 1.0};
+          Outcome outcome = Outcome::predicted;
+          if (!present.empty() || rate) {
+            const Status status = fuse(filter, present.data(), present.size(), rate, update, convergence_values_);
+            if (status == Status::empty_intersection && on_inconsistent == "skip") {
+              outcome = Outcome::refused;
+              std::fill_n(used_data + i * (m + 1), m + 1, false);
+            } else {
+              raise_unless_updated(filter, status, update, "", where());
+              outcome = Outcome::updated;
+            }
+          }
+          const auto& ellipsoid = filter.ellipsoid();
+          attitudes_out.set(i, ellipsoid.center.attitude);
+          vectors_out.set(i, vector_part(ellipsoid.center));
+          shapes_out.set(i, ellipsoid.shape);
+          shares_out.set(i, update.share);
+          margins_out.set(i, outcome == Outcome::predicted ? std::numeric_limits<double>::quiet_NaN() : update.margin);
+          outcome_data[i] = static_cast<std::uint8_t>(outcome);
+        }
+      },
+      working);
+  filter_ = working;
+  convergence_ = py::none();
+  return py::module_::import("elliptude.results")
+      .attr("FilterLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(), shapes_out.array(),
+                         shares_out.array(), margins_out.array(), used, outcomes);
+}
+
+// --- measured ellipsoids ----------------------------------------------------------------------------------------------
+
+[[nodiscard]] MeasuredDirections<double> measured_directions(const py::object& directions, const py::object& reference,
+                                                             const py::object& bounds, const py::object& weights) {
+  const Items body(directions, "directions", {3});
+  if (body.leading().size() != 1) {
+    value_error("directions must have the shape (m, 3), one row for each direction");
+  }
+  const Index m = body.leading()[0];
+  const Items references = single(reference, "reference", {m, 3});
+  const DirectionArguments arguments(bounds, weights, m);
+  std::vector<Direction<double>> given;
+  for (Index i = 0; i < m; ++i) {
+    given.push_back(arguments.direction(i, references[0] + 3 * i, body[i]));
+    require_direction(given.back().body, "directions[" + std::to_string(i) + "]");
+    require_direction(given.back().reference, "reference[" + std::to_string(i) + "]");
+  }
+  MeasuredDirections<double> measured;
+  raise_unless_ok(MeasuredDirections<double>::make(given.data(), given.size(), WahbaMethod::svd, measured),
+                  "directions");
+  return measured;
+}
+
+[[nodiscard]] py::tuple measured_attitude_of(const py::object& directions, const py::object& reference,
+                                             const py::object& bounds, const py::object& weights) {
+  MeasuredAttitude<double> attitude;
+  raise_unless_ok(measured_directions(directions, reference, bounds, weights)
+                      .measured_attitude(SizeCriterion<double, 3>::trace(), attitude),
+                  "bounds");
+  return py::make_tuple(to_array(attitude.attitude), to_array(attitude.bound));
+}
+
+[[nodiscard]] AnyStateEllipsoid measured_state_of(const py::object& directions, const py::object& reference,
+                                                  const py::object& bounds, const py::object& angular_velocity,
+                                                  const py::object& rate_bound, const py::object& weights) {
+  const AngularVelocity<double> rate{single(angular_velocity, "angular_velocity", {3}).vector<3>(0),
+                                     one_bound(rate_bound, "rate_bound", false)};
+  StateEllipsoid<BodyState> result;
+  raise_unless_ok(measured_state(measured_directions(directions, reference, bounds, weights), rate,
+                                 SizeCriterion<double, 6>::trace(), result),
+                  "bounds");
+  return AnyStateEllipsoid::from(result);
+}
+
+}  // namespace
+
+void define_filter(py::module_& module) {
+  using namespace py::literals;
+
+  py::class_<AnyStateEllipsoid>(module, "StateEllipsoid",
+                                R"(StateEllipsoid(attitude, vector, shape)
+--
+
+The set of states about a center: C = Ĉ exp(S(ζ)) and vector + δ with [ζ; δ]ᵀ P⁻¹ [ζ; δ] ≤ 1 (paper, eq. ueso).
+
+P is the shape of a set, not a covariance; the error ζ is on the body side.
+
+Parameters
+----------
+attitude : (3, 3) array_like or scipy Rotation
+    Ĉ, body to reference.
+vector : (3,) array_like
+    The angular velocity (rad/s, body axes) for a rigid body, the gyro bias (rad/s) for a gyro flow.
+shape : (6, 6) array_like
+    P, rad², rad²/s and rad²/s², symmetric positive semidefinite.
+
+Raises
+------
+ValueError
+    If an argument is not finite, the attitude is no rotation, or the shape is not positive semidefinite.
+)")
+      .def(py::init(&make_state_ellipsoid), "attitude"_a, "vector"_a, "shape"_a)
+      .def_property_readonly("attitude", [](const AnyStateEllipsoid& self) { return to_constant_array(self.attitude); })
+      .def_property_readonly("vector", [](const AnyStateEllipsoid& self) { return to_constant_array(self.vector); })
+      .def_property_readonly("shape", [](const AnyStateEllipsoid& self) { return to_constant_array(self.shape); })
+      .def("quadratic_form", &quadratic_forms, "attitude"_a, "vector"_a,
+           R"(quadratic_form(attitude, vector)
+--
+
+[ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3): at most 1 inside.
+)")
+      .def(
+          "contains",
+          [](const AnyStateEllipsoid& self, const py::object& attitude, const py::object& vector) {
+            return py::object(quadratic_forms(self, attitude, vector).attr("__le__")(1.0));
+          },
+          "attitude"_a, "vector"_a,
+          R"(contains(attitude, vector)
+--
+
+Whether states (..., 3, 3) and (..., 3) are in the set.
+)")
+      .def("extent", &extent_of,
+           R"(extent()
+--
+
+Half-widths along body and reference axes, the largest angle and the directions of greatest uncertainty.
+
+Returns
+-------
+Extent
+)")
+      .def(
+          "to_dict",
+          [](const AnyStateEllipsoid& self) {
+            using namespace py::literals;
+            return py::dict("attitude"_a = to_array(self.attitude).attr("tolist")(),
+                            "vector"_a = to_array(self.vector).attr("tolist")(),
+                            "shape"_a = to_array(self.shape).attr("tolist")());
+          },
+          R"(to_dict()
+--
+
+Lists of numbers under 'attitude', 'vector' and 'shape', for JSON.
+)")
+      .def_static(
+          "from_dict",
+          [](const py::dict& fields) {
+            return make_state_ellipsoid(fields["attitude"], fields["vector"], fields["shape"]);
+          },
+          "fields"_a,
+          R"(from_dict(fields)
+--
+
+The inverse of `to_dict`.
+)")
+      .def("__repr__",
+           [](const AnyStateEllipsoid& self) {
+             Extent<double> e;
+             const Status status = extent(self.as<BodyState>(), e);
+             return "StateEllipsoid(largest_angle=" + (status == Status::ok ? text(e.largest_angle) : "?") + " rad)";
+           })
+      .def(py::pickle(
+          [](const AnyStateEllipsoid& self) {
+            return py::make_tuple(to_array(self.attitude), to_array(self.vector), to_array(self.shape));
+          },
+          [](const py::tuple& state) { return make_state_ellipsoid(state[0], state[1], state[2]); }));
+
+  py::class_<BodyFlowSettings>(module, "RigidBodyFlow", collectable<BodyFlowSettings>(),
+                               R"(RigidBodyFlow(body, potential=None, *, step, order=2, unknown_torque=None)
+--
+
+How a rigid body in a potential moves between measurements: the variational integrator and its linearization.
+
+Parameters
+----------
+body : RigidBody
+potential : a potential, optional
+    A free body if omitted.
+step : float
+    The longest step, s; an interval is divided into the fewest equal steps that are no longer.
+order : {2, 4, 6, 8}
+    Of the integrator.
+unknown_torque : float or (3, 3) array_like, optional
+    A torque beside those known, constant over each step and anything in a ball of this radius (N m) or an ellipsoid of
+    this shape ((N m)²) from step to step.
+)")
+      .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a, "order"_a = 2,
+           "unknown_torque"_a = py::none())
+      .def_property_readonly("body", [](const BodyFlowSettings& self) { return self.body; })
+      .def_property_readonly("potential", [](const BodyFlowSettings& self) { return self.potential.object(); })
+      .def_readonly("step", &BodyFlowSettings::step)
+      .def_readonly("order", &BodyFlowSettings::order)
+      .def_property_readonly("unknown_torque",
+                             [](const BodyFlowSettings& self) { return to_constant_array(self.unknown_torque); })
+      .def(py::pickle(
+          [](const BodyFlowSettings& self) {
+            return py::make_tuple(self.body, self.potential.object(), self.step, self.order,
+                                  to_array(self.unknown_torque));
+          },
+          [](const py::tuple& state) {
+            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3].cast<int>(), state[4]);
+          }));
+
+  py::class_<GyroFlowSettings>(module, "GyroFlow",
+                               R"(GyroFlow(noise, drift=0.0)
+--
+
+How a body moves of which nothing is known but what its gyro says: gyro = ω + bias + v, the bias in the state.
+
+Parameters
+----------
+noise : float or (3, 3) array_like
+    v lies in a ball of this radius (rad/s) or an ellipsoid of this shape ((rad/s)²).
+drift : float or (3, 3) array_like
+    The same for the rate of change of the bias, rad/s².
+)")
+      .def(py::init([](const py::object& noise, const py::object& drift) {
+             return GyroFlowSettings{one_bound(noise, "noise", true), one_bound(drift, "drift", true)};
+           }),
+           "noise"_a, "drift"_a = 0.0)
+      .def_property_readonly("noise", [](const GyroFlowSettings& self) { return to_constant_array(self.noise); })
+      .def_property_readonly("drift", [](const GyroFlowSettings& self) { return to_constant_array(self.drift); })
+      .def(py::pickle(
+          [](const GyroFlowSettings& self) { return py::make_tuple(to_array(self.noise), to_array(self.drift)); },
+          [](const py::tuple& state) {
+            return GyroFlowSettings{one_bound(state[0], "noise", true), one_bound(state[1], "drift", true)};
+          }));
+
+  py::class_<PythonFilter>(module, "AttitudeFilter", collectable<PythonFilter>(),
+                           R"(AttitudeFilter(flow, ellipsoid, *, time=0.0, mode='first_order', criterion='trace', weight=None)
+--
+
+Attitude and angular velocity (or gyro bias) with the ellipsoid that bounds them, from measurements with bounded errors.
+
+A call that raises leaves the filter as it was; after a prediction a refused measurement is as if it had not come. Both modes
+are of first order: what they return is a bound only up to terms of second order in the error.
+
+Parameters
+----------
+flow : RigidBodyFlow or GyroFlow
+ellipsoid : StateEllipsoid
+    Holds the state at `time`.
+time : float
+    s.
+mode : {'first_order', 'paper'}
+    'paper' carries ellipsoids to another center by a shift, as printed; 'first_order' by the Jacobian that belongs there.
+criterion : {'trace', 'weighted_trace', 'volume'}
+    What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
+weight : (6, 6) array_like, optional
+    Of the weighted trace, symmetric positive definite.
+)")
+      .def(py::init<py::object, const AnyStateEllipsoid&, const py::object&, std::string, std::string,
+                    const py::object&>(),
+           "flow"_a, "ellipsoid"_a, py::kw_only(), "time"_a = 0.0, "mode"_a = "first_order", "criterion"_a = "trace",
+           "weight"_a = py::none())
+      .def_property_readonly("flow", &PythonFilter::flow)
+      .def_property_readonly("mode", &PythonFilter::mode)
+      .def_property_readonly("criterion", &PythonFilter::criterion)
+      .def_property_readonly("weight", &PythonFilter::weight)
+      .def_property_readonly("time", &PythonFilter::time)
+      .def_property_readonly("ellipsoid", &PythonFilter::ellipsoid)
+      .def_property_readonly("attitude",
+                             [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().attitude); })
+      .def_property_readonly("vector", [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().vector); })
+      .def_property_readonly("shape", [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().shape); })
+      .def_property_readonly("transition", [](const PythonFilter& self) { return to_constant_array(self.transition()); },
+                             "A^f since the last update, (6, 6).")
+      .def_property_readonly("prior_shape",
+                             [](const PythonFilter& self) { return to_constant_array(self.prior_shape()); },
+                             "P₀, the shape after the last update, (6, 6).")
+      .def_property_readonly("convergence", &PythonFilter::convergence,
+                             "Diagnostics of the last update with directions and rate together, or None.")
+      .def("_resume", &PythonFilter::resume, "transition"_a, "prior_shape"_a)
+      .def("extent", [](const PythonFilter& self) { return extent_of(self.ellipsoid()); },
+           R"(extent()
+--
+
+As `ellipsoid.extent()`.
+)")
+      .def("predict", &PythonFilter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
+           "gyro"_a = py::none(),
+           R"(predict(time, *, control_torque=None, gyro=None)
+--
+
+Moves the ellipsoid to a later time (paper, §3.1).
+
+Parameters
+----------
+time : float
+    s, not before `self.time`.
+control_torque : (3,) array_like, optional
+    N m, body axes, constant over the interval; for a RigidBodyFlow.
+gyro : (3,) array_like
+    The measured rate over the interval, rad/s; for a GyroFlow.
+)")
+      .def("update", &PythonFilter::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
+           "rate_bound"_a = py::none(), "sensor"_a = "",
+           R"(update(*, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
+--
+
+Fuses directions, an angular velocity or both with the prediction (paper, §3.2, §3.3). Any number of directions will do.
+
+Parameters
+----------
+directions : (m, 3) array_like
+    Measured in body axes.
+reference : (m, 3) array_like
+    The same directions in reference axes.
+bounds : float, (m,) or (m, 3, 3) array_like
+    Of the direction errors: angles in rad, or shapes in rad².
+weights : (m,) array_like, optional
+    In Wahba's problem.
+angular_velocity : (3,) array_like, optional
+    rad/s, body axes; for a RigidBodyFlow.
+rate_bound : float or (3, 3) array_like
+    rad/s, or a shape in (rad/s)².
+sensor : str
+    For the message, should the sets not meet.
+
+Returns
+-------
+Update
+
+Raises
+------
+InconsistentMeasurement
+    If the sets have no common point.
+)")
+      .def("update_attitude", &PythonFilter::update_attitude, "attitude"_a, "bound"_a, "sensor"_a = "",
+           R"(update_attitude(attitude, bound, sensor='')
+--
+
+Fuses a whole measured attitude, C = C̃ exp(S(ν)) with ν in a ball of radius `bound` (rad) or an ellipsoid of that shape.
+)")
+      .def("update_linear", &PythonFilter::update_linear, "y"_a, "h"_a, "bound"_a, "sensor"_a = "",
+           R"(update_linear(y, h, bound, sensor='')
+--
+
+Fuses y = H x + v of the error x = [ζ; δ] about the present center, v in the ellipsoid of the shape `bound`.
+
+Parameters
+----------
+y : (r,) array_like
+h : (r, 6) array_like
+bound : (r, r) array_like
+)")
+      .def("angular_velocity_estimate", &PythonFilter::angular_velocity_estimate, "gyro"_a,
+           R"(angular_velocity_estimate(gyro)
+--
+
+The body's rate ω = gyro − bias − v at a sample with its bound, for a GyroFlow.
+
+Returns
+-------
+Ellipsoid
+)")
+      .def("run", &PythonFilter::run, "times"_a, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
+           "rate_bound"_a = py::none(), "gyro"_a = py::none(), "control_torque"_a = py::none(),
+           "on_inconsistent"_a = "raise",
+           R"(run(times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
+--
+
+Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.
+
+Parameters
+----------
+times : (n,) array_like
+    s, not decreasing, from `self.time` on.
+directions : (n, m, 3) array_like, optional
+    Rows with a NaN are absent.
+reference : (m, 3) or (n, m, 3) array_like
+bounds, weights, rate_bound
+    As in `update`, the same for all rows.
+angular_velocity : (n, 3) array_like, optional
+    For a RigidBodyFlow; rows with a NaN are absent.
+gyro : (n, 3) array_like
+    For a GyroFlow: gyro[k] is the rate from times[k] to times[k + 1]; times[0] must be `self.time`.
+control_torque : (3,) or (n, 3) array_like, optional
+    For a RigidBodyFlow: row k acts until times[k].
+on_inconsistent : {'raise', 'skip'}
+    What to do with a row that contradicts the prediction. 'raise' leaves the filter as it was before the call.
+
+Returns
+-------
+FilterLog
+)");
+
+  module.def("measured_attitude", &measured_attitude_of, "directions"_a, "reference"_a, "bounds"_a,
+             "weights"_a = py::none(),
+             R"(measured_attitude(directions, reference, bounds, weights=None)
+--
+
+The attitude that two or more directions measure, and the shape of its ellipsoid to first order (paper, eq. zetakpm).
+
+Returns
+-------
+attitude : (3, 3) ndarray
+shape : (3, 3) ndarray
+    rad².
+)");
+  module.def("measured_state", &measured_state_of, "directions"_a, "reference"_a, "bounds"_a, "angular_velocity"_a,
+             "rate_bound"_a, "weights"_a = py::none(),
+             R"(measured_state(directions, reference, bounds, angular_velocity, rate_bound, weights=None)
+--
+
+The ellipsoid E^m of two or more directions and an angular velocity (paper, eqs. Pmkl, mea): a filter may start from it.
+
+Returns
+-------
+StateEllipsoid
+)");
+}
+
+}  // namespace elliptude::python

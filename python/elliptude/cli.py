@@ -1,0 +1,82 @@
+"""The command ``elliptude``.
+
+Each command is a plain function in a module of its own, ``cli_*.py``; here they are put together, and here alone an
+error that a person can mend becomes a message. Exit codes: 0 done, 1 a file or what is in it is at fault, 2 the command
+line is, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import typer
+
+
+def make_app() -> typer.Typer:
+    """Put the commands together.
+
+    Returns
+    -------
+    typer.Typer
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the extra ``elliptude[cli]`` is not installed.
+    """
+    # Imported here: the package may be installed without what its command line needs.
+    import typer
+    from typer.core import TyperGroup
+
+    from elliptude import __version__, cli_simulate
+    from elliptude.files import FileError
+
+    class Group(TyperGroup):
+        def invoke(self, ctx: Any) -> Any:
+            try:
+                return super().invoke(ctx)
+            except FileError as error:
+                message = str(error)
+            except OSError as error:
+                message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+            typer.secho(f"error: {message}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(1)
+
+    app = typer.Typer(
+        cls=Group,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        help="Attitude estimation with ellipsoidal bounds: simulate measurements, estimate from logs.",
+    )
+
+    def print_version(wanted: bool) -> None:
+        if wanted:
+            typer.echo(__version__)
+            raise typer.Exit
+
+    @app.callback()
+    def options(
+        version: bool = typer.Option(
+            False, "--version", callback=print_version, is_eager=True, help="Print the version."
+        ),
+    ) -> None:
+        pass
+
+    app.command("simulate")(cli_simulate.simulate)
+    app.command("scenarios")(cli_simulate.list_scenarios)
+    return app
+
+
+def main() -> None:
+    """Run the command line; what `pip` installs as ``elliptude``."""
+    try:
+        app = make_app()
+    except ModuleNotFoundError as error:
+        sys.exit(
+            f"elliptude: the command line needs {error.name}, which is not installed: pip install 'elliptude[cli]'"
+        )
+    app()

@@ -1,0 +1,68 @@
+"""Files that people give and get: one kind of error, and nothing half-written under a final name."""
+
+import json
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+class FileError(Exception):
+    """A file cannot be used or written; the message says which, where in it, and why."""
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary file that becomes ``path`` when the block ends well, and is removed when it does not.
+
+    It lies in the same folder, so that it takes its final name in one step: who reads ``path`` finds the old file or
+    the whole new one.
+
+    Parameters
+    ----------
+    path : path-like
+        The final name. Its folder must exist.
+
+    Yields
+    ------
+    pathlib.Path
+        The file to write, new and empty.
+
+    Raises
+    ------
+    FileError
+        If the system refuses: no such folder, no permission, no space.
+    """
+    final = Path(path)
+    # Not of `tempfile`, whose files nobody but their owner may read.
+    temporary = final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        temporary.touch(exist_ok=False)
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        temporary.replace(final)
+    except OSError as error:
+        raise FileError(f"{final}: not written: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_json(path: str | os.PathLike[str], data: object) -> None:
+    """Write JSON for people and programs: indented, UTF-8, no NaN.
+
+    Parameters
+    ----------
+    path : path-like
+    data : object
+        What `json.dumps` takes.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

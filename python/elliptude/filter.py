@@ -1,0 +1,156 @@
+"""The filter, with what it takes to store one."""
+
+import json
+from typing import Any, Self
+
+import numpy as np
+
+from elliptude import _core
+
+FORMAT_VERSION = 1
+"""Of what `AttitudeFilter.to_dict` returns."""
+
+
+def _potential_to_dict(potential: object) -> dict[str, Any]:
+    """A built-in potential by its kind and parameters.
+
+    Raises
+    ------
+    TypeError
+        For a potential of your own, which JSON cannot hold; pickle can.
+    """
+    match potential:
+        case _core.FreeBody():
+            return {"kind": "free"}
+        case _core.UniformGravity():
+            return {
+                "kind": "uniform_gravity",
+                "mass": potential.mass,
+                "gravity": potential.gravity,
+                "center_of_mass": potential.center_of_mass.tolist(),
+            }
+        case _core.GravityGradient():
+            return {
+                "kind": "gravity_gradient",
+                "inertia": potential.body.inertia.tolist(),
+                "orbit_rate": potential.orbit_rate,
+                "orbit": potential.orbit.tolist(),
+            }
+        case _core.SumPotential():
+            return {"kind": "sum", "potentials": [_potential_to_dict(term) for term in potential.potentials]}
+    raise TypeError(f"a potential of the type {type(potential).__name__} cannot be stored as JSON; use pickle")
+
+
+def _potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
+    match fields["kind"]:
+        case "free":
+            return _core.FreeBody()
+        case "uniform_gravity":
+            return _core.UniformGravity(fields["mass"], fields["gravity"], fields["center_of_mass"])
+        case "gravity_gradient":
+            return _core.GravityGradient(_core.RigidBody(fields["inertia"]), fields["orbit_rate"], fields["orbit"])
+        case "sum":
+            return _core.SumPotential([_potential_from_dict(term) for term in fields["potentials"]])
+    raise ValueError(f"potential.kind is {fields['kind']!r}, which is none of free, uniform_gravity, gravity_gradient, sum")
+
+
+def _flow_to_dict(flow: _core.RigidBodyFlow | _core.GyroFlow) -> dict[str, Any]:
+    if isinstance(flow, _core.GyroFlow):
+        return {"kind": "gyro", "noise": flow.noise.tolist(), "drift": flow.drift.tolist()}
+    return {
+        "kind": "rigid_body",
+        "inertia": flow.body.inertia.tolist(),
+        "potential": _potential_to_dict(flow.potential),
+        "step": flow.step,
+        "order": flow.order,
+        "unknown_torque": flow.unknown_torque.tolist(),
+    }
+
+
+def _flow_from_dict(fields: dict[str, Any]) -> _core.RigidBodyFlow | _core.GyroFlow:
+    match fields["kind"]:
+        case "gyro":
+            return _core.GyroFlow(np.asarray(fields["noise"]), np.asarray(fields["drift"]))
+        case "rigid_body":
+            return _core.RigidBodyFlow(
+                _core.RigidBody(fields["inertia"]),
+                _potential_from_dict(fields["potential"]),
+                step=fields["step"],
+                order=fields["order"],
+                unknown_torque=np.asarray(fields["unknown_torque"]),
+            )
+    raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither gyro nor rigid_body")
+
+
+class AttitudeFilter(_core.AttitudeFilter):
+    __doc__ = _core.AttitudeFilter.__doc__
+
+    def to_dict(self) -> dict[str, Any]:
+        """All that the filter is, as numbers, strings, lists and dictionaries.
+
+        Raises
+        ------
+        TypeError
+            If the flow has a potential written in Python, which only pickle can store.
+        """
+        return {
+            "format": FORMAT_VERSION,
+            "flow": _flow_to_dict(self.flow),
+            "ellipsoid": self.ellipsoid.to_dict(),
+            "time": self.time,
+            "mode": self.mode,
+            "criterion": self.criterion,
+            "weight": None if self.weight is None else self.weight.tolist(),
+            "transition": self.transition.tolist(),
+            "prior_shape": self.prior_shape.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Self:
+        """The inverse of `to_dict`.
+
+        Raises
+        ------
+        ValueError
+            For another format, or numbers that make no filter.
+        """
+        if fields.get("format") != FORMAT_VERSION:
+            raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
+        stored = cls(
+            _flow_from_dict(fields["flow"]),
+            _core.StateEllipsoid.from_dict(fields["ellipsoid"]),
+            time=fields["time"],
+            mode=fields["mode"],
+            criterion=fields["criterion"],
+            weight=fields["weight"],
+        )
+        stored._resume(fields["transition"], fields["prior_shape"])
+        return stored
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON; floats come back bit for bit."""
+        return json.dumps(self.to_dict())
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The inverse of `to_json`."""
+        return cls.from_dict(json.loads(text))
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        """What pickle keeps; the flow is pickled, so a potential written in Python must be picklable."""
+        return (
+            self.flow,
+            self.ellipsoid,
+            self.time,
+            self.mode,
+            self.criterion,
+            self.weight,
+            self.transition,
+            self.prior_shape,
+        )
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Restores what `__getstate__` kept."""
+        flow, ellipsoid, time, mode, criterion, weight, transition, prior_shape = state
+        self.__init__(flow, ellipsoid, time=time, mode=mode, criterion=criterion, weight=weight)  # type: ignore[misc]
+        self._resume(transition, prior_shape)

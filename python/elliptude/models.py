@@ -1,0 +1,126 @@
+"""What the TOML files of scenarios and configurations are made of: strict models, messages that name the key."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
+from pydantic_core import ErrorDetails
+from scipy.spatial.transform import Rotation
+
+from elliptude.files import FileError
+from elliptude.results import FloatArray
+
+Number = Annotated[float, Strict()]
+"""A finite number: no text, no true or false."""
+Vector = tuple[Number, Number, Number]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class Model(BaseModel):
+    """A table of a TOML file: every key is known, every number finite, nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RotationVectorDeg(Model):
+    """An attitude as the rotation vector from the reference frame, in degrees."""
+
+    rotation_vector_deg: Vector
+
+    def matrix(self) -> FloatArray:
+        """The attitude C from body to reference axes, shape (3, 3)."""
+        matrix: FloatArray = Rotation.from_rotvec(self.rotation_vector_deg, degrees=True).as_matrix()
+        return matrix
+
+
+def _identity_by_name(value: object) -> object:
+    return {"rotation_vector_deg": [0.0, 0.0, 0.0]} if value == "identity" else value
+
+
+Attitude = Annotated[RotationVectorDeg, BeforeValidator(_identity_by_name)]
+"""``"identity"`` or ``{ rotation_vector_deg = [...] }``."""
+
+SomeModel = TypeVar("SomeModel", bound=BaseModel)
+
+
+def read_toml(path: str | os.PathLike[str], model: type[SomeModel], **defaults: object) -> SomeModel:
+    """Read a TOML file into a model.
+
+    Parameters
+    ----------
+    path : path-like
+    model : type
+        The pydantic model of the whole file.
+    **defaults
+        Keys that the file may leave out.
+
+    Returns
+    -------
+    model
+        An instance.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is not TOML (with line and column), or does not fit (with every key at fault).
+    """
+    try:
+        data = defaults | tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return model.model_validate(data)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: not UTF-8 text") from error
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"{path}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise FileError(f"{path}: {_faults(error, data)}") from error
+
+
+def _faults(error: ValidationError, data: Mapping[str, Any]) -> str:
+    """Every key at fault with what is wrong, each once: the members of a union repeat one another."""
+    return "; ".join(dict.fromkeys(_key_path(fault, data) + fault["msg"] for fault in error.errors()))
+
+
+def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
+    """Where in the file a fault is, "potential.orbit_rate: "; empty for the file as a whole.
+
+    pydantic names the members of unions among the keys; they are not in the file.
+    """
+    path = ""
+    here: Any = data
+    for part in fault["loc"]:
+        if isinstance(here, list) and isinstance(part, int):
+            path += f"[{part}]"
+            here = here[part] if part < len(here) else None
+        elif isinstance(here, Mapping) and (part in here or fault["type"] == "missing"):
+            path += f".{part}"
+            here = here.get(part)
+    return f"{path.lstrip('.')}: " if path else ""
+
+
+def unit(vector: Vector) -> Vector:
+    """The vector at length 1, for a validator.
+
+    Parameters
+    ----------
+    vector : tuple of 3 floats
+
+    Returns
+    -------
+    tuple of 3 floats
+
+    Raises
+    ------
+    ValueError
+        If it has no length.
+    """
+    length = float(np.linalg.norm(vector))
+    if length == 0.0:
+        raise ValueError("a direction must have a length")
+    x, y, z = vector
+    return (x / length, y / length, z / length)

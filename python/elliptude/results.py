@@ -1,0 +1,141 @@
+"""What functions return that return more than one thing."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude._core import Ellipsoid
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+class PrincipalAxes(NamedTuple):
+    """The semi-axes of an ellipsoid, longest first."""
+
+    lengths: FloatArray
+    """Shape (n,)."""
+    directions: FloatArray
+    """Unit vectors as columns, shape (n, n)."""
+
+
+class Intersection(NamedTuple):
+    """An ellipsoid that contains an intersection, and how it was mixed."""
+
+    ellipsoid: Ellipsoid
+    share: float
+    """0 is the first set alone, 1 the second."""
+
+
+class Trajectory(NamedTuple):
+    """States of a rigid body at n + 1 times."""
+
+    times: FloatArray
+    """In s, shape (n + 1,)."""
+    attitudes: FloatArray
+    """From body to reference axes, shape (n + 1, 3, 3)."""
+    angular_velocities: FloatArray
+    """In rad/s, body axes, shape (n + 1, 3)."""
+
+
+class FlowLinearization(NamedTuple):
+    """The state at the end of some steps, and the first-order effect on [ζ; δω] there.
+
+    ζ is the error rotation vector on the body side, C = Ĉ exp(S(ζ)).
+    """
+
+    attitude: FloatArray
+    """From body to reference axes, shape (..., 3, 3)."""
+    angular_velocity: FloatArray
+    """In rad/s, body axes, shape (..., 3)."""
+    state: FloatArray
+    """A, the effect of [ζ; δω] at the start, shape (..., 6, 6)."""
+    control: FloatArray
+    """B, the effect of a change of the control torque, shape (..., 6, 3)."""
+
+
+class WahbaSolution(NamedTuple):
+    """The attitude that fits directions best."""
+
+    attitude: FloatArray
+    """From body to reference axes, shape (..., 3, 3)."""
+    cost: np.float64 | FloatArray
+    """½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² of unit directions, shape (...)."""
+    condition: np.float64 | FloatArray
+    """Largest over smallest curvature of the cost, shape (...)."""
+
+
+class Extent(NamedTuple):
+    """How far a state ellipsoid reaches."""
+
+    half_widths_body: FloatArray
+    """Of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (6,)."""
+    half_widths_reference: FloatArray
+    """Of ζ along reference axes, rad, shape (3,)."""
+    largest_angle: float
+    """The largest ‖ζ‖ in the set, rad."""
+    largest_angle_axis: FloatArray
+    """Unit vector in body axes: the turn that is known least, shape (3,)."""
+    greatest_uncertainty: FloatArray
+    """Unit eigenvector of P to its largest eigenvalue, shape (6,)."""
+
+
+class Convergence(NamedTuple):
+    """Diagnostics of the paper's convergence theorem, a sufficient condition that most updates cannot meet."""
+
+    flow_norm: float
+    """‖A^f‖_F since the update before; at least √6, as det A^f = 1."""
+    smallest_ratio: float
+    """The least eigenvalue of (P^m)⁻¹ P^f."""
+    chi: float
+    """√(6 + 30 κ(P^m))."""
+    contraction: float
+    """The least c that satisfies the theorem; tr P < c tr P₀ is promised only where it is below 1."""
+    trace_ratio: float
+    """tr P / tr P₀ as it came out."""
+    smaller_than_sets: float
+    """tr P / min(tr P^m, tr P^f): at most 1 for the criterion 'trace', before recentring."""
+
+
+class Update(NamedTuple):
+    """What an update did."""
+
+    share: float
+    """0 is the measurement alone, 1 the prediction alone."""
+    margin: float
+    """The least overlap of the sets that were fused, see `elliptude.overlap_margin`."""
+    convergence: Convergence | None
+    """Of directions and rate together, else None."""
+
+
+@dataclass(frozen=True)
+class FilterLog:
+    """What a filter made of a log of n rows with m directions."""
+
+    times: FloatArray
+    """In s, shape (n,)."""
+    attitudes: FloatArray
+    """Centers after each row, from body to reference axes, shape (n, 3, 3)."""
+    vectors: FloatArray
+    """Angular velocities or gyro biases, rad/s, body axes, shape (n, 3)."""
+    shapes: FloatArray
+    """P, shape (n, 6, 6)."""
+    shares: FloatArray
+    """0 is the measurement alone, 1 the prediction alone, shape (n,)."""
+    margins: FloatArray
+    """Least overlap of the sets that were fused, NaN where none were, shape (n,)."""
+    used: NDArray[np.bool_]
+    """Whether each direction and, last, the angular velocity went into the row's update, shape (n, m + 1)."""
+    outcomes: NDArray[np.uint8]
+    """0 updated, 1 predicted only, 2 refused: the sets did not meet; shape (n,)."""
+
+    def half_widths(self) -> FloatArray:
+        """Half-widths along body axes of the attitude error (rad) and of the vector (rad/s), shape (n, 6)."""
+        diagonals: FloatArray = np.sqrt(np.diagonal(self.shapes, axis1=1, axis2=2))
+        return diagonals
+
+    def largest_angles(self) -> FloatArray:
+        """The largest attitude error in each set, rad, shape (n,)."""
+        largest: FloatArray = np.sqrt(np.linalg.eigvalsh(self.shapes[:, :3, :3])[:, -1])
+        return largest

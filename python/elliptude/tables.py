@@ -1,0 +1,542 @@
+"""Tables of measurements and of results, as CSV or Parquet: the format is described in ``docs/tables.md``.
+
+A table has one row for each time and one named column for each number; an empty cell (null in Parquet) is what was not
+measured, and NaN in the arrays here. NaN and infinity as text are refused, as nobody can tell what is meant.
+"""
+
+import csv
+import io
+import os
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Literal, NoReturn, Protocol, Self, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.files import FileError, replacing
+from elliptude.results import FloatArray
+
+VERSION = 1
+"""Of the format. A reader takes this version and older ones; a new column does not make a new version."""
+
+Kind: TypeAlias = Literal["measurements", "results"]
+VectorName: TypeAlias = Literal["rate", "bias"]
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+RATE = ("wx", "wy", "wz")
+_VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": ("bias_x", "bias_y", "bias_z")}
+MEASURED_RATE = ("rate_wx", "rate_wy", "rate_wz")
+_UPPER = np.triu_indices(6)
+_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
+
+
+# --- what the tables hold ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """A log of directions and rates, with the truth beside them where it is known."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    sensors: tuple[str, ...]
+    """Names of the m direction sensors."""
+    directions: FloatArray
+    """Measured unit vectors, body axes, NaN where there was none, shape (N, m, 3)."""
+    references: FloatArray
+    """The same directions in reference axes, shape (N, m, 3)."""
+    angular_velocities: FloatArray | None = None
+    """Measured, rad/s, body axes, NaN where there was none, shape (N, 3)."""
+    true_quaternions: FloatArray | None = None
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    true_angular_velocities: FloatArray | None = None
+    """rad/s, body axes, shape (N, 3)."""
+
+    @property
+    def true_attitudes(self) -> FloatArray | None:
+        """From body to reference axes, shape (N, 3, 3)."""
+        return None if self.true_quaternions is None else attitudes_from_quaternions(self.true_quaternions)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a table of measurements, in whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            Ends in ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
+        columns: dict[str, FloatArray | Sequence[str]] = {"time_s": self.times}
+        _add(columns, QUATERNION, self.true_quaternions)
+        _add(columns, RATE, self.true_angular_velocities)
+        for i, sensor in enumerate(self.sensors):
+            _add(columns, measured(sensor), self.directions[:, i])
+            _add(columns, reference(sensor), self.references[:, i])
+        _add(columns, MEASURED_RATE, self.angular_velocities)
+        write_columns(path, "measurements", columns)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a table of measurements.
+
+        Parameters
+        ----------
+        path : path-like
+            CSV, which may be compressed, or Parquet.
+
+        Returns
+        -------
+        Measurements
+
+        Raises
+        ------
+        FileError
+            If it is not such a table; the message names file, line and column.
+        """
+        names = column_names(path, "measurements")
+        sensors = tuple(name.removesuffix("_bx") for name in names if name.endswith("_bx"))
+        directions = [measured(sensor) for sensor in sensors]
+        references = [reference(sensor) for sensor in sensors]
+        true_attitude = QUATERNION if QUATERNION[0] in names else ()
+        true_rate = RATE if RATE[0] in names else ()
+        rate = [MEASURED_RATE] if MEASURED_RATE[0] in names else []
+        columns = read_columns(path, numbers=true_attitude + true_rate, optional=[*directions, *references, *rate])
+        count = len(columns["time_s"])
+
+        def together(triples: Sequence[tuple[str, ...]]) -> FloatArray:
+            return np.array([_stack(columns, triple) for triple in triples]).reshape(-1, count, 3).transpose(1, 0, 2)
+
+        return cls(
+            times=columns["time_s"],
+            sensors=sensors,
+            directions=together(directions),
+            references=together(references),
+            angular_velocities=_stack(columns, MEASURED_RATE) if rate else None,
+            true_quaternions=_stack(columns, QUATERNION) if true_attitude else None,
+            true_angular_velocities=_stack(columns, RATE) if true_rate else None,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    vector: VectorName
+    """What is estimated beside the attitude: the angular velocity or the gyro bias."""
+    vectors: FloatArray
+    """rad/s, body axes, shape (N, 3)."""
+    shapes: FloatArray
+    """P of [ζ; δω] or [ζ; δβ], rad² and rad²/s², shape (N, 6, 6)."""
+    half_widths: FloatArray
+    """√P_ii, rad and rad/s, shape (N, 6)."""
+    largest_angles: FloatArray
+    """The largest ‖ζ‖ in the set, rad, shape (N,)."""
+    used: Sequence[str]
+    """The sensors that went into each row, with a space between their names."""
+    refused: Sequence[str]
+    """The sensors that did not meet the prediction, likewise."""
+    shares: FloatArray
+    """0 is the measurement alone, 1 the prediction alone, NaN where there was no update, shape (N,)."""
+    margins: FloatArray
+    """The least overlap of the sets that were fused, NaN where none were, shape (N,)."""
+    errors: FloatArray | None = None
+    """[ζ; δω] or [ζ; δβ] of the truth from the estimate, rad and rad/s, NaN where it is not known, shape (N, 6)."""
+    forms: FloatArray | None = None
+    """[ζ; δω]ᵀ P⁻¹ [ζ; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
+
+    @property
+    def attitudes(self) -> FloatArray:
+        """From body to reference axes, shape (N, 3, 3)."""
+        return attitudes_from_quaternions(self.quaternions)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a table of results, in whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            Ends in ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
+        vector = _VECTORS[self.vector]
+        columns: dict[str, FloatArray | Sequence[str]] = {"time_s": self.times}
+        _add(columns, QUATERNION, self.quaternions)
+        _add(columns, vector, self.vectors)
+        _add(columns, _SHAPE, self.shapes[:, *_UPPER])
+        _add(columns, _per_axis("half_width", vector), self.half_widths)
+        columns |= {
+            "largest_angle": self.largest_angles,
+            "used": self.used,
+            "refused": self.refused,
+            "share": self.shares,
+            "margin": self.margins,
+        }
+        _add(columns, _per_axis("error", vector), self.errors)
+        _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
+        write_columns(path, "results", columns)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a table of results.
+
+        Parameters
+        ----------
+        path : path-like
+            CSV, which may be compressed, or Parquet.
+
+        Returns
+        -------
+        Results
+
+        Raises
+        ------
+        FileError
+            If it is not such a table; the message names file, line and column.
+        """
+        names = column_names(path, "results")
+        vector: VectorName = "bias" if "bias_x" in names else "rate"
+        half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
+        with_errors, with_forms = errors[0] in names, "form" in names
+        columns = read_columns(
+            path,
+            numbers=(*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle"),
+            optional=[("share",), ("margin",)] + [errors] * with_errors + [("form",)] * with_forms,
+            texts=("used", "refused"),
+        )
+        shapes = np.empty((len(columns["time_s"]), 6, 6))
+        shapes[:, *_UPPER] = _stack(columns, _SHAPE)
+        shapes[:, *_UPPER[::-1]] = shapes[:, *_UPPER]
+        return cls(
+            times=columns["time_s"],
+            quaternions=_stack(columns, QUATERNION),
+            vector=vector,
+            vectors=_stack(columns, _VECTORS[vector]),
+            shapes=shapes,
+            half_widths=_stack(columns, half_widths),
+            largest_angles=columns["largest_angle"],
+            used=tuple(columns["used"]),
+            refused=tuple(columns["refused"]),
+            shares=columns["share"],
+            margins=columns["margin"],
+            errors=_stack(columns, errors) if with_errors else None,
+            forms=columns["form"] if with_forms else None,
+        )
+
+
+def quaternions_from_attitudes(attitudes: FloatArray) -> FloatArray:
+    """(qw, qx, qy, qz) with qw ≥ 0, shape (N, 4), of rotations of shape (N, 3, 3)."""
+    return np.asarray(Rotation.from_matrix(attitudes).as_quat(canonical=True, scalar_first=True), dtype=np.float64)
+
+
+def attitudes_from_quaternions(quaternions: FloatArray) -> FloatArray:
+    """Rotations, shape (N, 3, 3), of (qw, qx, qy, qz), shape (N, 4)."""
+    return np.asarray(Rotation.from_quat(quaternions, scalar_first=True).as_matrix(), dtype=np.float64)
+
+
+def measured(sensor: str) -> tuple[str, str, str]:
+    """The columns of a measured direction, body axes."""
+    return (f"{sensor}_bx", f"{sensor}_by", f"{sensor}_bz")
+
+
+def reference(sensor: str) -> tuple[str, str, str]:
+    """The columns of the same direction in reference axes."""
+    return (f"{sensor}_ex", f"{sensor}_ey", f"{sensor}_ez")
+
+
+def _per_axis(what: str, vector: tuple[str, str, str]) -> tuple[str, ...]:
+    return tuple(f"{what}_{axis}" for axis in ("rx", "ry", "rz", *vector))
+
+
+def _add(columns: dict[str, FloatArray | Sequence[str]], names: Sequence[str], values: FloatArray | None) -> None:
+    """Add the columns of ``values``, shape (N, len(names)), if there are any."""
+    if values is not None:
+        columns.update(zip(names, values.T, strict=True))
+
+
+def _stack(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    return np.column_stack([columns[name] for name in names])
+
+
+# --- any table of numbers over time -----------------------------------------------------------------------------------
+
+
+def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, FloatArray | Sequence[str]]) -> None:
+    """Write a table in whole or not at all.
+
+    Numbers keep every bit. In CSV they have the fewest digits that do.
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in ``.csv`` or ``.parquet``.
+    kind : {"measurements", "results"}
+        Written into the file, with the version of the format.
+    columns : mapping of str to array of shape (N,), or to N texts
+        NaN becomes an empty cell. Texts hold no comma, quote or line break.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    ValueError
+        If a number is infinite.
+    """
+    for name, values in columns.items():
+        if isinstance(values, np.ndarray) and np.isinf(values).any():
+            raise ValueError(f"column {name}: a table holds no infinite numbers")
+    table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
+    label = f"elliptude {kind} {VERSION}"
+    suffix = Path(path).suffix
+    if suffix not in {".csv", ".parquet"}:
+        raise FileError(f"{path}: a table's name ends in .csv or .parquet")
+    with replacing(path) as temporary:
+        if suffix == ".parquet":
+            pa.parquet.write_table(table.replace_schema_metadata({"elliptude": label}), temporary)
+            return
+        with temporary.open("wb") as file:
+            # Arrow would put every name in quotes.
+            file.write(f"# {label}\n{','.join(columns)}\n".encode())
+            pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
+
+
+def _arrow_array(values: FloatArray | Sequence[str]) -> pa.Array:
+    if isinstance(values, np.ndarray):
+        return pa.array(values, type=pa.float64(), from_pandas=True)
+    return pa.array(values, type=pa.string())
+
+
+def column_names(path: str | os.PathLike[str], kind: Kind | None = None) -> tuple[str, ...]:
+    """The names of a table's columns.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's.
+    kind : {"measurements", "results"}, optional
+        What it must be if it is elliptude's.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    FileError
+        If there is no header, or the table is of another kind or a newer version.
+    """
+    return _open(path, kind).names
+
+
+def read_columns(
+    path: str | os.PathLike[str],
+    *,
+    time: str = "time_s",
+    numbers: Iterable[str] = (),
+    optional: Iterable[tuple[str, ...]] = (),
+    texts: Iterable[str] = (),
+) -> dict[str, NDArray[np.float64]]:
+    """Read some columns of a table of numbers over time; what is in the others does not matter.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's. Lines before the header that begin
+        with ``#`` are comments.
+    time : str
+        The column of times, which must increase strictly.
+    numbers : iterable of str
+        Columns of finite numbers.
+    optional : iterable of tuple of str
+        Groups of columns of finite numbers, such as the components of a direction, whose cells may be empty, but in one
+        row only all together.
+    texts : iterable of str
+        Columns of text.
+
+    Returns
+    -------
+    dict of str to array
+        Each shape (N,), N at least 1; NaN for an empty cell, and arrays of text as objects.
+
+    Raises
+    ------
+    FileError
+        If the file is not such a table; the message names file, line and column.
+    """
+    groups, texts = [tuple(group) for group in optional], list(texts)
+    required = [time, *numbers]
+    wanted = list(dict.fromkeys([*required, *(name for group in groups for name in group)]))
+    source = _open(path)
+    for name in (*wanted, *texts):
+        if source.names.count(name) != 1:
+            there_are = textwrap.shorten(", ".join(source.names), 300, placeholder=" ...")
+            fault = "two columns" if name in source.names else "no column"
+            raise FileError(f"{path}: {fault} {name!r}; the columns are {there_are}")
+
+    table = source.read(wanted, texts)
+    if table.num_rows == 0:
+        raise FileError(f"{path}: a header, but no rows below it")
+    columns: dict[str, NDArray[np.float64]] = {}
+    empty: dict[str, NDArray[np.bool_]] = {}
+    for name in wanted:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        empty[name] = np.asarray(table[name].is_null().to_numpy(), dtype=np.bool_)
+        source.refuse(
+            ~(np.isfinite(columns[name]) | empty[name]), name, "not a finite number; leave empty what is not known"
+        )
+    for name in required:
+        source.refuse(empty[name], name, "empty")
+    source.refuse(np.diff(columns[time], prepend=-np.inf) <= 0.0, time, "not after the time of the row before")
+    for group in groups:
+        some = np.any([empty[name] for name in group], axis=0)
+        for name in group:
+            source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+class _Source(Protocol):
+    """A file of either kind, its header read."""
+
+    names: tuple[str, ...]
+    label: str
+    """Kind and version, if it is elliptude's."""
+
+    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
+        """The columns: float64, where null is an empty cell, and text."""
+
+    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
+        """Raise FileError for the first bad row of a column, if there is one."""
+
+
+def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> _Source:
+    if not Path(path).is_file():
+        raise FileError(f"{path}: no such file")
+    source: _Source = _Parquet(path) if Path(path).suffix == ".parquet" else _Csv(path)
+    if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
+        if int(match[2]) > VERSION:
+            raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
+        if kind is not None and match[1] != kind:
+            raise FileError(f"{path}: a table of {match[1]}, where one of {kind} is needed")
+    return source
+
+
+class _Parquet:
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = path
+        try:
+            schema = pa.parquet.read_schema(path)
+        except (pa.ArrowException, OSError) as error:
+            raise FileError(f"{path}: not a Parquet file: {error}") from error
+        self.names = tuple(schema.names)
+        self.label = (schema.metadata or {}).get(b"elliptude", b"").decode()
+        self._types = {field.name: field.type for field in schema}
+
+    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
+        for name in numbers:
+            if not (pa.types.is_integer(self._types[name]) or pa.types.is_floating(self._types[name])):
+                raise FileError(f"{self._path}: column {name!r} is of type {self._types[name]}, not of numbers")
+        schema = pa.schema([(name, pa.float64()) for name in numbers] + [(name, pa.string()) for name in texts])
+        try:
+            with pa.parquet.ParquetFile(self._path) as file:
+                return file.read(columns=schema.names).select(schema.names).cast(schema)
+        except (pa.ArrowException, OSError) as error:
+            raise FileError(f"{self._path}: {error}") from error
+
+    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
+        if bad.any():
+            raise FileError(f"{self._path}: row {int(np.argmax(bad)) + 1}, column {name!r}: {fault}")
+
+
+class _Csv:
+    """Read by Arrow; what is at fault, and in which line, is found by a slow second reading."""
+
+    _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = path
+        self.label = ""
+        with self._text() as text:
+            for self._header_line, line in enumerate(text, start=1):
+                if line.startswith("#"):
+                    self.label = self.label or line.removeprefix("#").strip()
+                elif line.strip():
+                    self.names = tuple(next(csv.reader([line])))
+                    return
+        raise FileError(f"{path}: empty, not even a header")
+
+    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
+        types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(texts, pa.string())
+        try:
+            with pa.input_stream(os.fspath(self._path), compression="detect") as stream:
+                return pa.csv.read_csv(
+                    stream,
+                    read_options=pa.csv.ReadOptions(column_names=self.names, skip_rows=self._header_line),
+                    convert_options=pa.csv.ConvertOptions(
+                        column_types=types, include_columns=list(types), null_values=[""], strings_can_be_null=False
+                    ),
+                )
+        except (pa.ArrowException, OSError) as error:
+            self._find_fault(numbers)
+            raise FileError(f"{self._path}: {error}") from error
+
+    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
+        if bad.any():
+            line, cells = next(islice(self._rows(), int(np.argmax(bad)), None))
+            self._fail(line, name, fault, cells[self.names.index(name)])
+
+    def _find_fault(self, numbers: list[str]) -> None:
+        for line, cells in self._rows():
+            if len(cells) != len(self.names):
+                raise FileError(
+                    f"{self._path}: line {line}: {len(cells)} columns, but the header has {len(self.names)}"
+                )
+            for name in numbers:
+                cell = cells[self.names.index(name)]
+                if cell and not self._NUMBER.fullmatch(cell.strip(" \t")):
+                    self._fail(line, name, "not a number", cell)
+
+    def _fail(self, line: int, name: str, fault: str, cell: str) -> NoReturn:
+        content = textwrap.shorten(cell, 40, placeholder="...")
+        place = f"line {line}, column {self.names.index(name) + 1} ({name})"
+        raise FileError(f"{self._path}: {place}: {fault}" + (f": {content!r}" if content else ""))
+
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        """The rows below the header, each with the number of its last line; no empty lines, as Arrow skips them."""
+        with self._text() as text:
+            reader = csv.reader(islice(text, self._header_line, None))
+            try:
+                yield from ((self._header_line + reader.line_num, cells) for cells in reader if cells)
+            except csv.Error as error:
+                raise FileError(f"{self._path}: line {self._header_line + reader.line_num}: {error}") from error
+
+    @contextmanager
+    def _text(self) -> Iterator[io.TextIOWrapper]:
+        try:
+            with (
+                pa.input_stream(os.fspath(self._path), compression="detect") as stream,
+                io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace", newline="") as text,
+            ):
+                yield text
+        except OSError as error:
+            raise FileError(f"{self._path}: {error.strerror or error}") from error
