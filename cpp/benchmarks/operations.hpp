@@ -57,8 +57,7 @@ inline RigidBody<double> make_body(const Vector3d& moments) {
 }
 
 inline auto free_motion() {
-  return Motion<FreeBody<double>>{
-      make_body({1, 2.8, 2}), {}, {Matrix3d::Identity(), Vector3d(0.01, 0.01, 5)}, 0.01};
+  return Motion<FreeBody<double>>{make_body({1, 2.8, 2}), {}, {Matrix3d::Identity(), Vector3d(0.01, 0.01, 5)}, 0.01};
 }
 
 inline auto gravity_gradient_motion() {

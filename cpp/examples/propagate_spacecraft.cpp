@@ -50,11 +50,11 @@ int main() {
     // The potential turns with the orbit, so energy is exchanged with it; what stays is Jacobi's integral.
     const double jacobi = energy - orbit_rate * momentum.dot(orbit.col(2));
     std::printf("%7.0f  %8.5f %8.5f %8.5f %8.5f  %.6e  %.12e  %9.6f %9.6f %9.6f\n", time, q.w, q.vector.x(),
-                q.vector.y(), q.vector.z(), energy, jacobi, 1e3 * momentum.x(), 1e3 * momentum.y(),
-                1e3 * momentum.z());
+                q.vector.y(), q.vector.z(), energy, jacobi, 1e3 * momentum.x(), 1e3 * momentum.y(), 1e3 * momentum.z());
   };
 
-  std::puts("   time        qw       qx       qy       qz        energy              Jacobi        momentum, 1e-3 N m s");
+  std::puts(
+      "   time        qw       qx       qy       qz        energy              Jacobi        momentum, 1e-3 N m s");
   print(0, state);
   const Status status = elliptude::integrate(body, gravity, composition, 0.0, step, steps, no_control, state, state,
                                              [&](long k, const elliptude::RigidBodyState<double>& at) {

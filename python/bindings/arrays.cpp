@@ -29,10 +29,16 @@ Array real_array(const py::handle& value, const std::string& name) {
   return converted;
 }
 
+namespace {
+
+[[nodiscard]] std::string length_text(Index length) { return length == any_length ? "n" : std::to_string(length); }
+
+}  // namespace
+
 std::string text(const Shape& shape) {
   std::string result = "(";
   for (std::size_t i = 0; i < shape.size(); ++i) {
-    result += (i > 0 ? ", " : "") + (shape[i] == any_length ? std::string("n") : std::to_string(shape[i]));
+    result += (i > 0 ? ", " : "") + length_text(shape[i]);
   }
   return result + (shape.size() == 1 ? ",)" : ")");
 }
@@ -67,13 +73,13 @@ Items::Items(const py::handle& value, std::string name, Shape item, Require requ
     fits = item_[i] == any_length ? length > 0 : length == item_[i];
   }
   if (!fits) {
-    std::string wanted = "the shape " + text(item_);
+    std::string wanted = text(item_);
     if (batch == Batch::allowed) {
-      wanted.insert(wanted.find('(') + 1, rank > 0 ? "..., " : "...");
+      wanted = rank > 1 ? "(..., " + wanted.substr(1) : (rank == 1 ? "(..., " + length_text(item_[0]) + ")" : "(...)");
     } else if (rank == 0) {
-      wanted = "the shape () of a number";
+      wanted = "() of a number";
     }
-    value_error(name_ + " must have " + wanted + ", not " + text(shape));
+    value_error(name_ + " must have the shape " + wanted + ", not " + text(shape));
   }
   leading_.assign(shape.begin(), shape.end() - static_cast<Index>(rank));
   item_.assign(shape.end() - static_cast<Index>(rank), shape.end());

@@ -2,6 +2,7 @@
 #include <elliptude/linearization.hpp>
 #include <utility>
 
+#include "ellipsoids.hpp"
 #include "module.hpp"
 #include "potential.hpp"
 
@@ -10,15 +11,14 @@ namespace elliptude::python {
 namespace {
 
 [[nodiscard]] RigidBody<double> make_body(const py::object& inertia) {
-  const Items given(inertia, "inertia", {any_length});
+  const Items given(inertia, "inertia", {});
+  const Shape& shape = given.leading();
   Matrix3<double> matrix;
-  if (given.leading().empty() && given.item()[0] == 3) {
+  if (shape == Shape{3}) {
     matrix = given.vector<3>(0).asDiagonal();
-  } else if (given.leading() == Shape{3} && given.item()[0] == 3) {
-    matrix = given.matrix3(0);
+  } else if (shape == Shape{3, 3}) {
+    matrix = symmetric(given.matrix3(0), "inertia");
   } else {
-    Shape shape = given.leading();
-    shape.push_back(given.item()[0]);
     value_error("inertia must have the shape (3, 3), or (3,) for principal moments, not " + text(shape));
   }
   RigidBody<double> body;
@@ -143,8 +143,12 @@ class InitialStates {
   return py::make_tuple(attitudes_after.array(), rates_after.array());
 }
 
-[[nodiscard]] Index positive_count(const py::int_& value, const std::string& name) {
-  const auto number = value.cast<Index>();
+[[nodiscard]] Index positive_count(const py::object& value, const std::string& name) {
+  const Index number = PyNumber_AsSsize_t(value.ptr(), PyExc_OverflowError);
+  if (number == -1 && PyErr_Occurred() != nullptr) {
+    py::raise_from(PyExc_TypeError, (name + " must be an integer").c_str());
+    throw py::error_already_set();
+  }
   if (number < 1) {
     value_error(name + " must be at least 1, but is " + std::to_string(number));
   }
@@ -152,8 +156,8 @@ class InitialStates {
 }
 
 [[nodiscard]] py::object trajectory(const Integrator& self, const py::object& attitude, const py::object& angular_velocity,
-                                    const py::int_& steps, const py::object& time, const py::object& control_torque,
-                                    const py::int_& every) {
+                                    const py::object& steps, const py::object& time, const py::object& control_torque,
+                                    const py::object& every) {
   RigidBodyState<double> state{single_attitude(attitude, "attitude"),
                                single(angular_velocity, "angular_velocity", {3}).vector<3>(0)};
   const Index step_count = positive_count(steps, "steps");
@@ -218,7 +222,7 @@ class InitialStates {
 }
 
 [[nodiscard]] py::object linearize(const Integrator& self, const py::object& attitude, const py::object& angular_velocity,
-                                   const py::int_& steps, const py::object& time, const py::object& control_torque) {
+                                   const py::object& steps, const py::object& time, const py::object& control_torque) {
   const InitialStates start(attitude, angular_velocity, time, control_torque);
   const Index step_count = positive_count(steps, "steps");
   Results attitudes_after(start.leading(), {3, 3});

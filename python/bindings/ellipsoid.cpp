@@ -88,13 +88,15 @@ namespace {
   Results points({count}, {self.center.size()});
   const double* normal = normals.data();
   const double* uniform = uniforms.data();
-  const py::gil_scoped_release release;
-  for (Index i = 0; i < count; ++i) {
-    Eigen::VectorXd u = Eigen::Map<const Eigen::VectorXd>(normal + i * dimension, dimension);
-    if (dimension > 0) {
-      u *= std::pow(uniform[i], 1.0 / static_cast<double>(dimension)) / u.norm();
+  {
+    const py::gil_scoped_release release;
+    for (Index i = 0; i < count; ++i) {
+      Eigen::VectorXd u = Eigen::Map<const Eigen::VectorXd>(normal + i * dimension, dimension);
+      if (dimension > 0) {
+        u *= std::pow(uniform[i], 1.0 / static_cast<double>(dimension)) / u.norm();
+      }
+      points.set(i, Eigen::VectorXd(self.center + factor * u));
     }
-    points.set(i, Eigen::VectorXd(self.center + factor * u));
   }
   return points.array();
 }
@@ -524,7 +526,7 @@ True
 
 By how much two ellipsoids overlap.
 
-1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the centers (theory, section 6).
+1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the centers (theory, section 7).
 
 Parameters
 ----------

@@ -125,7 +125,7 @@ void define_quadrics(py::module_& module) {
 The set {y : yᵀAy + 2gᵀy ≤ c}; immutable.
 
 A need not be positive definite: a half-space, a slab, a cylinder and the inside of a cone are quadrics as an ellipsoid
-is, and what a measurement says of the state is one (theory, section 6).
+is, and what a measurement says of the state is one (theory, section 7).
 
 Parameters
 ----------

@@ -272,7 +272,7 @@ class FirstMeasurementStart(Model):
 class Configuration(Model):
     """An estimation."""
 
-    time_column: Column = "t_s"
+    time_column: Column = "time_s"
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[Direction, ...] = ()
     rate: Rate | None = None

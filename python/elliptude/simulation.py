@@ -86,7 +86,7 @@ def truth(scenario: Scenario) -> Truth:
         momentum_rate = torque(time, attitude) - _cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
 
-    times = scenario.interval * np.arange(scenario.measurements + 1)
+    times: FloatArray = scenario.interval * np.arange(scenario.measurements + 1)
     states = np.empty((len(times), 12))
     states[0] = *scenario.attitude0.matrix().ravel(), *scenario.rate0
     # One call for each interval: at the end of a call the state has the full order, in between it is interpolated.
@@ -210,7 +210,7 @@ def _turning(attitude: FloatArray, omega: FloatArray) -> FloatArray:
 
 
 def _torque(potential: scenarios.Potential, inertia: FloatArray) -> _Torque:
-    """M(t, C) in N m, body axes (theory, section 2)."""
+    """M(t, C) in N m, body axes (theory, section 5)."""
     match potential:
         case scenarios.Free():
             return lambda time, attitude: np.zeros(3)

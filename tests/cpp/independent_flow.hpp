@@ -56,7 +56,8 @@ inline Motion independent_flow(const RealMatrix& inertia, const RealTorque& torq
   y << start.attitude, start.angular_velocity;
   for (int interval = 0; interval < intervals; ++interval) {
     const Real t = time + static_cast<Real>(interval) * length;
-    std::array<Packed, columns> row;  // Aitken and Neville's table in the square of the part's length, one row at a time
+    std::array<Packed, columns>
+        row;  // Aitken and Neville's table in the square of the part's length, one row at a time
     for (int k = 0; k < columns; ++k) {
       Packed value = midpoint_rule(y, t, length, 2 * (k + 1));
       for (int j = 0; j < k; ++j) {

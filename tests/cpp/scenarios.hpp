@@ -21,23 +21,22 @@ RigidBody<Scalar> make_body(const Matrix3<Scalar>& inertia) {
 /// diag(1, 2.8, 2) kg m², of the scenarios `free`, `orbit` and `long_orbit`; the third axis is the intermediate one.
 template <typename Scalar>
 RigidBody<Scalar> spacecraft() {
-  return make_body(Matrix3<Scalar>(
-      Vector3<Scalar>(Scalar(1), scalar::constant<Scalar>(2.8L), Scalar(2)).asDiagonal()));
+  return make_body(Matrix3<Scalar>(Vector3<Scalar>(Scalar(1), scalar::constant<Scalar>(2.8L), Scalar(2)).asDiagonal()));
 }
 
 /// Of the scenario `pendulum`.
 template <typename Scalar>
 RigidBody<Scalar> pendulum_body() {
-  return make_body(Matrix3<Scalar>(Vector3<Scalar>(scalar::constant<Scalar>(0.13L), scalar::constant<Scalar>(0.28L),
-                                                   scalar::constant<Scalar>(0.17L))
-                                       .asDiagonal()));
+  return make_body(Matrix3<Scalar>(
+      Vector3<Scalar>(scalar::constant<Scalar>(0.13L), scalar::constant<Scalar>(0.28L), scalar::constant<Scalar>(0.17L))
+          .asDiagonal()));
 }
 
 /// No axis of this body is a principal one, and its moments are nearly those of a flat body.
 template <typename Scalar>
 RigidBody<Scalar> skewed_body() {
-  const Matrix3<Scalar> axes = exp(Vector3<Scalar>(scalar::constant<Scalar>(0.7L), scalar::constant<Scalar>(-0.4L),
-                                                   scalar::constant<Scalar>(1.1L)));
+  const Matrix3<Scalar> axes = exp(
+      Vector3<Scalar>(scalar::constant<Scalar>(0.7L), scalar::constant<Scalar>(-0.4L), scalar::constant<Scalar>(1.1L)));
   const Vector3<Scalar> moments(scalar::constant<Scalar>(0.9L), scalar::constant<Scalar>(1.5L),
                                 scalar::constant<Scalar>(2.3L));
   return make_body(Matrix3<Scalar>(axes * moments.asDiagonal() * axes.transpose()));
@@ -78,8 +77,8 @@ GravityGradient<Scalar> orbit_gravity(const RigidBody<Scalar>& body) {
 /// An orbit plane that no reference axis lies in.
 template <typename Scalar>
 Matrix3<Scalar> tilted_orbit() {
-  return exp(Vector3<Scalar>(scalar::constant<Scalar>(0.5L), scalar::constant<Scalar>(-0.9L),
-                             scalar::constant<Scalar>(0.3L)));
+  return exp(
+      Vector3<Scalar>(scalar::constant<Scalar>(0.5L), scalar::constant<Scalar>(-0.9L), scalar::constant<Scalar>(0.3L)));
 }
 
 template <typename Scalar>

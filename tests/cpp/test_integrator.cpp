@@ -31,9 +31,7 @@ double residual(const RigidBody<double>& body, double h, const Vector3<double>& 
 
 double turn_of(const Matrix3<double>& f) { return log(f).norm(); }
 
-double orthogonality(const Matrix3<double>& f) {
-  return (f.transpose() * f - Matrix3<double>::Identity()).norm();
-}
+double orthogonality(const Matrix3<double>& f) { return (f.transpose() * f - Matrix3<double>::Identity()).norm(); }
 
 }  // namespace
 
@@ -107,7 +105,7 @@ namespace {
 
 /// The branch of small steps, followed in small steps of the load from nothing to h a.
 struct Branch {
-  double share;       ///< of the load up to which it could be followed: it ends where its Newton matrix becomes singular
+  double share;  ///< of the load up to which it could be followed: it ends where its Newton matrix becomes singular
   Vector3<double> c;  ///< Gibbs vector of F there
 };
 
@@ -120,7 +118,8 @@ Branch follow_branch(const Matrix3<double>& inertia, const Vector3<double>& load
     Vector3<double> c = branch.c;
     double change = 1;
     for (int step = 0; step < 10 && change > 1e-12; ++step) {
-      const Matrix3<double> newton = hat(ha) + ha.dot(c) * Matrix3<double>::Identity() + c * ha.transpose() - 2 * inertia;
+      const Matrix3<double> newton =
+          hat(ha) + ha.dot(c) * Matrix3<double>::Identity() + c * ha.transpose() - 2 * inertia;
       if (!(newton.determinant() < 0)) {
         return branch;
       }

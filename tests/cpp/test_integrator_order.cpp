@@ -81,13 +81,10 @@ void check_orders(const Case<Scalar, Potential>& example, long steps) {
 
 template <typename Scalar>
 auto free_case() {
-  return Case<Scalar, FreeBody<Scalar>>{spacecraft<Scalar>(),
-                                        {},
-                                        [](const RealMatrix&, Real) { return RealVector(0, 0, 0); },
-                                        free_state<Scalar>(),
-                                        Scalar(0),
-                                        Scalar(2),
-                                        Vector3<Scalar>::Zero()};
+  return Case<Scalar, FreeBody<Scalar>>{
+      spacecraft<Scalar>(),   {},        [](const RealMatrix&, Real) { return RealVector(0, 0, 0); },
+      free_state<Scalar>(),   Scalar(0), Scalar(2),
+      Vector3<Scalar>::Zero()};
 }
 
 template <typename Scalar>
@@ -111,17 +108,17 @@ auto gravity_gradient_case(const Vector3<Scalar>& control) {
   const RealMatrix inertia = body.inertia().template cast<Real>();
   const RealVector constant = control.template cast<Real>();
   const RealMatrix orbit = tilted_orbit<Scalar>().template cast<Real>();
-  return Case<Scalar, GravityGradient<Scalar>>{
-      body,
-      gravity_gradient(body, Scalar(1), tilted_orbit<Scalar>()),
-      [inertia, constant, orbit](const RealMatrix& c, Real t) {
-        const RealVector b = c.transpose() * (orbit * RealVector(std::cos(t), std::sin(t), 0));
-        return RealVector(3 * b.cross(RealVector(inertia * b)) + constant);
-      },
-      orbit_state<Scalar>(),
-      Scalar(0.5),
-      Scalar(2),
-      control};
+  return Case<Scalar, GravityGradient<Scalar>>{body,
+                                               gravity_gradient(body, Scalar(1), tilted_orbit<Scalar>()),
+                                               [inertia, constant, orbit](const RealMatrix& c, Real t) {
+                                                 const RealVector b =
+                                                     c.transpose() * (orbit * RealVector(std::cos(t), std::sin(t), 0));
+                                                 return RealVector(3 * b.cross(RealVector(inertia * b)) + constant);
+                                               },
+                                               orbit_state<Scalar>(),
+                                               Scalar(0.5),
+                                               Scalar(2),
+                                               control};
 }
 
 }  // namespace

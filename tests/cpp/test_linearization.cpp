@@ -150,11 +150,10 @@ TEST_CASE("the linearization agrees with central differences for every potential
       RigidBodyState<double> end = flight.start;
       const Both exact = both(linearize(body, potential, flight, end));
       const double h = 2e-3;
-      const Both richardson = (16 * (4 * differences(body, potential, flight, h / 4) -
-                                     differences(body, potential, flight, h / 2)) -
-                               (4 * differences(body, potential, flight, h / 2) -
-                                differences(body, potential, flight, h))) /
-                              45;
+      const Both richardson =
+          (16 * (4 * differences(body, potential, flight, h / 4) - differences(body, potential, flight, h / 2)) -
+           (4 * differences(body, potential, flight, h / 2) - differences(body, potential, flight, h))) /
+          45;
       const double state_error = (exact - richardson).leftCols<6>().norm() / exact.leftCols<6>().norm();
       const double control_error = (exact - richardson).rightCols<3>().norm() / exact.rightCols<3>().norm();
       worst = std::max({worst, state_error, control_error});
@@ -304,9 +303,8 @@ Status status_of(const Potential& potential, const RigidBodyState<double>& start
   const RigidBodyState<double> before = free_state<double>();
   RigidBodyState<double> end = before;
   FlowLinearization<double> linearization = FlowLinearization<double>::identity();
-  const Status status =
-      integrate_linearized(spacecraft<double>(), potential, composition<double>(4), 0.0, h, 10,
-                           Vector3<double>(0, 0, 0), start, end, linearization);
+  const Status status = integrate_linearized(spacecraft<double>(), potential, composition<double>(4), 0.0, h, 10,
+                                             Vector3<double>(0, 0, 0), start, end, linearization);
   const bool unchanged = end.attitude == before.attitude && end.angular_velocity == before.angular_velocity &&
                          linearization.state == Matrix6<double>::Identity() && linearization.control.isZero(0);
   CHECK(unchanged == (status != Status::ok));

@@ -70,7 +70,8 @@ Report run(const RigidBody<double>& body, const Potential& potential, const Rigi
   Composition<double> composition;
   REQUIRE(composition_of_order(order, composition) == Status::ok);
   const auto energy = [&](long step, const RigidBodyState<double>& state) {
-    return body.kinetic_energy(state.angular_velocity) + potential.energy(state.attitude, static_cast<double>(step) * h) -
+    return body.kinetic_energy(state.angular_velocity) +
+           potential.energy(state.attitude, static_cast<double>(step) * h) -
            orbit_rate.dot(body.angular_momentum(state));
   };
   Report report;
@@ -93,9 +94,9 @@ Report run(const RigidBody<double>& body, const Potential& potential, const Rigi
           Status::ok);
   report.trend = trend(means);
   MESSAGE("order " << order << ": |C'C - I| " << report.orthogonality << " / energy "
-                   << report.energy / std::abs(report.initial_energy) << " relative = "
-                   << report.energy / std::abs(report.initial_energy) / (h * h) << " h^2 / trend " << report.trend.rise
-                   << " +- " << report.trend.standard_error << " / momentum "
+                   << report.energy / std::abs(report.initial_energy)
+                   << " relative = " << report.energy / std::abs(report.initial_energy) / (h * h) << " h^2 / trend "
+                   << report.trend.rise << " +- " << report.trend.standard_error << " / momentum "
                    << report.momentum / report.initial_momentum.norm() << " relative / vertical "
                    << report.vertical_momentum);
   return report;
@@ -125,8 +126,8 @@ void check_no_trend(const Report& report) {
 
 TEST_CASE("a free body keeps its rotation and momentum and energy to rounding over a million steps") {
   for (const int order : {2, 4}) {
-    const Report report = run(spacecraft<double>(), FreeBody<double>{}, free_state<double>(), 0.01, order,
-                              Vector3<double>(0, 0, 0));
+    const Report report =
+        run(spacecraft<double>(), FreeBody<double>{}, free_state<double>(), 0.01, order, Vector3<double>(0, 0, 0));
     CHECK(report.orthogonality <= 1e-12);
     CHECK(report.momentum <= 1e-11 * report.initial_momentum.norm());
     // Of any kinetic energy: the free rotor of Moser and Veselov conserves it exactly, at any step.

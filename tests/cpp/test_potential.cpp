@@ -25,8 +25,7 @@ struct QuadraticPotential {
   }
   /// ∂U/∂C = ½ (A C B + Aᵀ C Bᵀ).
   Matrix3<Scalar> gradient(const Matrix3<Scalar>& attitude, const Scalar& time) const {
-    return Scalar(0.5) * (Scalar(1) + time) *
-           (a * attitude * b + a.transpose() * attitude * b.transpose());
+    return Scalar(0.5) * (Scalar(1) + time) * (a * attitude * b + a.transpose() * attitude * b.transpose());
   }
   Vector3<Scalar> torque(const Matrix3<Scalar>& attitude, const Scalar& time) const {
     return torque_of_gradient(attitude, gradient(attitude, time));
@@ -36,8 +35,8 @@ struct QuadraticPotential {
     Matrix3<Scalar> jacobian;
     for (int j = 0; j < 3; ++j) {
       const Matrix3<Scalar> turn = attitude * hat(Vector3<Scalar>::Unit(j));
-      const Matrix3<Scalar> product = gradient(turn, time).transpose() * attitude +
-                                      gradient(attitude, time).transpose() * turn;
+      const Matrix3<Scalar> product =
+          gradient(turn, time).transpose() * attitude + gradient(attitude, time).transpose() * turn;
       jacobian.col(j) = Scalar(2) * vee(product);
     }
     return jacobian;
@@ -195,12 +194,12 @@ TEST_CASE("the gravity gradient follows the orbit in its tilted plane") {
   // From the attracting body at a distance of R = 1e4 m with gravitational parameter n²R³: the torque on a dumbbell.
   const double distance = 1e4;
   const Vector3<double> arm(0.6, -0.3, 0.5);
-  const Matrix3<double> inertia =
-      2 * (arm.squaredNorm() * Matrix3<double>::Identity() - arm * arm.transpose()) + 1e-9 * Matrix3<double>::Identity();
+  const Matrix3<double> inertia = 2 * (arm.squaredNorm() * Matrix3<double>::Identity() - arm * arm.transpose()) +
+                                  1e-9 * Matrix3<double>::Identity();
   const GravityGradient<double> dumbbell = gravity_gradient(make_body(inertia), rate, orbit);
   const Matrix3<double> attitude = random.rotation();
-  const Vector3<long double> center = (distance * (std::cos(rate) * orbit.col(0) + std::sin(rate) * orbit.col(1)))
-                                          .cast<long double>();
+  const Vector3<long double> center =
+      (distance * (std::cos(rate) * orbit.col(0) + std::sin(rate) * orbit.col(1))).cast<long double>();
   const Matrix3<long double> c = attitude.cast<long double>();
   Vector3<long double> torque = Vector3<long double>::Zero();
   for (const long double sign : {1.0L, -1.0L}) {

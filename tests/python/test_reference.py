@@ -361,7 +361,7 @@ def test_relative_attitude_solves_findf0_three_ways():
     ],
 )
 def test_spin_about_a_principal_axis(solve):
-    """sin(turn) = h |omega|: solvable up to one (theory 2)."""
+    """sin(turn) = h |omega|: solvable up to one (theory 4)."""
     a = PRINCIPAL @ np.array([0.0, 9.9, 0.0])
     np.testing.assert_allclose(so3.log(solve(PRINCIPAL, a, 0.1)), [0, np.arcsin(0.99), 0], atol=1e-13)
     with pytest.raises(integrator.StepTooLong):
@@ -590,7 +590,7 @@ def test_fusion_contains_the_truth_of_small_sets(first_order, criterion):
         # What is left out is of second order: the size times the flatness of the sets.
         assert ellipsoid.quadratic_form(x, np.zeros(6), fused.ellipsoid.shape) < 1 + 1e-4
         size = ellipsoid.log_size(fused.shape_before_move, criterion)
-        if criterion == "trace":  # theory 7: not of the volume of the recentred sets
+        if criterion == "trace":  # theory 11: not of the volume of the recentred sets
             assert size <= min(np.log(np.trace(measured.shape)), np.log(np.trace(predicted.shape))) + 1e-4
 
 
@@ -608,7 +608,7 @@ def test_partial_measurement(criterion):
                 assert ellipsoid.quadratic_form(x + 1, centre, fused) <= 1 + 1e-12
 
         def size(log_mu, shape=shape, y=y, h=h, r=r):
-            """The information form, as a combination of quadrics (theory 6)."""
+            """The information form, as a combination of quadrics (theory 7)."""
             i, j = np.linalg.inv(shape), np.linalg.inv(r)
             matrices, gradients = [i, h.T @ j @ h], [np.zeros(6), -h.T @ j @ y]
             constants, multipliers = [1.0, 1 - y @ j @ y], [1.0, np.exp(log_mu)]

@@ -19,7 +19,7 @@ struct ExponentialChart {
     return center * exp(zeta);
   }
 
-  /// An error ζ about Ĉ, seen from Ĉ' with Ĉ = Ĉ' exp(S(a)), is a + G ζ to first order: G = J_r⁻¹(a). (theory, section 4)
+  /// An error ζ about Ĉ, seen from Ĉ' with Ĉ = Ĉ' exp(S(a)), is a + G ζ to first order: G = J_r⁻¹(a). (theory, section 10)
   template <typename Scalar>
   [[nodiscard]] static Matrix3<Scalar> seen_from(const Vector3<Scalar>& offset) noexcept {
     return right_jacobian_inverse(offset);

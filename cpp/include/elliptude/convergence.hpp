@@ -2,7 +2,7 @@
 
 /// \file
 /// The convergence theorem (paper, §3.4, eq. sufcond), reported for what it is: a sufficient condition that a first update from a
-/// poor prior can meet and no filter can meet at every update, as det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 7).
+/// poor prior can meet and no filter can meet at every update, as det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
 #include "elliptude/factorization.hpp"
 

@@ -237,7 +237,7 @@ template <typename Scalar, int N>
 
 /// The overlap of two ellipsoids: 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the
 /// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point. The
-/// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 6)
+/// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 7)
 /// \return what `validate` says; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
 template <typename Scalar, int N>
 [[nodiscard]] Status overlap_margin(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
@@ -376,8 +376,9 @@ template <typename Scalar, int N, typename Slack>
 }
 
 /// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
-/// x = origin + factor u. The logarithm of either criterion is quasiconvex in q, so its only stationary point, found by
-/// safeguarded Newton steps in log q, is the best there is; each iterate is a valid bound.
+/// x = origin + factor u. The logarithm of either criterion has positive curvature wherever it is stationary, so it is
+/// stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q; each iterate is a valid
+/// bound.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,

@@ -143,7 +143,7 @@ class RigidBodyFlow {
 /// A body of which nothing is known but what its gyro says: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
 /// The rate is the input; over an interval, with F = exp(S(h(ω̃ − β̂))),
 ///
-///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v),   δβ⁺ = δβ + drift.   (theory, section 8)
+///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v),   δβ⁺ = δβ + drift.   (theory, section 12)
 template <typename Scalar>
 class GyroFlow {
  public:

@@ -86,7 +86,7 @@ template <typename State>
   return status;
 }
 
-/// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 4): one direction, an angular
+/// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
 /// \return what `to_quadric` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
 template <typename State, int Rows>

@@ -61,7 +61,7 @@ template <typename Scalar>
 }
 
 /// F, the rotation within one step, from h S(a) = F J_d − J_d Fᵀ (paper, eq. findf0) with a = Jω + (h/2) M. As the Cayley map
-/// of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 2), solved by Newton's method
+/// of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 4), solved by Newton's method
 /// from c = (h/2) J⁻¹a: no trigonometric function.
 /// \param h the step in s; negative within compositions.
 /// \return `step_too_long` if there is no solution on the branch of small steps with a turn below a right angle: the matrix of

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The linearization of the discrete flow (paper, §3.1: x⁺ = A x with x = [ζ; δω]; theory, section 2), for the step, its
+/// The linearization of the discrete flow (paper, §3.1: x⁺ = A x with x = [ζ; δω]; theory, section 6), for the step, its
 /// compositions and any number of steps, with respect to the state and to a constant control torque.
 
 #include "elliptude/integrator.hpp"

@@ -9,7 +9,7 @@
 
 namespace elliptude {
 
-/// Attitude and the bias of a gyro that measures ω + β, rad/s, body axes. (theory, section 8)
+/// Attitude and the bias of a gyro that measures ω + β, rad/s, body axes. (theory, section 12)
 template <typename Scalar>
 struct GyroState {
   Matrix3<Scalar> attitude;

@@ -28,7 +28,7 @@ class StateEllipsoid(NamedTuple):
 
 
 class EmptyIntersection(ValueError):
-    """The sets contradict each other: some bound is wrong (theory 1)."""
+    """The sets contradict each other: some bound is wrong (theory 2)."""
 
 
 def quadratic_form(point: Array, centre: Array, shape: Array) -> float:
@@ -65,7 +65,7 @@ def log_volume(shape: Array) -> float:
 
 
 def sum_minimum_trace(shapes: Sequence[Array], weight: Array | None = None) -> Array:
-    """(sum_i sqrt(tr W P_i)) (sum_i P_i / sqrt(tr W P_i)): Pmkl, theory 3.
+    """(sum_i sqrt(tr W P_i)) (sum_i P_i / sqrt(tr W P_i)): Pmkl, theory 7.2.
 
     Shapes may be singular; zero ones are left out.
     """
@@ -106,7 +106,7 @@ def intersection_beta(offset: Array, shape_m: Array, shape_f: Array, q: float) -
 
 
 def intersection_member(offset: Array, shape_m: Array, shape_f: Array, q: float) -> tuple[Array, Array]:
-    """x = L x^mf, P = beta (I - L) P^m (xhatP); q = inf gives E^f (theory 4).
+    """x = L x^mf, P = beta (I - L) P^m (xhatP); q = inf gives E^f (theory 7.4).
 
     (I - L) P^m = ((P^m)^-1 + q (P^f)^-1)^-1, as in the proof of sufcond: it does not cancel.
     """
@@ -127,7 +127,7 @@ def intersection_multiplier(
     """The q in [0, inf] that minimises the criterion (paper, below LP).
 
     It is the partial measurement of everything, H = I and R = P^f, with the end point
-    q = inf added (theory 4).
+    q = inf added (theory 7.4).
     """
     identity = np.eye(len(offset))
     q = measurement_multiplier(shape_m, offset, identity, shape_f, criterion, weight)
@@ -152,7 +152,7 @@ def intersection(
 
 
 def overlap_margin(centre_1: Array, shape_1: Array, centre_2: Array, shape_2: Array) -> float:
-    """1 - max_l l (1 - l) d' (l P1 + (1 - l) P2)^-1 d, negative iff disjoint (theory 6).
+    """1 - max_l l (1 - l) d' (l P1 + (1 - l) P2)^-1 d, negative iff disjoint (theory 7).
 
     The function of l is concave, so its slope is bisected.
     """
@@ -174,7 +174,7 @@ def overlap_margin(centre_1: Array, shape_1: Array, centre_2: Array, shape_2: Ar
     return 1.0 - value_and_slope(0.5 * (low + high))[0]
 
 
-# Fusion of E(0, P) with a partial measurement y = H x + v, v in E(0, R) (theory 4). With
+# Fusion of E(0, P) with a partial measurement y = H x + v, v in E(0, R) (theory 7.4). With
 # D = mu G = mu H P H' + R nothing divides by mu, and mu = 0 is allowed.
 
 
@@ -265,7 +265,7 @@ def fuse_measurement(
     criterion: Criterion = "trace",
     weight: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Fuse E(centre, P) with y = H x + v, v in E(0, R) (theory 4)."""
+    """Fuse E(centre, P) with y = H x + v, v in E(0, R) (theory 7.4)."""
     residual = y - h @ centre
     mu = measurement_multiplier(shape, residual, h, r, criterion, weight)
     change, fused = measurement_member(shape, residual, h, r, mu)
@@ -297,7 +297,7 @@ def combine_quadrics(
     constants: Sequence[float],
     multipliers: Sequence[float],
 ) -> tuple[Array, Array]:
-    """The ellipsoid of sum_k mu_k (y'A_k y + 2 g_k'y - c_k) <= 0 (theory 6, Fusion).
+    """The ellipsoid of sum_k mu_k (y'A_k y + 2 g_k'y - c_k) <= 0 (theory 7, Fusion).
 
     centre = -A^-1 g and P = (c + g'A^-1 g) A^-1. It bounds the intersection of the
     quadrics only if A is positive definite, which Cholesky decides.

@@ -2,7 +2,7 @@
 
 ``first_order=False`` is the paper as printed, which moves a set from one centre to
 another without turning its shape; ``first_order=True`` keeps the right Jacobian of the
-move (theory 4).
+move (theory 10).
 """
 
 import math
@@ -46,7 +46,7 @@ class Cycle(NamedTuple):
 
 
 class Convergence(NamedTuple):
-    """Diagnostics of the convergence theorem (sufcond; theory 7)."""
+    """Diagnostics of the convergence theorem (sufcond; theory 11)."""
 
     transition_norm: float  # |A^f|, Frobenius
     chi: float  # sqrt(6 + 30 kappa(P^m))
@@ -78,7 +78,7 @@ def centre_offset(measured: StateEllipsoid, predicted: StateEllipsoid) -> Array:
 
 
 def recentred_shape(offset: Array, shape: Array) -> Array:
-    """The predicted shape seen from the measured centre (theory 4).
+    """The predicted shape seen from the measured centre (theory 10).
 
     log(exp(a) exp(zeta)) = a + J_r^-1(a) zeta to first order; the paper has a + zeta
     (ellRmf).
@@ -90,7 +90,7 @@ def moved(centre: StateEllipsoid, change: Array, shape: Array, first_order: bool
     """The ellipsoid E(change, shape) about ``centre``, about its own centre.
 
     The centre by nattes and nveles. As exp(zeta_hat + d) = exp(zeta_hat) exp(J_r d) to
-    first order, the shape becomes G P G' with G = diag(J_r(zeta_hat), I) (theory 4); the
+    first order, the shape becomes G P G' with G = diag(J_r(zeta_hat), I) (theory 10); the
     paper leaves it (nunmat).
     """
     zeta, delta = change[:3], change[3:]
@@ -121,7 +121,7 @@ def fuse_linear(
     criterion: Criterion = "trace",
     weight: Array | None = None,
 ) -> Fusion:
-    """Fuse a partial measurement in the error about the predicted centre (theory 4)."""
+    """Fuse a partial measurement in the error about the predicted centre (theory 10)."""
     y, h, r = measurement
     mu = ellipsoid.measurement_multiplier(predicted.shape, y, h, r, criterion, weight)
     change, shape = ellipsoid.measurement_member(predicted.shape, y, h, r, mu)

@@ -1,4 +1,4 @@
-"""Flow of attitude and gyro bias under a measured rate (theory 8).
+"""Flow of attitude and gyro bias under a measured rate (theory 12).
 
 The gyro reads omega_tilde = omega + bias + v with v in E(0, V), constant in the step; the
 bias drifts by an amount in E(0, D) a step. The error is x = [zeta; delta bias].
@@ -49,7 +49,7 @@ def predicted_shape(
     drift_bound: Array,
     weight: Array | None = None,
 ) -> Array:
-    """Least-trace sum of A P A', the noise's and the drift's ellipsoid (theory 3, 8)."""
+    """Least-trace sum of A P A', the noise's and the drift's ellipsoid (theory 7.2, 12)."""
     a, b = transition(state, gyro, h), noise_effect(state, gyro, h)
     drift = np.zeros((6, 6))
     drift[3:, 3:] = drift_bound

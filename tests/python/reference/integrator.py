@@ -1,4 +1,4 @@
-"""Lie group variational integrator (paper, section 2.3.1; theory 2).
+"""Lie group variational integrator (paper, section 2.3.1; theory 4).
 
 Each step solves h S(a) = F J_d - J_d F' for the relative attitude F, with
 a = J omega_k + (h/2) M_k. Three independent solvers are given; all stop when a Newton
@@ -26,7 +26,7 @@ class StepTooLong(ValueError):
 
 
 def relative_attitude_exponential(inertia: Array, a: Array, h: float) -> Array:
-    """F = exp(S(f)) with findf0 written in f (paper, below updatew0; theory 2):
+    """F = exp(S(f)) with findf0 written in f (paper, below updatew0; theory 4):
 
     h a = (sin t / t) J f + ((1 - cos t) / t^2) f cross J f with t = |f|. As
     F exp(S(eta)) changes the right side by F (tr(J_d F) I - J_d F) eta, and eta is
@@ -50,7 +50,7 @@ def relative_attitude_exponential(inertia: Array, a: Array, h: float) -> Array:
 
 
 def relative_attitude_cayley(inertia: Array, a: Array, h: float) -> Array:
-    """F = cayley(c), where findf0 is quadratic (theory 2):
+    """F = cayley(c), where findf0 is quadratic (theory 4):
 
     h a + h a cross c + h c (c'a) - 2 J c = 0.
     """
@@ -112,7 +112,7 @@ def variational_step(
 
 
 def composition_stages(order: int) -> tuple[float, ...]:
-    """The stages, as fractions of the step, of a symmetric composition (theory 2).
+    """The stages, as fractions of the step, of a symmetric composition (theory 4).
 
     Order 4 is Suzuki's (1990) five stages; orders 6 and 8 are Kahan and Li's (1997)
     nine and seventeen stages, s9odr6a and s17odr8a.
@@ -152,7 +152,7 @@ def step(
     control: ArrayLike = NO_TORQUE,
     relative_attitude: RelativeAttitude = relative_attitude_cayley,
 ) -> State:
-    """One step of the given order; the time advances with each stage (theory 2)."""
+    """One step of the given order; the time advances with each stage (theory 4)."""
     for fraction in composition_stages(order):
         state = variational_step(body, state, fraction * h, control, relative_attitude)
     return state

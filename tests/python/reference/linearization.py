@@ -1,4 +1,4 @@
-"""Linearized flow of the variational integrator (paper, section 3.1; theory 2)."""
+"""Linearized flow of the variational integrator (paper, section 3.1; theory 6)."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class LinearizedFlow(NamedTuple):
 def linearize_variational_step(
     body: RigidBody, state: State, h: float, control: ArrayLike = NO_TORQUE
 ) -> LinearizedFlow:
-    """One step of second order: the matrix A_k of Pkpf (theory 2).
+    """One step of second order: the matrix A_k of Pkpf (theory 6).
 
     With delta a = J delta omega + (h/2) (dM_k zeta + delta u) and
     K = h F' (tr(F J_d) I - F J_d)^-1:

@@ -1,4 +1,4 @@
-"""Measured uncertainty ellipsoid (paper, section 3.2; theory 3) and partial measurements.
+"""Measured uncertainty ellipsoid (paper, section 3.2; theory 9) and partial measurements.
 
 Error model: b = exp(S(nu)) b_tilde with nu in E(0, S^i), and omega = omega_tilde + v with
 v in E(0, T).
@@ -25,7 +25,7 @@ class Measurement(NamedTuple):
 
 
 class LinearMeasurement(NamedTuple):
-    """y = H x + v, v in E(0, R), in the error x about a centre (theory 4)."""
+    """y = H x + v, v in E(0, R), in the error x about a centre (theory 10)."""
 
     y: Array
     h: Array
@@ -68,7 +68,7 @@ def measured_ellipsoid(measurement: Measurement, weight: Array | None = None) ->
 
 
 def linear_direction(attitude: Array, reference: Array, body: Array, bound: Array) -> LinearMeasurement:
-    """One direction about the centre, to first order (bi; theory 4).
+    """One direction about the centre, to first order (bi; theory 10).
 
     The true direction is b_hat + S(b_hat) zeta and b_tilde - S(b_tilde) nu at once, with
     b_hat = C_hat' e. Only the two components across b_tilde carry anything.

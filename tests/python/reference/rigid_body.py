@@ -1,4 +1,4 @@
-"""Rigid body in an attitude-dependent potential (paper, section 2.3.1; theory 2)."""
+"""Rigid body in an attitude-dependent potential (paper, section 2.3.1; theory 5)."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -43,7 +43,7 @@ class Free:
 
 @dataclass(frozen=True)
 class UniformGravity:
-    """U = -m g e3' C rho with e3 pointing down: the 3D pendulum (theory 2)."""
+    """U = -m g e3' C rho with e3 pointing down: the 3D pendulum (theory 5)."""
 
     mass: float
     gravity: float
@@ -68,7 +68,7 @@ class UniformGravity:
 
 @dataclass(frozen=True)
 class GravityGradient:
-    """U = (3 n^2 / 2) b' J b with b = C' r(t), on a circular orbit (theory 2).
+    """U = (3 n^2 / 2) b' J b with b = C' r(t), on a circular orbit (theory 5).
 
     The reference frame is inertial; the radial direction turns in its first plane,
     r(t) = (cos n t, sin n t, 0).

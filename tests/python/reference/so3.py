@@ -87,7 +87,7 @@ def left_jacobian_inverse(zeta: ArrayLike) -> Array:
 
 
 def nearest_rotation(matrix: Array) -> Array:
-    """The rotation U diag(1, 1, det U det V) V' nearest to U Sigma V' (theory 1)."""
+    """The rotation U diag(1, 1, det U det V) V' nearest to U Sigma V' (theory 8)."""
     u, _, v_transposed = np.linalg.svd(matrix)
     determinant = float(np.linalg.det(u @ v_transposed))
     return np.asarray(u @ np.diag([1.0, 1.0, round(determinant)]) @ v_transposed)

@@ -16,18 +16,18 @@ def attitude_profile(reference: Array, body: Array, weights: Array) -> Array:
 
 
 def cost(attitude: Array, reference: Array, body: Array, weights: Array) -> float:
-    """sum_i w_i |e^i - C b^i|^2 / 2 (wahba, with the trace put right in theory 1)."""
+    """sum_i w_i |e^i - C b^i|^2 / 2 (wahba, with the trace put right in theory 8)."""
     residual = reference.T - attitude @ body.T
     return 0.5 * float(np.trace(residual @ np.diag(weights) @ residual.T))
 
 
 def solve_svd(reference: Array, body: Array, weights: Array) -> Array:
-    """The constrained minimiser U diag(1, 1, det U det V) V' (theory 1)."""
+    """The constrained minimiser U diag(1, 1, det U det V) V' (theory 8)."""
     return so3.nearest_rotation(attitude_profile(reference, body, weights))
 
 
 def davenport_matrix(profile: Array) -> Array:
-    """The K with q'K q = tr(L' C(q)) = sum_i w_i e^i.C b^i (theory 5)."""
+    """The K with q'K q = tr(L' C(q)) = sum_i w_i e^i.C b^i (theory 8)."""
     matrix = np.empty((4, 4))
     matrix[0, 0] = np.trace(profile)
     matrix[0, 1:] = matrix[1:, 0] = 2.0 * so3.vee(profile)
@@ -36,7 +36,7 @@ def davenport_matrix(profile: Array) -> Array:
 
 
 def solve_davenport(reference: Array, body: Array, weights: Array) -> Array:
-    """Davenport's q-method: the top eigenvector of K (theory 1)."""
+    """Davenport's q-method: the top eigenvector of K (theory 8)."""
     matrix = davenport_matrix(attitude_profile(reference, body, weights))
     _, vectors = np.linalg.eigh(matrix)
     return so3.rotation_from_quaternion(vectors[:, -1])
@@ -45,7 +45,7 @@ def solve_davenport(reference: Array, body: Array, weights: Array) -> Array:
 def solve_qr(reference: Array, body: Array, weights: Array) -> Array:
     """The paper's C = S L, S = Q sqrt((R R')^-1) Q', L = Q R (soln, LQR, meaRex).
 
-    It is a rotation only if det L > 0 (theory 1), which is asked for here. The sign of
+    It is a rotation only if det L > 0 (theory 8), which is asked for here. The sign of
     Q, which the paper wants in SO(3), cancels.
     """
     profile = attitude_profile(reference, body, weights)

@@ -1,0 +1,195 @@
+"""Pictures of estimates and their bounds, as PNG, without a display.
+
+A band is the half-width of the set along an axis: √P_ii about zero error. Errors are on the body side, C = Ĉ exp(S(ζ)).
+"""
+
+import os
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from elliptude.files import replacing
+from elliptude.results import FloatArray
+from elliptude.tables import Results
+
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+BLUE, ORANGE, GREEN, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#000000", "#808080"
+_AXES = "xyz"
+# Fewer points than this are marked, as the lines between them are only there to guide the eye.
+_MARK_BELOW = 150
+
+Style: TypeAlias = dict[str, Any]
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as PNG, in whole or not at all."""
+    with replacing(path) as temporary:
+        # No version or date inside: the same estimate makes the same file.
+        figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
+
+
+def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Figure:
+    """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
+
+    Parameters
+    ----------
+    results : Results
+    title : str
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    figure = _figure(8.4)
+    figure.suptitle(title, fontsize=11)
+    grid = figure.add_gridspec(4, 2)
+    time = results.times
+    marks = _marks(results)
+    is_bias = results.vector == "bias"
+    errors = results.errors
+    columns = (
+        ("attitude error", r"$\zeta_{}$ (deg)", slice(0, 3)),
+        ("gyro bias error", r"$\delta\beta_{}$ (deg/s)", slice(3, 6))
+        if is_bias
+        else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
+    )
+    first: Axes | None = None
+    for j, (name, unit, part) in enumerate(columns):
+        known = errors is not None and bool(np.isfinite(errors[:, part]).any())
+        bounds = np.rad2deg(results.half_widths[:, part])
+        deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
+        limit = _limit(bounds, deviations)
+        for i in range(3):
+            axes = figure.add_subplot(grid[i, j], sharex=first)
+            first = first or axes
+            axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
+            if deviations is not None:
+                axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+            axes.axhline(0.0, color=GREY, linewidth=0.5)
+            axes.set_ylim(-limit, limit)
+            axes.set_ylabel(unit.format(_AXES[i]))
+            axes.tick_params(labelbottom=False)
+            if i == 0:
+                axes.set_title(f"{name}, body axes" if known else f"bound of the {name}, body axes", fontsize=9.5)
+    below = figure.add_subplot(grid[3, 0], sharex=first)
+    _draw_form(below, time, [("form", results.forms, BLACK)], **marks)
+    size = figure.add_subplot(grid[3, 1], sharex=first)
+    size.plot(time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks)
+    if errors is not None:
+        size.plot(
+            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
+        )
+    size.set_title("size of the set: largest angle, and the error", fontsize=9.5)
+    size.set_ylabel("angle (deg)")
+    _degrees_on_log_axis(size)
+    for axes in (below, size):
+        axes.set_xlabel("time (s)")
+    assert first is not None
+    handles, labels = first.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+    return figure
+
+
+def about_line_figure(
+    time: FloatArray,
+    runs: Sequence[tuple[str, Results, FloatArray, FloatArray]],
+    title: str,
+    *,
+    line: str,
+    label: str,
+) -> Figure:
+    """How far attitude is bounded about a line of sight and across it, in several runs over one log.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s.
+    runs : sequence of (name, results, about, across)
+        ``about`` and ``across`` are the half-widths of the set about the line and the largest one across it, rad, (N,).
+    title : str
+    line : str
+        What the line is: "Sun line".
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    figure = _figure(7.2)
+    figure.suptitle(title, fontsize=11)
+    colours = (ORANGE, BLUE, GREEN)
+    widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.2, 1.0])
+    for (name, results, about, across), colour in zip(runs, colours, strict=False):
+        widths.plot(time, np.rad2deg(about), color=colour, linewidth=1.6, label=f"{name}: about the {line}")
+        widths.plot(time, np.rad2deg(across), color=colour, linewidth=1.2, linestyle="--", label=f"{name}: across it")
+        if results.errors is not None:
+            angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
+            errors.plot(time, angles, color=colour, linewidth=1.0, label=f"{name}: error")
+        errors.plot(time, np.rad2deg(results.largest_angles), color=colour, linewidth=1.4, linestyle=":", label=f"{name}: bound")
+    widths.set_title("half-widths of the set", fontsize=9.5)
+    widths.set_ylabel("half-width (deg)")
+    errors.set_title(f"attitude error against {label}, and the largest angle in the set", fontsize=9.5)
+    errors.set_ylabel("angle (deg)")
+    for axes in (widths, errors):
+        _degrees_on_log_axis(axes)
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    _draw_form(forms, time, [(name, results.forms, colour) for (name, results, *_), colour in zip(runs, colours, strict=False)])
+    forms.set_xlabel("time (s)")
+    return figure
+
+
+def _figure(height: float) -> Figure:
+    """A figure with the Agg canvas; pyplot is left alone, as it keeps every figure that a program makes."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _marks(results: Results) -> Style:
+    return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
+
+
+def _limit(bounds: FloatArray, errors: FloatArray | None) -> float:
+    """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
+    settled = bounds[min(len(bounds) // 8, len(bounds) - 1) :]
+    highest = float(settled.max())
+    if errors is not None and np.isfinite(errors).any():
+        highest = max(highest, float(np.nanquantile(np.abs(errors), 0.98)))
+    return 1.15 * highest if highest > 0.0 else 1.0
+
+
+def _draw_form(axes: Axes, time: FloatArray, curves: Sequence[tuple[str, FloatArray | None, str]], **marks: Any) -> None:
+    """The form of the truth over time, with the edge of the set at 1 and the share inside in the title."""
+    axes.axhline(1.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
+    shares, highest = [], 1.0
+    for name, forms, colour in curves:
+        known = None if forms is None else forms[np.isfinite(forms)]
+        if forms is None or known is None or not len(known):
+            axes.text(0.5, 0.5, "nothing to compare with", transform=axes.transAxes, ha="center", va="center", color=GREY)
+            shares.append("not known")
+            continue
+        axes.plot(time, forms, color=colour, linewidth=0.9, **marks)
+        share = f"{100.0 * float(np.mean(known <= 1.0)):.4g} %"
+        shares.append(share if len(curves) == 1 else f"{name} {share}")
+        highest = max(highest, float(known.max()))
+    axes.set_ylim(0.0, 1.15 * highest)
+    axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
+    axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
+
+
+def _degrees_on_log_axis(axes: Axes) -> None:
+    """A log axis that says 0.5, 2 and 10 instead of powers of ten."""
+    axes.set_yscale("log")
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(plain)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", linewidth=0.3)
