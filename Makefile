@@ -38,6 +38,10 @@ test-cpp: $(SYSTEM)-test ## The C++ tests alone
 test-python: $(VENV)/package ## The Python tests alone
 	.venv/bin/python -m pytest
 
+.PHONY: demo
+demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
+	.venv/bin/elliptude demo --out build/demo
+
 .PHONY: bench
 bench: $(SYSTEM)-test $(SYSTEM)-bench ## Build and run the benchmarks
 	cmake --preset bench

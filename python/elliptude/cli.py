@@ -30,7 +30,7 @@ def make_app() -> typer.Typer:
     import typer
     from typer.core import TyperGroup
 
-    from elliptude import __version__, cli_simulate
+    from elliptude import __version__, cli_estimate, cli_simulate
     from elliptude.files import FileError
 
     class Group(TyperGroup):
@@ -66,8 +66,10 @@ def make_app() -> typer.Typer:
     ) -> None:
         pass
 
-    app.command("simulate")(cli_simulate.simulate)
     app.command("scenarios")(cli_simulate.list_scenarios)
+    app.command("simulate")(cli_simulate.simulate)
+    app.command("estimate")(cli_estimate.estimate)
+    app.command("demo")(cli_estimate.demo)
     return app
 
 
@@ -79,4 +81,6 @@ def main() -> None:
         sys.exit(
             f"elliptude: the command line needs {error.name}, which is not installed: pip install 'elliptude[cli]'"
         )
+    except KeyboardInterrupt:  # from here on typer takes care of it
+        sys.exit(130)
     app()

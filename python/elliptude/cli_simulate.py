@@ -74,7 +74,7 @@ def simulate(
         last = simulation.measure(chosen, truth, seed=n, directions=directions, bound_deg=bound_deg, noise=noise)
         last.measurements.write(out / files[n])
     with replacing(out / "estimate.toml") as temporary:
-        temporary.write_text(tomlkit.dumps(_configuration(chosen, last)), encoding="utf-8")
+        temporary.write_text(tomlkit.dumps(configuration_tables(chosen, last)), encoding="utf-8")
     summary = {
         "elliptude": __version__,
         "table_version": tables.VERSION,
@@ -121,7 +121,7 @@ def _scenario(given: str) -> Scenario:
     return scenarios.load(given)
 
 
-def _configuration(scenario: Scenario, simulated: simulation.Simulation) -> dict[str, object]:
+def configuration_tables(scenario: Scenario, simulated: simulation.Simulation) -> dict[str, object]:
     """What `elliptude estimate` needs to know of these measurements, by the keys of `elliptude.configuration`."""
     degrees = math.degrees(simulated.direction_bound)
     first = simulated.measurements.references[0]

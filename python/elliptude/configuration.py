@@ -1,8 +1,8 @@
-"""What an estimation is made of: which columns of a log are which sensors, how far each may err, and how the body moves.
+"""What an estimation is made of: which columns of a log are which sensors, how far each may err, how the body moves.
 
-A configuration is a TOML file; `read_configuration` checks it and names the file and the key of whatever is wrong with it.
-Units are part of the keys. An attitude takes body vectors to the reference frame, quaternions are (qw, qx, qy, qz), and an
-error bound given as one angle is a ball's radius.
+A configuration is a TOML file; `read_configuration` checks it and names the file and the key of whatever is wrong with
+it. Units are part of the keys. An attitude takes body vectors to the reference frame, quaternions are (qw, qx, qy, qz),
+and an error bound given as one angle is a ball's radius.
 
 An example::
 
@@ -160,7 +160,7 @@ class GyroFlow(Model):
 
 
 class Direction(Model):
-    """A direction measured in body axes, and the same direction in reference axes. Rows without it are empty in the log."""
+    """A direction measured in body axes, and the same one in reference axes. Rows without it are empty in the log."""
 
     name: Annotated[str, Field(min_length=1)]
     columns: Columns

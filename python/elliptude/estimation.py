@@ -17,7 +17,7 @@ from elliptude import tables
 from elliptude.configuration import Configuration, GivenStart, GyroFlow, RigidBodyFlow
 from elliptude.files import FileError
 from elliptude.results import FilterLog, FloatArray
-from elliptude.tables import Results
+from elliptude.tables import Measurements, Results
 
 SETTLED_UPDATE = 6
 """Means "from the 6th update on" leave out what is left of the start."""
@@ -104,8 +104,12 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
         lacking = np.isfinite(measured[:, i, 0]) & ~np.isfinite(references[:, i, 0])
         if lacking.any():
             at = times[np.argmax(lacking)]
-            raise FileError(f"{path}: {sensor.name!r} is measured at {at:.6f} s, but {sensor.reference_columns} are empty")
-    unit = _UNITS[flow.unit if isinstance(flow, GyroFlow) else configuration.rate.unit if configuration.rate else "rad/s"]
+            raise FileError(
+                f"{path}: {sensor.name!r} is measured at {at:.6f} s, but {sensor.reference_columns} are empty"
+            )
+    unit = _UNITS[
+        flow.unit if isinstance(flow, GyroFlow) else configuration.rate.unit if configuration.rate else "rad/s"
+    ]
     rates, quaternions = stack(gyro or rate), stack(true_attitude)
     return Log(
         times=times,
@@ -115,6 +119,18 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
         control_torques=stack(torque),
         true_attitudes=None if quaternions is None else _attitudes(quaternions, path),
         true_vectors=stack(true_vector),
+    )
+
+
+def log_of(measurements: Measurements) -> Log:
+    """The log that a table of measurements is, without a detour by way of a file."""
+    return Log(
+        times=measurements.times,
+        directions=measurements.directions,
+        references=measurements.references,
+        rates=measurements.angular_velocities,
+        true_attitudes=measurements.true_attitudes,
+        true_vectors=measurements.true_angular_velocities,
     )
 
 
@@ -149,10 +165,9 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         If the start cannot be had from the log's first row, or the log does not fit the filter.
     """
     settings, flow = configuration.estimator, configuration.flow
-    is_gyro = isinstance(flow, GyroFlow)
     begin = time.perf_counter()
-    directions = log.directions
-    rates = log.rates
+    directions, rates = log.directions, log.rates
+    is_gyro = isinstance(flow, GyroFlow)
     from_measurement = not isinstance(configuration.start, GivenStart)
     if from_measurement:
         # The start says all that the first row does: it must not count twice.
@@ -176,7 +191,7 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         bounds = np.array([sensor.bound() for sensor in configuration.directions])
         weights = np.array([sensor.weight for sensor in configuration.directions])
         arguments |= {"directions": directions, "reference": references, "bounds": bounds, "weights": weights}
-    if is_gyro:
+    if isinstance(flow, GyroFlow):
         assert log.rates is not None
         arguments["gyro"] = interval_rates(log.rates) if flow.interval_rate == "mean_of_ends" else log.rates
     elif configuration.rate is not None:
@@ -198,7 +213,7 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
 
 
 def interval_rates(samples: FloatArray) -> FloatArray:
-    """The rate from each sample to the next as the mean of the two, shape (N, 3); the last one stays, as nothing follows it."""
+    """The rate from each sample to the next as the mean of the two, shape (N, 3); nothing follows the last one."""
     rates = samples.copy()
     rates[:-1] = 0.5 * (samples[:-1] + samples[1:])
     return rates

@@ -71,8 +71,7 @@ def configuration() -> Configuration:
 def sun_in_body(array_angles: FloatArray) -> FloatArray:
     """The Sun's direction in body axes, shape (N, 3), as the +Y solar array's angle (rad, shape (N,)) has it.
 
-    The array turns about Y and faces the Sun as far as that can; along Y it measures nothing, and Fermi keeps the Sun near the
-    X-Z plane.
+    The array turns about Y and follows the Sun. It measures nothing along Y; Fermi keeps the Sun near the X-Z plane.
     """
     angle = array_angles + np.pi / 2.0
     return np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
@@ -117,7 +116,8 @@ def measurements(recorded: Telemetry, *, star_until: int | None = None, seed: in
 
 def _in_unit_ball(draws: np.random.Generator, count: int) -> FloatArray:
     vectors = draws.standard_normal((count, 3))
-    return vectors * (np.cbrt(draws.random((count, 1))) / np.linalg.norm(vectors, axis=1, keepdims=True))
+    vectors *= np.cbrt(draws.random((count, 1))) / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors
 
 
 def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, FloatArray]:

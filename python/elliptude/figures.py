@@ -18,7 +18,9 @@ from elliptude.results import FloatArray
 from elliptude.tables import Results
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
-BLUE, ORANGE, GREEN, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#000000", "#808080"
+BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
+# A strong and a light tone for each run that is compared.
+_TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
 _AXES = "xyz"
 # Fewer points than this are marked, as the lines between them are only there to guide the eye.
 _MARK_BELOW = 150
@@ -81,7 +83,9 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Fi
     below = figure.add_subplot(grid[3, 0], sharex=first)
     _draw_form(below, time, [("form", results.forms, BLACK)], **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
-    size.plot(time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks)
+    size.plot(
+        time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+    )
     if errors is not None:
         size.plot(
             time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
@@ -125,23 +129,23 @@ def about_line_figure(
     """
     figure = _figure(7.2)
     figure.suptitle(title, fontsize=11)
-    colours = (ORANGE, BLUE, GREEN)
-    widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.2, 1.0])
-    for (name, results, about, across), colour in zip(runs, colours, strict=False):
-        widths.plot(time, np.rad2deg(about), color=colour, linewidth=1.6, label=f"{name}: about the {line}")
-        widths.plot(time, np.rad2deg(across), color=colour, linewidth=1.2, linestyle="--", label=f"{name}: across it")
+    widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
+    for (name, results, about, across), (strong, light) in zip(runs, _TONES, strict=False):
+        widths.plot(time, np.rad2deg(about), color=strong, linewidth=1.5, label=f"{name}:\nabout the {line}")
+        widths.plot(time, np.rad2deg(across), color=light, linewidth=1.5, label="across it")
+        errors.plot(time, np.rad2deg(results.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
         if results.errors is not None:
             angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
-            errors.plot(time, angles, color=colour, linewidth=1.0, label=f"{name}: error")
-        errors.plot(time, np.rad2deg(results.largest_angles), color=colour, linewidth=1.4, linestyle=":", label=f"{name}: bound")
+            errors.plot(time, angles, color=strong, linewidth=0.8, label="error")
     widths.set_title("half-widths of the set", fontsize=9.5)
     widths.set_ylabel("half-width (deg)")
-    errors.set_title(f"attitude error against {label}, and the largest angle in the set", fontsize=9.5)
+    errors.set_title(f"attitude error against {label}, and its bound: the largest angle in the set", fontsize=9.5)
     errors.set_ylabel("angle (deg)")
     for axes in (widths, errors):
         _degrees_on_log_axis(axes)
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
-    _draw_form(forms, time, [(name, results.forms, colour) for (name, results, *_), colour in zip(runs, colours, strict=False)])
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
+    colours = [strong for strong, _ in _TONES]
+    _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
     forms.set_xlabel("time (s)")
     return figure
 
@@ -166,14 +170,18 @@ def _limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     return 1.15 * highest if highest > 0.0 else 1.0
 
 
-def _draw_form(axes: Axes, time: FloatArray, curves: Sequence[tuple[str, FloatArray | None, str]], **marks: Any) -> None:
+def _draw_form(
+    axes: Axes, time: FloatArray, curves: Sequence[tuple[str, FloatArray | None, str]], **marks: Any
+) -> None:
     """The form of the truth over time, with the edge of the set at 1 and the share inside in the title."""
     axes.axhline(1.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
     shares, highest = [], 1.0
     for name, forms, colour in curves:
         known = None if forms is None else forms[np.isfinite(forms)]
         if forms is None or known is None or not len(known):
-            axes.text(0.5, 0.5, "nothing to compare with", transform=axes.transAxes, ha="center", va="center", color=GREY)
+            axes.text(
+                0.5, 0.5, "nothing to compare with", transform=axes.transAxes, ha="center", va="center", color=GREY
+            )
             shares.append("not known")
             continue
         axes.plot(time, forms, color=colour, linewidth=0.9, **marks)

@@ -83,7 +83,8 @@ def read_toml(path: str | os.PathLike[str], model: type[SomeModel], **defaults: 
 
 def _faults(error: ValidationError, data: Mapping[str, Any]) -> str:
     """Every key at fault with what is wrong, each once: the members of a union repeat one another."""
-    return "; ".join(dict.fromkeys(_key_path(fault, data) + fault["msg"] for fault in error.errors()))
+    messages = (_key_path(fault, data) + fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+    return "; ".join(dict.fromkeys(messages))
 
 
 def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
@@ -93,11 +94,12 @@ def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
     """
     path = ""
     here: Any = data
-    for part in fault["loc"]:
+    for depth, part in enumerate(fault["loc"], start=1):
+        is_missing = fault["type"] == "missing" and depth == len(fault["loc"])
         if isinstance(here, list) and isinstance(part, int):
             path += f"[{part}]"
-            here = here[part] if part < len(here) else None
-        elif isinstance(here, Mapping) and (part in here or fault["type"] == "missing"):
+            here = None if is_missing else here[part]
+        elif isinstance(here, Mapping) and (part in here or is_missing):
             path += f".{part}"
             here = here.get(part)
     return f"{path.lstrip('.')}: " if path else ""

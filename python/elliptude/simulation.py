@@ -86,7 +86,7 @@ def truth(scenario: Scenario) -> Truth:
         momentum_rate = torque(time, attitude) - _cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
 
-    times: FloatArray = scenario.interval * np.arange(scenario.measurements + 1)
+    times = scenario.interval * np.arange(scenario.measurements + 1, dtype=np.float64)
     states = np.empty((len(times), 12))
     states[0] = *scenario.attitude0.matrix().ravel(), *scenario.rate0
     # One call for each interval: at the end of a call the state has the full order, in between it is interpolated.

@@ -1,9 +1,9 @@
 """Where the Sun is: its direction in J2000 axes from an almanac formula good to 0.01 degrees.
 
-The formula is the low-precision one of the Astronomical Almanac in the form of J. Meeus, *Astronomical Algorithms*, second
-edition, chapter 25: the Earth on a Kepler ellipse, referred to the mean ecliptic and equinox of date. IAU 2006 precession
-(N. Capitaine et al., *Astronomy & Astrophysics* 412, 2003, eq. 40) takes it to the mean equator and equinox of J2000.
-Nutation cancels, as neither frame has it; what is left of the Sun's ecliptic latitude is below 0.0004 degrees.
+The formula is the low-precision one of the Astronomical Almanac in the form of J. Meeus, *Astronomical Algorithms*,
+second edition, chapter 25: the Earth on a Kepler ellipse, referred to the mean ecliptic and equinox of date. IAU 2006
+precession (Capitaine et al., *Astronomy & Astrophysics* 412, 2003) takes it to the mean equator and equinox of J2000.
+Neither frame has nutation; the Sun's ecliptic latitude, below 0.0004 degrees, is left out.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def fermi_julian_date(met_s: ArrayLike) -> NDArray[np.float64]:
 
 
 def sun_longitude_of_date(jd_tt: ArrayLike) -> NDArray[np.float64]:
-    """The Sun's longitude (rad) on the mean ecliptic, from the mean equinox of date, with aberration; not reduced to 2 pi.
+    """The Sun's longitude (rad) on the mean ecliptic, from the mean equinox of date, with aberration; any turns added.
 
     Aberration (20.5 arcseconds) belongs to it: a Sun sensor in orbit about the Earth sees the Sun there.
     """
@@ -59,7 +59,7 @@ def precession_to_j2000(jd_tt: ArrayLike) -> Rotation:
     zeta = 2.650545 + t * (2306.083227 + t * (0.2988499 + t * 0.01801828))
     z = -2.650545 + t * (2306.077181 + t * (1.0927348 + t * 0.01826837))
     theta = t * (2004.191903 - t * (0.4294934 + t * 0.04182264))
-    # From J2000 to date the axes turn by -zeta about z, theta about y, -z about z; vectors from date to J2000 turn likewise.
+    # From J2000 to date the axes turn by -zeta about z, theta about y, -z about z: so do vectors from date to J2000.
     angles_deg = np.stack([-zeta, theta, -z], axis=-1) * _ARCSECOND_DEG
     return Rotation.from_euler("ZYZ", angles_deg, degrees=True)
 

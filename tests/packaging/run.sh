@@ -64,6 +64,16 @@ grep -q 'elliptude: Eigen .*cmeel.prefix' install.log || fail "pip install took 
 [ -f "$(empty/bin/python -m elliptude --includedir)/elliptude/version.hpp" ] || fail "python -m elliptude --includedir"
 passes "pip install of the sdist, Eigen from PyPI"
 
+# --- the command line: says what it needs, and has its scenarios with it ---
+if empty/bin/elliptude scenarios 2>without_extra.log; then
+    fail "elliptude scenarios without the extra"
+fi
+grep -qF "pip install 'elliptude[cli]'" without_extra.log || fail "elliptude without the extra does not say what it needs"
+empty/bin/pip install --quiet "elliptude[cli]==$version" >cli.log 2>&1 || { cat cli.log; fail "pip install elliptude[cli]"; }
+empty/bin/elliptude simulate orbit --out simulated >/dev/null || fail "elliptude simulate"
+[ -f simulated/summary.json ] || fail "elliptude simulate wrote no summary"
+passes "elliptude from the sdist"
+
 # --- C++ from the wheel, with PyPI's Eigen, which lies beside it ---
 cmakedir=$(empty/bin/python -m elliptude --cmakedir)
 consume wheel -Delliptude_DIR="$cmakedir" "$no_system_eigen"

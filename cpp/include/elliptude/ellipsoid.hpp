@@ -346,9 +346,11 @@ template <typename Scalar, int N, typename Slack>
   }
   Scalar low(0);
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  // Below this A ≻ 0 is rounding where M is singular, and N < 0 no proof.
+  const Scalar least = Scalar(N) * Scalar(scalar::epsilon<Scalar>) * problem.m.norm();
   Scalar q = start;
   constexpr int most_steps = 60;
-  for (int step = 0; step < most_steps; ++step) {
+  for (int step = 0; step < most_steps && q > least; ++step) {
     Combination<Scalar, N> combination;
     Scalar next;
     if (problem.combine(q, combination) != Status::ok) {
@@ -359,6 +361,9 @@ template <typename Scalar, int N, typename Slack>
         return true;
       }
       const Scalar length = combination.center.norm();
+      if (length <= Scalar(1) && combination.level >= q * combination.level_slope) {
+        return false;  // the center is a common point: in the ball, and its slack is not negative
+      }
       (length > Scalar(1) ? low : high) = q;
       const Scalar change = combination.center.squaredNorm() * (length - Scalar(1)) /
                             combination.center.dot(combination.inverse.lazyProduct(combination.center));

@@ -1,0 +1,165 @@
+#include <doctest/doctest.h>
+
+#include <elliptude/convergence.hpp>
+#include <elliptude/fusion.hpp>
+
+#include "random.hpp"
+
+using namespace elliptude;
+using namespace elliptude::testing;
+
+namespace {
+
+using State = RigidBodyState<double>;
+using Set = StateEllipsoid<State>;
+
+State random_state(Random& random) { return {random.rotation(), random.normal_matrix<3>()}; }
+
+/// The largest form that the image of a set's boundary has in the set that stands for it about another center.
+double worst_of_image(const Set& set, const State& center, const Ellipsoid<double, 6>& seen, Random& random) {
+  const Matrix6<double> root = set.shape.llt().matrixL();
+  double worst = 0;
+  for (int sample = 0; sample < 4000; ++sample) {
+    const State state = retract(set.center, Vector6<double>(root * random.unit_vector<6>()));
+    double form = 0;
+    REQUIRE(quadratic_form(seen, state_error(center, state), form) == Status::ok);
+    worst = std::max(worst, form);
+  }
+  return worst;
+}
+
+/// An attitude set ten times as long as wide, small enough for first order, with a rate beside it.
+Set elongated(Random& random) {
+  const Vector3<double> axes(0.02, 0.002, 0.002);
+  Set set{random_state(random), Matrix6<double>::Identity() * 1e-6};
+  set.shape.topLeftCorner<3, 3>() = random.symmetric<3>(axes.cwiseAbs2());
+  return set;
+}
+
+}  // namespace
+
+TEST_CASE("An ellipsoid of 10 to 1 carried over 7 degrees contains its image to first order and does not by a shift") {
+  Random random(1);
+  double worst_first_order = 0;
+  double worst_shifted = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    const Set set = elongated(random);
+    const State center = retract(
+        set.center, (Vector6<double>() << 0.12217304763960307 * random.unit_vector<3>(), 0, 0, 0).finished());
+    worst_first_order = std::max(
+        worst_first_order, worst_of_image(set, center, seen_from(center, set, Recentring::first_order), random));
+    worst_shifted =
+        std::max(worst_shifted, worst_of_image(set, center, seen_from(center, set, Recentring::shifted), random));
+  }
+  MESSAGE("largest form, first order " << worst_first_order << ", shifted " << worst_shifted);
+  CHECK(worst_first_order <= 1.02);
+  CHECK(worst_shifted > 1.5);
+}
+
+TEST_CASE("Recentring after the fusion contains the image too and undoes what seeing from elsewhere did") {
+  Random random(2);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Set set = elongated(random);
+    const State center = retract(
+        set.center, (Vector6<double>() << 0.12217304763960307 * random.unit_vector<3>(), 0.1, 0.2, 0.3).finished());
+    const Ellipsoid<double, 6> seen = seen_from(center, set, Recentring::first_order);
+    const Set back = recentred(center, seen, Recentring::first_order);
+    CHECK((back.shape - set.shape).norm() <= 1e-14 * set.shape.norm() * 100);
+    CHECK(state_error(back.center, set.center).norm() <= 1e-14);
+  }
+}
+
+TEST_CASE("A fused set contains the states that both sets hold and no state where they do not meet is invented") {
+  Random random(3);
+  int shared = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    Set predicted{random_state(random), 1e-6 * random.positive_definite<6>(30)};
+    const Matrix6<double> root = predicted.shape.llt().matrixL();
+    Set measured{retract(predicted.center, Vector6<double>(0.8 * root * random.in_ball<6>())),
+                 1e-6 * random.positive_definite<6>(30)};
+    Fusion<State> fusion{};
+    const Status status =
+        fuse(measured, predicted, Recentring::first_order, SizeCriterion<double, 6>::volume(), fusion);
+    REQUIRE(status == Status::ok);
+    CHECK(fusion.margin > 0);
+    for (int sample = 0; sample < 200; ++sample) {
+      const State state = retract(predicted.center, Vector6<double>(root * random.in_ball<6>()));
+      double in_measured = 0;
+      REQUIRE(quadratic_form(measured, state, in_measured) == Status::ok);
+      if (in_measured <= 1) {
+        ++shared;
+        double form = 0;
+        REQUIRE(quadratic_form(fusion.ellipsoid, state, form) == Status::ok);
+        CHECK(form <= 1 + 0.01);  // sets of 1e-3 rad: second order
+      }
+    }
+  }
+  CHECK(shared > 1000);
+}
+
+TEST_CASE("A partial measurement fuses as the printed family at the best multiplier") {
+  Random random(4);
+  for (int trial = 0; trial < 50; ++trial) {
+    const Set predicted{random_state(random), random.positive_definite<6>(20) * 1e-4};
+    const Matrix6<double> root = predicted.shape.llt().matrixL();
+    LinearMeasurement<double, 2> linear{Vector<double, 2>::Zero(), random.normal_matrix<2, 6>(),
+                                        1e-4 * random.positive_definite<2>(5)};
+    linear.y = linear.h * (0.7 * root * random.unit_vector<6>());
+    Fusion<State> fusion{};
+    REQUIRE(fuse(linear, predicted, Recentring::shifted, SizeCriterion<double, 6>::trace(), fusion) == Status::ok);
+    // G = HPHᵀ + R/μ, K = PHᵀG⁻¹, P⁺ = (1 + μ − yᵀG⁻¹y)(I − KH)P (theory, section 10), over a fine grid of μ.
+    double best = predicted.shape.trace();
+    for (double log_mu = -12; log_mu < 12; log_mu += 0.002) {
+      const double mu = std::exp(log_mu);
+      const Matrix<double, 2> g = linear.h * predicted.shape * linear.h.transpose() + linear.bound / mu;
+      const Matrix<double, 6, 2> k = predicted.shape * linear.h.transpose() * g.inverse();
+      const double level = 1 + mu - linear.y.dot(g.inverse() * linear.y);
+      REQUIRE(level > 0);
+      best = std::min(best, level * (predicted.shape - k * linear.h * predicted.shape).trace());
+    }
+    CHECK(fusion.ellipsoid.shape.trace() <= best * (1 + 1e-9));
+    CHECK(fusion.ellipsoid.shape.trace() >= best * (1 - 1e-6));  // the grid's own error
+  }
+}
+
+TEST_CASE("Sets that do not meet are reported with their margin and the output stays") {
+  Random random(5);
+  const Set predicted{random_state(random), 1e-4 * Matrix6<double>::Identity()};
+  const Set measured{
+      retract(predicted.center, (Vector6<double>() << 0.022, 0, 0, 0, 0, 0).finished()), predicted.shape};
+  Fusion<State> fusion{predicted, 0.25, 7};
+  CHECK(fuse(measured, predicted, Recentring::shifted, SizeCriterion<double, 6>::trace(), fusion) ==
+        Status::empty_intersection);
+  CHECK(fusion.margin == doctest::Approx(-0.21));
+  CHECK(fusion.share == 0.25);
+  CHECK(fusion.ellipsoid.shape == predicted.shape);
+
+  LinearMeasurement<double, 1> linear{Vector<double, 1>(0.022), Matrix<double, 1, 6>::Unit(0),
+                                      Matrix<double, 1>::Constant(1e-4)};
+  CHECK(fuse(linear, predicted, Recentring::shifted, SizeCriterion<double, 6>::trace(), fusion) ==
+        Status::empty_intersection);
+  CHECK(fusion.margin == doctest::Approx(-0.21));
+}
+
+TEST_CASE("The convergence diagnostics are those of the theorem") {
+  Random random(6);
+  const Matrix6<double> a = random.normal_matrix<6, 6>();
+  const Matrix6<double> prior = random.positive_definite<6>(10);
+  const Matrix6<double> measured = random.positive_definite<6>(25);
+  const Matrix6<double> predicted = a * prior * a.transpose();
+  const Matrix6<double> fused = 0.1 * prior;
+  const double share = 0.3;
+  Convergence<double> result{};
+  REQUIRE(convergence(a, prior, predicted, measured, fused, share, result) == Status::ok);
+  const Eigen::VectorXd ratios = Matrix6<double>(measured.inverse() * predicted).eigenvalues().real();
+  const double q = share / (1 - share);
+  const double chi = std::sqrt(6 + 30 * 25.0);
+  CHECK(result.flow_norm == doctest::Approx(a.norm()));
+  CHECK(result.smallest_ratio == doctest::Approx(ratios.minCoeff()).epsilon(1e-9));
+  CHECK(result.chi == doctest::Approx(chi));
+  // Eq. sufcond holds with equality at the contraction reported.
+  CHECK(a.norm() == doctest::Approx(std::sqrt(result.contraction * (q + ratios.minCoeff()) / (6 * chi * (1 + q)))));
+  CHECK(result.trace_ratio == doctest::Approx(0.1));
+  CHECK(convergence(a, prior, predicted, Matrix6<double>(Matrix6<double>::Zero()), fused, share, result) ==
+        Status::not_positive_definite);
+}

@@ -1,0 +1,118 @@
+// Runs every function of the library while allocations are counted, by the C heap's own functions (this program's
+// definitions stand before the C library's) and by Eigen's check.
+#define EIGEN_RUNTIME_NO_MALLOC  // asserts in Eigen where it would allocate
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include "every_function.hpp"
+
+namespace {
+
+bool counting = false;
+int allocations = 0;
+
+void count() noexcept { allocations += counting ? 1 : 0; }
+
+// While it lives, allocations are counted and Eigen's own are asserted not to happen.
+class Watch {
+ public:
+  Watch() noexcept {
+    allocations = 0;
+    counting = true;
+    Eigen::internal::set_is_malloc_allowed(false);
+  }
+  ~Watch() {
+    counting = false;
+    Eigen::internal::set_is_malloc_allowed(true);
+  }
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+};
+
+}  // namespace
+
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+// The sanitizer has a malloc of its own; under it operator new and Eigen's check are what is left.
+#define ELLIPTUDE_TEST_COUNTS_MALLOC
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* malloc(std::size_t size) {
+  count();
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t number, std::size_t size) {
+  count();
+  return __libc_calloc(number, size);
+}
+void* realloc(void* p, std::size_t size) {
+  count();
+  return __libc_realloc(p, size);
+}
+}
+#endif
+
+void* operator new(std::size_t size) {
+  count();
+  if (void* p = std::malloc(size)) {
+    return p;
+  }
+  throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+using namespace elliptude::testing;
+
+TEST_CASE("the count sees operator new and malloc") {
+  int seen_new = 0;
+  {
+    const Watch watch;
+    const std::vector<double> v(100, 1.0);
+    seen_new = allocations;
+    CHECK(v[99] == 1.0);
+  }
+  CHECK(seen_new > 0);
+#ifdef ELLIPTUDE_TEST_COUNTS_MALLOC
+  int seen_malloc = 0;
+  {
+    const Watch watch;
+    void* volatile p = std::malloc(100);
+    seen_malloc = allocations;
+    std::free(p);
+  }
+  CHECK(seen_malloc > 0);
+#endif
+}
+
+TEST_CASE("no function allocates in double") {
+  Tally<double> tally;
+  int counted = -1;
+  {
+    const Watch watch;
+    tally = use_every_function(Seeds<double>{});
+    counted = allocations;
+  }
+  CHECK(counted == 0);
+  CHECK(tally.failures == 0);
+  CHECK(tally.calls > 500);
+  CHECK(std::isfinite(tally.checksum));
+}
+
+TEST_CASE("no function allocates in float") {
+  Tally<float> tally;
+  int counted = -1;
+  {
+    const Watch watch;
+    tally = use_every_function(Seeds<float>{});
+    counted = allocations;
+  }
+  CHECK(counted == 0);
+  CHECK(tally.failures == 0);
+  CHECK(tally.calls > 500);
+  CHECK(std::isfinite(tally.checksum));
+}

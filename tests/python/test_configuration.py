@@ -1,0 +1,182 @@
+"""Configurations: what is accepted, and that messages name the file and the key."""
+
+import numpy as np
+import pytest
+import tomlkit
+from elliptude import GravityGradient, UniformGravity, fermi
+from elliptude.configuration import Configuration, read_configuration
+from elliptude.files import FileError
+
+
+def pendulum():
+    return {
+        "flow": {
+            "kind": "rigid_body",
+            "inertia_kg_m2": [0.13, 0.28, 0.17],
+            "step_s": 0.005,
+            "order": 4,
+            "potential": {
+                "kind": "uniform_gravity",
+                "mass_kg": 1.0,
+                "gravity_m_per_s2": 9.81,
+                "center_of_mass_m": [0.0, 0.0, 0.3],
+            },
+        },
+        "directions": [
+            {"name": "sun", "columns": ["sx", "sy", "sz"], "reference": [1.0, 0.0, 0.0], "bound_deg": 7.0},
+            {"name": "mag", "columns": ["mx", "my", "mz"], "reference_columns": ["ex", "ey", "ez"], "bound_deg": 2.0},
+        ],
+        "rate": {"columns": ["wx", "wy", "wz"], "bound_deg_per_s": 7.0},
+        "start": {"kind": "first_measurement"},
+    }
+
+
+def gyro():
+    tables = pendulum() | {
+        "flow": {"kind": "gyro", "columns": ["wx", "wy", "wz"], "noise_deg_per_s": 0.1},
+        "start": {
+            "kind": "given",
+            "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0],
+            "P_diagonal": [0.1, 0.1, 0.1, 0.01, 0.01, 0.01],
+        },
+    }
+    del tables["rate"]
+    return tables
+
+
+def changed(tables, path, value):
+    """A copy with the value at a dotted path; None removes it."""
+    tables = tomlkit.parse(tomlkit.dumps(tables)).unwrap()
+    here = tables
+    *folders, key = [int(part) if part.isdigit() else part for part in path.split(".")]
+    for part in folders:
+        here = here[part]
+    if value is None:
+        del here[key]
+    else:
+        here[key] = value
+    return tables
+
+
+def read(tmp_path, tables):
+    file = tmp_path / "estimate.toml"
+    file.write_text(tomlkit.dumps(tables), encoding="utf-8")
+    return read_configuration(file)
+
+
+def test_rigid_body(tmp_path):
+    configuration = read(tmp_path, pendulum())
+    flow = configuration.flow.build()
+    np.testing.assert_array_equal(flow.body.inertia, np.diag([0.13, 0.28, 0.17]))
+    assert isinstance(flow.potential, UniformGravity)
+    assert (flow.step, flow.order) == (0.005, 4)
+    np.testing.assert_array_equal(flow.potential.center_of_mass, [0.0, 0.0, 0.3])
+    np.testing.assert_allclose(configuration.directions[0].bound(), np.deg2rad(7.0) ** 2 * np.eye(3), rtol=1e-15)
+    np.testing.assert_allclose(configuration.rate.bound(), np.deg2rad(7.0) ** 2 * np.eye(3), rtol=1e-15)
+    assert configuration.time_column == "time_s"
+    assert configuration.estimator.mode == "first_order"
+
+
+def test_other_choices(tmp_path):
+    tables = pendulum()
+    tables["flow"]["inertia_kg_m2"] = [[1.0, 0.1, 0.0], [0.1, 2.8, 0.0], [0.0, 0.0, 2.0]]
+    tables["flow"]["potential"] = {"kind": "gravity_gradient", "orbit_rate_rad_per_s": 1e-3}
+    tables["flow"]["unknown_torque_n_m"] = 2.0
+    shape = [[0.2, 0.1, 0.0], [0.1, 0.2, 0.0], [0.0, 0.0, 0.3]]
+    del tables["directions"][0]["bound_deg"], tables["rate"]["bound_deg_per_s"]
+    tables["directions"][0]["bound_rad2"] = shape
+    tables["rate"]["bound_rad2_per_s2"] = shape
+    weight = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    tables["estimator"] = {"mode": "paper", "criterion": "weighted_trace", "weight_diagonal": weight}
+    configuration = read(tmp_path, tables)
+    flow = configuration.flow.build()
+    assert isinstance(flow.potential, GravityGradient)
+    assert flow.potential.orbit_rate == 1e-3
+    np.testing.assert_allclose(flow.unknown_torque, 4.0 * np.eye(3))
+    assert flow.body.inertia[0, 1] == 0.1
+    np.testing.assert_array_equal(configuration.directions[0].bound(), shape)
+    np.testing.assert_array_equal(configuration.rate.bound(), shape)
+    np.testing.assert_array_equal(configuration.estimator.weight(), np.diag(weight))
+
+
+def test_gyro_and_given_start(tmp_path):
+    tables = gyro()
+    tables["start"]["attitude_qw_qx_qy_qz"] = [3.0, 0.0, 0.0, 3.0]
+    configuration = read(tmp_path, tables)
+    np.testing.assert_allclose(configuration.flow.build().noise, np.deg2rad(0.1) ** 2 * np.eye(3), rtol=1e-15)
+    start = configuration.start.build()
+    np.testing.assert_allclose(start.attitude, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_array_equal(np.diag(start.shape), tables["start"]["P_diagonal"])
+
+
+def test_the_one_that_ships():
+    configuration = fermi.configuration()
+    assert [sensor.bound_deg for sensor in configuration.directions] == [2.0, fermi.STAR_BOUND_DEG]
+    assert configuration.flow.noise_deg_per_s == 0.005
+
+
+@pytest.mark.parametrize(
+    ("tables", "path", "value", "message"),
+    [
+        (pendulum(), "flow.step_s", None, "flow.step_s: "),
+        (pendulum(), "flow.step_s", -1.0, "flow.step_s: "),
+        (pendulum(), "flow.step_s", "0.1", "flow.step_s: "),
+        (pendulum(), "flow.order", 3, "flow.order: "),
+        (pendulum(), "flow.steps", 3, "flow.steps: "),
+        (pendulum(), "flow.kind", "rigid", "flow: "),
+        (pendulum(), "flow.inertia_kg_m2", [1.0, 1.0, 3.0], "flow: "),
+        (pendulum(), "flow.potential.mass_kg", 0.0, "flow.potential.mass_kg: "),
+        (pendulum(), "flow.potential.kind", "springs", "flow.potential: "),
+        (pendulum(), "directions.0.bound_deg", None, "directions[0]: give exactly one of bound_deg"),
+        (pendulum(), "directions.0.bound_deg", 0.0, "directions[0].bound_deg: "),
+        (pendulum(), "directions.0.bound_deg", float("nan"), "directions[0].bound_deg: "),
+        (pendulum(), "directions.0.reference", [0.0, 0.0, 0.0], "directions[0].reference: "),
+        (pendulum(), "directions.1.reference", [1.0, 0.0, 0.0], "directions[1]: give exactly one of ref"),
+        (pendulum(), "directions.1.columns", ["a", "b", "b"], "directions[1].columns: "),
+        (pendulum(), "directions.1.name", "sun", "different names"),
+        (pendulum(), "directions.1", None, "two directions or more"),
+        (pendulum(), "rate", None, "needs a rate"),
+        (pendulum(), "start.bias_bound_deg_per_s", 1.0, "bias_bound_deg_per_s belongs to"),
+        (pendulum(), "estimator", {"criterion": "weighted_trace"}, "estimator: "),
+        (pendulum(), "estimator", {"mode": "exact"}, "estimator.mode: "),
+        (pendulum(), "estimator", {"when_sets_do_not_meet": "ignore"}, "estimator.when_sets_do_not_meet: "),
+        (gyro(), "rate", pendulum()["rate"], "its input"),
+        (gyro(), "start", {"kind": "first_measurement"}, "bias_bound_deg_per_s is needed"),
+        (gyro(), "start.P_diagonal", None, "start: give exactly one of P_diagonal, P"),
+        (gyro(), "start.P_diagonal", [1.0, 1.0, 1.0, 1.0, 1.0, -1.0], "start.P_diagonal[5]: "),
+        (gyro(), "start.attitude_qw_qx_qy_qz", [0.0, 0.0, 0.0, 0.0], "start.attitude_qw_qx_qy_qz: "),
+        (gyro(), "truth", {"attitude_columns": ["a", "b", "c"]}, "truth.attitude_columns"),
+    ],
+)
+def test_messages_name_file_and_key(tmp_path, tables, path, value, message):
+    with pytest.raises(FileError) as caught:
+        read(tmp_path, changed(tables, path, value))
+    assert str(caught.value).startswith(str(tmp_path / "estimate.toml"))
+    assert message in str(caught.value)
+
+
+def test_all_that_is_wrong_is_said_at_once(tmp_path):
+    tables = changed(changed(pendulum(), "flow.step_s", 0.0), "rate.columns", [1, 2, 3])
+    with pytest.raises(FileError) as caught:
+        read(tmp_path, tables)
+    lines = str(caught.value).splitlines()
+    assert any("flow.step_s" in line for line in lines)
+    assert any("rate.columns" in line for line in lines)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    file = tmp_path / "estimate.toml"
+    with pytest.raises(FileError, match=r"estimate.toml: No such file"):
+        read_configuration(file)
+    file.write_text("[flow\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"estimate.toml: not TOML: .*line 1"):
+        read_configuration(file)
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(FileError, match=r"estimate.toml: not UTF-8"):
+        read_configuration(file)
+
+
+def test_nothing_changes_after_reading():
+    configuration = Configuration.model_validate(pendulum())
+    with pytest.raises(ValueError, match="frozen"):
+        configuration.time_column = "t"
