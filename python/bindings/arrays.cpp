@@ -131,9 +131,13 @@ Shape broadcast(std::initializer_list<Items*> arguments) {
     if (argument->count() == 1) {
       argument->stride_ = 0;
     } else {
-      Shape shape = common;
-      shape.insert(shape.end(), argument->item_.begin(), argument->item_.end());
-      const py::object view = py::module_::import("numpy").attr("broadcast_to")(argument->array_, shape);
+      py::list shape;
+      for (const Shape* part : {&common, &argument->item_}) {
+        for (const Index length : *part) {
+          shape.append(length);
+        }
+      }
+      const py::object view = py::module_::import("numpy").attr("broadcast_to")(argument->array_, py::tuple(shape));
       argument->array_ = Array::ensure(view);
       argument->data_ = argument->array_.data();
     }

@@ -307,7 +307,13 @@ struct Combination {
   Matrix<Scalar, N> inverse;  ///< A⁻¹
   Vector<Scalar, N> center;   ///< −A⁻¹v
   Scalar level;               ///< N
-  Scalar level_slope;         ///< dN/dq = 1 − ‖center‖²
+  Scalar quadric_slack;       ///< k − uᵀMu − 2vᵀu at the center
+  Scalar ball_slack;          ///< 1 − ‖center‖², which is dN/dq
+
+  /// Whether the center lies in both sets, a proof that they meet.
+  [[nodiscard]] bool is_common_point() const noexcept {
+    return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0);
+  }
 };
 
 /// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
@@ -317,6 +323,11 @@ struct Problem {
   const Vector<Scalar, N>& v;
   const Vector<Scalar, N>& present;  ///< 1 where the coordinate exists, else 0
   const Slack& slack;
+
+  /// The q below which A ≻ 0 may be rounding, where M is singular, so that N < 0 proves nothing.
+  [[nodiscard]] Scalar least_weight() const noexcept {
+    return Scalar(N) * Scalar(scalar::epsilon<Scalar>) * m.norm();
+  }
 
   /// \return `not_positive_definite` if A is not.
   [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
@@ -331,8 +342,9 @@ struct Problem {
     result.root = lower_inverse(l);
     result.inverse.noalias() = result.root.transpose().lazyProduct(result.root);
     result.center.noalias() = -result.inverse.lazyProduct(v);
-    result.level_slope = Scalar(1) - result.center.squaredNorm();
-    result.level = slack(result.center) + q * result.level_slope;
+    result.quadric_slack = slack(result.center);
+    result.ball_slack = Scalar(1) - result.center.squaredNorm();
+    result.level = result.quadric_slack + q * result.ball_slack;
     return Status::ok;
   }
 };
@@ -341,13 +353,9 @@ struct Problem {
 /// is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a bracket.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] bool provably_empty(const Problem<Scalar, N, Slack>& problem, const Scalar& start) noexcept {
-  if (problem.slack(Vector<Scalar, N>::Zero()) >= Scalar(0)) {
-    return false;
-  }
   Scalar low(0);
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  // Below this A ≻ 0 is rounding where M is singular, and N < 0 no proof.
-  const Scalar least = Scalar(N) * Scalar(scalar::epsilon<Scalar>) * problem.m.norm();
+  const Scalar least = problem.least_weight();
   Scalar q = start;
   constexpr int most_steps = 60;
   for (int step = 0; step < most_steps && q > least; ++step) {
@@ -361,8 +369,8 @@ template <typename Scalar, int N, typename Slack>
         return true;
       }
       const Scalar length = combination.center.norm();
-      if (length <= Scalar(1) && combination.level >= q * combination.level_slope) {
-        return false;  // the center is a common point: in the ball, and its slack is not negative
+      if (combination.is_common_point()) {
+        return false;
       }
       (length > Scalar(1) ? low : high) = q;
       const Scalar change = combination.center.squaredNorm() * (length - Scalar(1)) /
@@ -380,111 +388,107 @@ template <typename Scalar, int N, typename Slack>
   return false;
 }
 
-/// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
-/// x = origin + factor u. The logarithm of either criterion has positive curvature wherever it is stationary, so it is
-/// stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q; each iterate is a valid
-/// bound.
-/// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
-template <typename Scalar, int N, typename Slack>
-[[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
-                                          const Problem<Scalar, N, Slack>& problem,
-                                          const SizeCriterion<Scalar, N>& criterion,
-                                          Intersection<Scalar, N>& result) noexcept {
-  const bool by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
-  const Scalar dimension = problem.present.sum();
-  const Scalar absent = Scalar(N) - dimension;
-  const Matrix<Scalar, N> weight =
-      by_volume ? Matrix<Scalar, N>(problem.present.asDiagonal())
-                : Matrix<Scalar, N>(factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))));
+/// The size of the ellipsoid that a combination stands for, seen in x = origin + factor u, by its logarithm less that of the
+/// second set's, log of tr(W' N A⁻¹) / tr W' with W' = factorᵀ W factor, or of det(N A⁻¹) over the coordinates that exist.
+template <typename Scalar, int N>
+class RelativeSize {
+ public:
+  RelativeSize(const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& present,
+               const SizeCriterion<Scalar, N>& criterion) noexcept
+      : by_volume_(criterion.kind == SizeCriterion<Scalar, N>::Kind::volume),
+        dimension_(present.sum()),
+        absent_(Scalar(N) - dimension_),
+        weight_(by_volume_ ? Matrix<Scalar, N>(present.asDiagonal())
+                           : Matrix<Scalar, N>(factor.transpose().lazyProduct(
+                                 Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))))) {}
 
-  // The logarithm of the criterion, less its value at the second set alone.
-  const Scalar reference = by_volume ? Scalar(0) : Scalar(scalar::log(Scalar(weight.trace())));
-  const auto size = [&](const Combination<Scalar, N>& c) {
-    if (by_volume) {
+  [[nodiscard]] Scalar operator()(const Combination<Scalar, N>& c) const noexcept {
+    if (by_volume_) {
       Scalar determinant(1);
       for (int i = 0; i < N; ++i) {
         determinant *= c.root(i, i);  // of the root of A⁻¹
       }
-      return Scalar(dimension * scalar::log(c.level) + Scalar(2) * scalar::log(determinant));
+      return dimension_ * scalar::log(c.level) + Scalar(2) * scalar::log(determinant);
     }
-    return Scalar(scalar::log(c.level) + scalar::log(Scalar(weight.cwiseProduct(c.inverse).sum())) - reference);
-  };
-  // Its first and second derivatives with respect to q.
-  const auto derivatives = [&](const Combination<Scalar, N>& c, Scalar& first, Scalar& second) {
-    const Scalar level1 = c.level_slope / c.level;
+    return scalar::log(Scalar(c.level * weight_.cwiseProduct(c.inverse).sum() / weight_.trace()));
+  }
+
+  /// First and second derivative with respect to q.
+  void derivatives(const Combination<Scalar, N>& c, Scalar& first, Scalar& second) const noexcept {
+    const Scalar level1 = c.ball_slack / c.level;
     const Scalar level2 = Scalar(2) * c.center.dot(c.inverse.lazyProduct(c.center)) / c.level - level1 * level1;
-    if (by_volume) {
-      first = dimension * level1 - (c.inverse.trace() - absent);
-      second = dimension * level2 + (c.inverse.squaredNorm() - absent);
+    if (by_volume_) {
+      first = dimension_ * level1 - (c.inverse.trace() - absent_);
+      second = dimension_ * level2 + (c.inverse.squaredNorm() - absent_);
     } else {
-      const Matrix<Scalar, N> half = c.inverse.lazyProduct(weight);
+      const Matrix<Scalar, N> half = c.inverse.lazyProduct(weight_);
       const Matrix<Scalar, N> both = half.lazyProduct(c.inverse);
       const Scalar trace = half.trace();
       const Scalar trace1 = -both.trace() / trace;
       first = level1 + trace1;
       second = level2 + Scalar(2) * both.cwiseProduct(c.inverse).sum() / trace - trace1 * trace1;
     }
-  };
-  const auto finish = [&](const Combination<Scalar, N>& c, const Scalar& share) {
-    const Matrix<Scalar, N> half = factor.lazyProduct(c.root.transpose());
-    result.set.shape.noalias() = c.level * half.lazyProduct(half.transpose());
-    result.set.center = origin + factor.lazyProduct(c.center);
-    result.share = share;
-    return Status::ok;
-  };
-  const auto second_set_alone = [&]() {
-    result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
-    result.set.center = origin;
-    result.share = Scalar(1);
-    return Status::ok;
-  };
-
-  const Scalar start = (problem.m.norm() + problem.v.norm()) / scalar::sqrt(Scalar(N));
-  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
-  if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
-    return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
-  }
-  if (provably_empty(problem, start)) {
-    return Status::empty_intersection;
   }
 
-  // Second set alone: the derivative with respect to 1/q at 1/q = 0.
-  const Scalar growth =
-      by_volume ? Scalar(problem.m.trace() / dimension) : Scalar(weight.cwiseProduct(problem.m).sum() / weight.trace());
-  if (slack_at_origin >= growth) {
-    return second_set_alone();
+  /// The quadric's slack at the ball's center from which on nothing is gained by mixing the quadric in: where the derivative
+  /// with respect to 1/q at 1/q = 0 is not negative.
+  [[nodiscard]] Scalar idle_slack(const Matrix<Scalar, N>& m) const noexcept {
+    return by_volume_ ? Scalar(m.trace() / dimension_) : Scalar(weight_.cwiseProduct(m).sum() / weight_.trace());
   }
-  const Scalar infinity(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+
+ private:
+  bool by_volume_;
+  Scalar dimension_;
+  Scalar absent_;
+  Matrix<Scalar, N> weight_;
+};
+
+/// Where a search ended: the combination, its share, and whether a common point of the two sets was met on the way.
+template <typename Scalar, int N>
+struct Found {
+  Combination<Scalar, N> combination;
+  Scalar share;
+  bool common_point;
+};
+
+/// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
+/// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
+/// iterate is a valid bound.
+/// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Status least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
+                                       const Scalar& start, Found<Scalar, N>& found) noexcept {
   // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
   // and the size to about ε.
   const Scalar tolerance = scalar::sqrt(scalar::sqrt(Scalar(scalar::epsilon<Scalar>)));
   const Scalar longest(4);
+  const Scalar least = problem.least_weight();
   constexpr int most_steps = 60;
-  Scalar low = -infinity;
-  Scalar high = infinity;
+  Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar log_q = scalar::log(start);
-  Combination<Scalar, N> combination;
-  Scalar slope;
-  Scalar curvature;
-  bool found = false;
+  bool bounded = false;
   bool first_set_tried = false;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar q = scalar::exp(log_q);
     Combination<Scalar, N> trial;
-    Scalar move;
-    if (problem.combine(q, trial) != Status::ok) {
+    Scalar move = longest;
+    if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
       low = log_q;
-      move = longest;
     } else {
       if (trial.level < Scalar(0)) {
         return Status::empty_intersection;
       }
-      combination = trial;
-      found = true;
-      if (!(trial.level > Scalar(0))) {
-        return finish(trial, Scalar(q / (Scalar(1) + q)));
+      bounded = true;
+      found.combination = trial;
+      found.share = q / (Scalar(1) + q);
+      found.common_point = found.common_point || trial.is_common_point();
+      if (!(trial.level > Scalar(0))) {  // the sets touch in one point
+        return Status::ok;
       }
-      derivatives(trial, slope, curvature);
+      Scalar slope;
+      Scalar curvature;
+      size.derivatives(trial, slope, curvature);
       curvature = q * slope + q * q * curvature;  // now with respect to log q
       slope = q * slope;
       (slope > Scalar(0) ? high : low) = log_q;
@@ -494,9 +498,12 @@ template <typename Scalar, int N, typename Slack>
         // On the way to q = 0, the first set alone: the best if that is bounded and the size grows from there.
         first_set_tried = true;
         if (problem.combine(Scalar(0), trial) == Status::ok && trial.level >= Scalar(0)) {
-          derivatives(trial, slope, curvature);
-          if (!(slope < Scalar(0))) {  // also where the level is zero: the sets touch in one point
-            return finish(trial, Scalar(0));
+          size.derivatives(trial, slope, curvature);
+          if (!(slope < Scalar(0))) {  // also where the level is zero
+            found.combination = trial;
+            found.share = Scalar(0);
+            found.common_point = found.common_point || trial.is_common_point();
+            return Status::ok;
           }
         }
       }
@@ -506,21 +513,63 @@ template <typename Scalar, int N, typename Slack>
       next = scalar::constant<Scalar>(0.5L) * (low + high);
     }
     log_q = next;
-    if (found && scalar::abs(move) <= tolerance) {
+    if (bounded && scalar::abs(move) <= tolerance) {
       break;
     }
+  }
+  if (!bounded) {
+    return Status::not_converged;
   }
   const Scalar q = scalar::exp(log_q);
   Combination<Scalar, N> last;
   if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
-    combination = last;
-  } else if (!found) {
-    return Status::not_converged;
+    found.combination = last;
+    found.share = q / (Scalar(1) + q);
+    found.common_point = found.common_point || last.is_common_point();
   }
-  if (!(size(combination) < Scalar(0))) {
+  return Status::ok;
+}
+
+/// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
+/// x = origin + factor u; the second set alone where that is smallest.
+/// \return as `least_combination`.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
+                                          const Problem<Scalar, N, Slack>& problem,
+                                          const SizeCriterion<Scalar, N>& criterion,
+                                          Intersection<Scalar, N>& result) noexcept {
+  const auto second_set_alone = [&]() {
+    result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
+    result.set.center = origin;
+    result.share = Scalar(1);
+    return Status::ok;
+  };
+  const Scalar start = (problem.m.norm() + problem.v.norm()) / scalar::sqrt(Scalar(N));
+  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
+  if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
+    return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
+  }
+  const RelativeSize<Scalar, N> size(factor, problem.present, criterion);
+  Found<Scalar, N> found;
+  found.common_point = slack_at_origin >= Scalar(0);
+  const bool idle = slack_at_origin >= size.idle_slack(problem.m);
+  if (!idle) {
+    if (const Status status = least_combination(problem, size, start, found); status != Status::ok) {
+      return status;
+    }
+  }
+  if (!found.common_point && provably_empty(problem, start)) {
+    return Status::empty_intersection;
+  }
+  const Combination<Scalar, N>& best = found.combination;
+  if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
     return second_set_alone();
   }
-  return finish(combination, Scalar(q / (Scalar(1) + q)));
+  const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
+  result.set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
+  result.set.center = origin + factor.lazyProduct(best.center);
+  result.share = found.share;
+  return Status::ok;
 }
 
 }  // namespace fusion

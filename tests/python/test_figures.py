@@ -1,0 +1,88 @@
+"""Figures: made whole, their axes labelled, with and without something to compare with."""
+
+import dataclasses
+
+import matplotlib.image
+import numpy as np
+import pytest
+from elliptude import estimation, fermi, figures, scenarios, simulation
+from elliptude.cli_simulate import configuration_tables
+from elliptude.configuration import Configuration
+from elliptude.files import FileError
+
+
+@pytest.fixture(scope="module")
+def results():
+    scenario = scenarios.load("pendulum")
+    simulated = simulation.simulate(scenario, directions="two", bound_deg=7.0)
+    configuration = Configuration.model_validate(configuration_tables(scenario, simulated))
+    return estimation.estimate(estimation.log_of(simulated.measurements), configuration).results
+
+
+def without_truth(results):
+    return dataclasses.replace(results, errors=None, forms=None)
+
+
+def without_rate_truth(results):
+    errors = results.errors.copy()
+    errors[:, 3:] = np.nan
+    return dataclasses.replace(results, errors=errors, vector="bias")
+
+
+@pytest.mark.parametrize("change", [lambda results: results, without_truth, without_rate_truth])
+def test_estimate_figure(tmp_path, results, change):
+    figure = figures.estimate_figure(change(results), "Pendulum")
+    assert len(figure.axes) == 8
+    for axes in figure.axes:
+        assert "deg" in axes.get_ylabel() or axes.get_ylabel().endswith("(-)")
+    assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == 2
+    figures.save(figure, tmp_path / "figure.png")
+    picture = matplotlib.image.imread(tmp_path / "figure.png")
+    assert picture.shape[1] == 1080
+    assert picture[..., :3].std() > 0.05
+    assert [file.name for file in tmp_path.iterdir()] == ["figure.png"]
+
+
+def test_bands_and_errors_are_those_of_the_results(results):
+    figure = figures.estimate_figure(results, "Pendulum")
+    rate_axes = next(axes for axes in figure.axes if "omega_y" in axes.get_ylabel())
+    error, zero = rate_axes.lines
+    np.testing.assert_allclose(error.get_ydata(), np.rad2deg(results.errors[:, 4]))
+    assert set(zero.get_ydata()) == {0.0}
+    top = rate_axes.collections[0].get_datalim(rate_axes.transData).ymax
+    assert top == pytest.approx(np.rad2deg(results.half_widths[:, 4].max()))
+    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
+    assert "inside: 100 %" in form.get_title()
+    assert form.get_ylim()[1] > 1.0
+
+
+def test_share_inside_counts_what_lies_outside(results):
+    forms = results.forms.copy()
+    forms[:15] = 2.0
+    figure = figures.estimate_figure(dataclasses.replace(results, forms=forms), "Pendulum")
+    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
+    assert "inside: 75 %" in form.get_title()
+    assert form.get_ylim()[1] > 2.0
+
+
+def test_the_same_results_make_the_same_file(tmp_path, results):
+    for name in ("one.png", "two.png"):
+        figures.save(figures.estimate_figure(results, "Pendulum"), tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_about_line_figure(tmp_path, results):
+    line = np.tile([1.0, 0.0, 0.0], (len(results.times), 1))
+    runs = [(name, results, *fermi.half_widths_about(results, line)) for name in ("one", "two")]
+    figure = figures.about_line_figure(results.times, runs, "Line", line="x axis", label="truth")
+    widths, errors, form = figure.axes
+    assert [len(axes.lines) for axes in (widths, errors, form)] == [4, 4, 3]
+    assert all(axes.get_ylabel() for axes in figure.axes)
+    assert form.get_xlabel() == "time (s)"
+    figures.save(figure, tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+def test_a_folder_that_is_not_there(tmp_path, results):
+    with pytest.raises(FileError, match="not written"):
+        figures.save(figures.estimate_figure(results, "Pendulum"), tmp_path / "nowhere" / "figure.png")
