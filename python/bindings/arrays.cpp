@@ -117,8 +117,8 @@ Shape broadcast(std::initializer_list<Items*> arguments) {
         continue;
       }
       if (common[offset + i] != 1) {
-        value_error(argument->name_ + " has the batch shape " + text(argument->leading_) + ", which does not fit that of " +
-                    shaper->name_ + ", " + text(shaper->leading_));
+        value_error(argument->name_ + " has the batch shape " + text(argument->leading_) +
+                    ", which does not fit that of " + shaper->name_ + ", " + text(shaper->leading_));
       }
       common[offset + i] = length;
       shaper = argument;

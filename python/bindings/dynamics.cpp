@@ -64,15 +64,14 @@ struct Integrator {
   if (composition_of_order(order, composition) != Status::ok) {
     value_error("order must be 2, 4, 6 or 8, but is " + std::to_string(order));
   }
-  const py::object given =
-      potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
+  const py::object given = potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
   return {body, PotentialReference(given, "potential"), step_argument(step), order, composition};
 }
 
 /// \throws ValueError for a status of the core's integrator that is not `ok`; Python's own exception where a potential has
 /// raised one.
 [[noreturn]] void raise_integration(Status status, const Failure& failure, const Integrator& integrator,
-                             const RigidBodyState<double>& state, const std::string& where) {
+                                    const RigidBodyState<double>& state, const std::string& where) {
   failure.rethrow();
   if (status == Status::step_too_long) {
     value_error("step " + text(integrator.step) + " s is too long" + where +
@@ -118,8 +117,9 @@ class InitialStates {
   Shape leading_;
 };
 
-[[nodiscard]] py::tuple step_once(const Integrator& self, const py::object& attitude, const py::object& angular_velocity,
-                                  const py::object& time, const py::object& control_torque) {
+[[nodiscard]] py::tuple step_once(const Integrator& self, const py::object& attitude,
+                                  const py::object& angular_velocity, const py::object& time,
+                                  const py::object& control_torque) {
   const InitialStates start(attitude, angular_velocity, time, control_torque);
   Results attitudes_after(start.leading(), {3, 3});
   Results rates_after(start.leading(), {3});
@@ -130,9 +130,8 @@ class InitialStates {
     for (Index i = 0; i < count; ++i) {
       const RigidBodyState<double> state = start.state(i);
       RigidBodyState<double> next;
-      const Status status =
-          integrate_step(self.body, PotentialInCall{*self.potential, failure}, self.composition, start.time(i),
-                         self.step, start.control_torque(i), state, next);
+      const Status status = integrate_step(self.body, PotentialInCall{*self.potential, failure}, self.composition,
+                                           start.time(i), self.step, start.control_torque(i), state, next);
       if (status != Status::ok) {
         raise_integration(status, failure, self, state, start.where(i));
       }
@@ -155,9 +154,9 @@ class InitialStates {
   return number;
 }
 
-[[nodiscard]] py::object trajectory(const Integrator& self, const py::object& attitude, const py::object& angular_velocity,
-                                    const py::object& steps, const py::object& time, const py::object& control_torque,
-                                    const py::object& every) {
+[[nodiscard]] py::object trajectory(const Integrator& self, const py::object& attitude,
+                                    const py::object& angular_velocity, const py::object& steps, const py::object& time,
+                                    const py::object& control_torque, const py::object& every) {
   RigidBodyState<double> state{single_attitude(attitude, "attitude"),
                                single(angular_velocity, "angular_velocity", {3}).vector<3>(0)};
   const Index step_count = positive_count(steps, "steps");
@@ -172,7 +171,8 @@ class InitialStates {
   if (!constant_control && controls.leading() != Shape{step_count}) {
     Shape shape = controls.leading();
     shape.push_back(3);
-    value_error("control_torque must have the shape (3,) or (steps, 3) = " + text({step_count, 3}) + ", not " + text(shape));
+    value_error("control_torque must have the shape (3,) or (steps, 3) = " + text({step_count, 3}) + ", not " +
+                text(shape));
   }
 
   const Index rows = step_count / stride + 1;
@@ -195,17 +195,16 @@ class InitialStates {
       run = constant_control ? std::min(longest_run, step_count - done) : 1;
       RigidBodyState<double> latest = state;
       Index completed = done;
-      const Status status = integrate(
-          self.body, PotentialInCall{*self.potential, failure}, self.composition,
-          start + static_cast<double>(done) * self.step, self.step, static_cast<long>(run),
-          controls.vector<3>(constant_control ? 0 : done), state, state,
-          [&](long k, const RigidBodyState<double>& at) {
-            latest = at;
-            completed = done + k;
-            if (completed % stride == 0) {
-              record(completed / stride, at);
-            }
-          });
+      const Status status = integrate(self.body, PotentialInCall{*self.potential, failure}, self.composition,
+                                      start + static_cast<double>(done) * self.step, self.step, static_cast<long>(run),
+                                      controls.vector<3>(constant_control ? 0 : done), state, state,
+                                      [&](long k, const RigidBodyState<double>& at) {
+                                        latest = at;
+                                        completed = done + k;
+                                        if (completed % stride == 0) {
+                                          record(completed / stride, at);
+                                        }
+                                      });
       if (status != Status::ok) {
         raise_integration(status, failure, self, latest, " after " + std::to_string(completed) + " steps");
       }
@@ -221,8 +220,9 @@ class InitialStates {
       .attr("Trajectory")(times.array(), attitudes_at.array(), rates_at.array());
 }
 
-[[nodiscard]] py::object linearize(const Integrator& self, const py::object& attitude, const py::object& angular_velocity,
-                                   const py::object& steps, const py::object& time, const py::object& control_torque) {
+[[nodiscard]] py::object linearize(const Integrator& self, const py::object& attitude,
+                                   const py::object& angular_velocity, const py::object& steps, const py::object& time,
+                                   const py::object& control_torque) {
   const InitialStates start(attitude, angular_velocity, time, control_torque);
   const Index step_count = positive_count(steps, "steps");
   Results attitudes_after(start.leading(), {3, 3});
@@ -237,9 +237,9 @@ class InitialStates {
       const RigidBodyState<double> state = start.state(i);
       RigidBodyState<double> next;
       FlowLinearization<double> linearization = FlowLinearization<double>::identity();
-      const Status status = integrate_linearized(
-          self.body, PotentialInCall{*self.potential, failure}, self.composition, start.time(i), self.step,
-          static_cast<long>(step_count), start.control_torque(i), state, next, linearization);
+      const Status status = integrate_linearized(self.body, PotentialInCall{*self.potential, failure}, self.composition,
+                                                 start.time(i), self.step, static_cast<long>(step_count),
+                                                 start.control_torque(i), state, next, linearization);
       if (status != Status::ok) {
         raise_integration(status, failure, self, state, start.where(i));
       }
@@ -309,7 +309,8 @@ ValueError
           [](const RigidBody<double>& self) { return to_constant_array(self.nonstandard_inertia()); },
           "J_d = ½ tr(J) I − J in kg m² (paper, after eq. updatew0), shape (3, 3); read-only.")
       .def_property_readonly(
-          "principal_moments", [](const RigidBody<double>& self) { return to_constant_array(self.principal_moments()); },
+          "principal_moments",
+          [](const RigidBody<double>& self) { return to_constant_array(self.principal_moments()); },
           "The eigenvalues of J in kg m², largest first, shape (3,); read-only.")
       .def(
           "kinetic_energy",
@@ -370,12 +371,13 @@ ValueError
 )")
       .def(
           "__eq__",
-          [](const RigidBody<double>& self, const RigidBody<double>& other) { return self.inertia() == other.inertia(); },
+          [](const RigidBody<double>& self, const RigidBody<double>& other) {
+            return self.inertia() == other.inertia();
+          },
           py::is_operator(), py::arg("other"))
-      .def("__repr__",
-           [](const py::object& self) {
-             return py::str("RigidBody({})").format(self.attr("inertia").attr("tolist")());
-           })
+      .def(
+          "__repr__",
+          [](const py::object& self) { return py::str("RigidBody({})").format(self.attr("inertia").attr("tolist")()); })
       .def("__reduce__", [](const py::object& self) {
         return py::make_tuple(py::type::of(self), py::make_tuple(self.attr("inertia")));
       });
@@ -419,8 +421,8 @@ Examples
 >>> trajectory.attitudes.shape
 (1001, 3, 3)
 )")
-      .def(py::init(&make_integrator), py::arg("body"), py::arg("potential") = py::none(), py::kw_only(), py::arg("step"),
-           py::arg("order") = 2, "__init__(self, body, potential=None, *, step, order=2)\n--\n\n")
+      .def(py::init(&make_integrator), py::arg("body"), py::arg("potential") = py::none(), py::kw_only(),
+           py::arg("step"), py::arg("order") = 2, "__init__(self, body, potential=None, *, step, order=2)\n--\n\n")
       .def_property_readonly(
           "body", [](const Integrator& self) { return self.body; }, "The body, a RigidBody.")
       .def_property_readonly(
@@ -431,7 +433,8 @@ Examples
       .def_property_readonly(
           "order", [](const Integrator& self) { return self.order; }, "2, 4, 6 or 8.")
       .def("step", &step_once, py::arg("attitude"), py::arg("angular_velocity"), py::arg("time") = 0.0,
-           py::arg("control_torque") = py::none(), R"(step(self, attitude, angular_velocity, time=0.0, control_torque=None)
+           py::arg("control_torque") = py::none(),
+           R"(step(self, attitude, angular_velocity, time=0.0, control_torque=None)
 --
 
 One step of one or many states. The leading shapes of all arguments broadcast.
@@ -534,11 +537,10 @@ ValueError
            })
       .def("__reduce__", [](const py::object& self) {
         // The step can be given by name only.
-        return py::make_tuple(
-            py::module_::import("functools")
-                .attr("partial")(py::type::of(self), py::arg("step") = self.attr("step_length"),
-                                 py::arg("order") = self.attr("order")),
-            py::make_tuple(self.attr("body"), self.attr("potential")));
+        return py::make_tuple(py::module_::import("functools")
+                                  .attr("partial")(py::type::of(self), py::arg("step") = self.attr("step_length"),
+                                                   py::arg("order") = self.attr("order")),
+                              py::make_tuple(self.attr("body"), self.attr("potential")));
       });
 
   module.def("relative_attitude", &relative_attitudes, py::arg("body"), py::arg("step"), py::arg("momentum"),

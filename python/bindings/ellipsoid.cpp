@@ -15,17 +15,13 @@ namespace {
   const Index n = centers.item()[0];
   require_dimension(n, "center");
   AnyEllipsoid ellipsoid{centers.dynamic_vector(), symmetric(single(shape, "shape", {n, n}).dynamic_matrix(), "shape")};
-  with_dimension(n, [&](auto dimension) {
-    constexpr int size = decltype(dimension)::value;
-    const Ellipsoid<double, size> e = fixed<size>(ellipsoid);
-    const Status status = validate(e);
-    if (status == Status::not_positive_definite) {
-      SymmetricEigen<double, size> eigen;
-      raise_unless_ok(symmetric_eigen(e.shape, eigen), "shape");
-      value_error("shape must be positive semidefinite, but its smallest eigenvalue is " + text(eigen.values(size - 1)));
-    }
-    raise_unless_ok(status, "shape");
-  });
+  const Status status =
+      with_dimension(n, [&](auto dimension) { return validate(fixed<decltype(dimension)::value>(ellipsoid)); });
+  if (status == Status::not_positive_definite) {
+    value_error("shape must be positive semidefinite, but its smallest eigenvalue is " +
+                text(eigen_of(ellipsoid.shape, "shape").values(n - 1)));
+  }
+  raise_unless_ok(status, "shape");
   return ellipsoid;
 }
 
@@ -34,32 +30,20 @@ namespace {
   return {value, name, {self.center.size()}};
 }
 
-[[nodiscard]] py::object results_type(const char* name) {
-  return py::module_::import("elliptude.results").attr(name);
-}
+[[nodiscard]] py::object results_type(const char* name) { return py::module_::import("elliptude.results").attr(name); }
 
 /// A factor L of the shape P = L Lᵀ with one column for each dimension that the ellipsoid has: fewer than its rows if it is
 /// flat. Eigenvalues are of P scaled to a unit diagonal, so that units do not decide what counts as flat.
 [[nodiscard]] Eigen::MatrixXd thin_factor(const AnyEllipsoid& ellipsoid) {
-  return with_dimension(ellipsoid.center.size(), [&](auto dimension) {
-    constexpr int n = decltype(dimension)::value;
-    const Vector<double, n> widths = ellipsoid.shape.diagonal().cwiseSqrt();
-    Matrix<double, n> scaled = Matrix<double, n>::Zero();
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) {
-        if (widths(i) > 0 && widths(j) > 0) {
-          scaled(i, j) = ellipsoid.shape(i, j) / widths(i) / widths(j);
-        }
-      }
-    }
-    SymmetricEigen<double, n> eigen;
-    raise_unless_ok(symmetric_eigen(scaled, eigen), "shape");
-    constexpr double rounding = n * std::numeric_limits<double>::epsilon();
-    const auto rank = (eigen.values.array() > rounding).count();
-    const Eigen::MatrixXd factor =
-        widths.asDiagonal() * eigen.vectors.leftCols(rank) * eigen.values.head(rank).cwiseSqrt().asDiagonal();
-    return factor;
-  });
+  const Index n = ellipsoid.center.size();
+  const Eigen::VectorXd widths = half_widths(ellipsoid);
+  const Eigen::VectorXd units = (widths.array() > 0).select(widths, 1);
+  const Eigen::MatrixXd scaled =
+      units.cwiseInverse().asDiagonal() * ellipsoid.shape * units.cwiseInverse().asDiagonal();
+  const auto eigen = eigen_of(scaled, "shape");
+  const double rounding = static_cast<double>(n) * std::numeric_limits<double>::epsilon();
+  const auto rank = (eigen.values.array() > rounding).count();
+  return units.asDiagonal() * eigen.vectors.leftCols(rank) * eigen.values.head(rank).cwiseSqrt().asDiagonal();
 }
 
 [[nodiscard]] PrincipalAxes<double, Eigen::Dynamic> axes_of(const AnyEllipsoid& ellipsoid) {
@@ -109,7 +93,8 @@ namespace {
   const Index dimension = self.center.size();
   const double shortest = axes.lengths(dimension - 1);
   if (!(shortest > 0)) {
-    value_error("surface=True needs a shape that is positive definite, but the shortest semi-axis is " + text(shortest));
+    value_error("surface=True needs a shape that is positive definite, but the shortest semi-axis is " +
+                text(shortest));
   }
   const Eigen::ArrayXd stretch = shortest / axes.lengths.array();
   const Eigen::MatrixXd factor = axes.directions * axes.lengths.asDiagonal();
@@ -170,7 +155,8 @@ namespace {
                                   const py::object& weight) {
   constexpr std::size_t most_terms = 64;  // of elliptude::minimal_sum
   if (terms.empty() || terms.size() > most_terms) {
-    value_error("ellipsoids must be 1 to " + std::to_string(most_terms) + " in number, not " + std::to_string(terms.size()));
+    value_error("ellipsoids must be 1 to " + std::to_string(most_terms) + " in number, not " +
+                std::to_string(terms.size()));
   }
   const Index n = terms.front().center.size();
   for (std::size_t i = 1; i < terms.size(); ++i) {
@@ -244,9 +230,11 @@ True
 )")
       .def(py::init(&make_ellipsoid), py::arg("center"), py::arg("shape"), "__init__(self, center, shape)\n--\n\n")
       .def_property_readonly(
-          "center", [](const AnyEllipsoid& self) { return to_constant_array(self.center); }, "x̂, shape (n,); read-only.")
+          "center", [](const AnyEllipsoid& self) { return to_constant_array(self.center); },
+          "x̂, shape (n,); read-only.")
       .def_property_readonly(
-          "shape", [](const AnyEllipsoid& self) { return to_constant_array(self.shape); }, "P, shape (n, n); read-only.")
+          "shape", [](const AnyEllipsoid& self) { return to_constant_array(self.shape); },
+          "P, shape (n, n); read-only.")
       .def_property_readonly(
           "dimension", [](const AnyEllipsoid& self) { return self.center.size(); }, "n.")
       .def(
@@ -399,8 +387,8 @@ ValueError
             const Items matrix = single(transform, "transform", {any_length, self.center.size()});
             const Index m = matrix.item()[0];
             require_dimension(m, "transform");
-            const Eigen::VectorXd by =
-                shift.is_none() ? Eigen::VectorXd(Eigen::VectorXd::Zero(m)) : single(shift, "shift", {m}).dynamic_vector();
+            const Eigen::VectorXd by = shift.is_none() ? Eigen::VectorXd(Eigen::VectorXd::Zero(m))
+                                                       : single(shift, "shift", {m}).dynamic_vector();
             return affine_image(self, matrix.dynamic_matrix(), by);
           },
           py::arg("transform"), py::arg("shift") = py::none(), R"(affine_image(self, transform, shift=None)
@@ -472,7 +460,8 @@ ValueError
       .def(
           "__eq__",
           [](const AnyEllipsoid& self, const AnyEllipsoid& other) {
-            return self.center.size() == other.center.size() && self.center == other.center && self.shape == other.shape;
+            return self.center.size() == other.center.size() && self.center == other.center &&
+                   self.shape == other.shape;
           },
           py::is_operator(), py::arg("other"))
       .def("__repr__",

@@ -4,7 +4,8 @@ namespace elliptude::python {
 
 void require_dimension(Index n, const std::string& name) {
   if (n < 1 || n > largest_dimension) {
-    value_error(name + " has dimension " + std::to_string(n) + "; supported are 1 to " + std::to_string(largest_dimension));
+    value_error(name + " has dimension " + std::to_string(n) + "; supported are 1 to " +
+                std::to_string(largest_dimension));
   }
 }
 
@@ -25,18 +26,25 @@ Eigen::MatrixXd symmetric(const Eigen::MatrixXd& matrix, const std::string& name
   return 0.5 * (matrix + matrix.transpose());
 }
 
-void require_positive_definite(const Eigen::MatrixXd& matrix, const std::string& name) {
-  with_dimension(matrix.rows(), [&](auto dimension) {
+SymmetricEigen<double, Eigen::Dynamic> eigen_of(const Eigen::MatrixXd& matrix, const std::string& name) {
+  return with_dimension(matrix.rows(), [&](auto dimension) {
     constexpr int n = decltype(dimension)::value;
-    const Matrix<double, n> m = matrix;
-    Matrix<double, n> factor;
-    if (cholesky(m, factor) == Status::ok) {
-      return;
-    }
     SymmetricEigen<double, n> eigen;
-    raise_unless_ok(symmetric_eigen(m, eigen), name);
-    value_error(name + " must be positive definite, but its smallest eigenvalue is " + text(eigen.values(n - 1)));
+    raise_unless_ok(symmetric_eigen(Matrix<double, n>(matrix), eigen), name);
+    return SymmetricEigen<double, Eigen::Dynamic>{eigen.values, eigen.vectors};
   });
+}
+
+void require_positive_definite(const Eigen::MatrixXd& matrix, const std::string& name) {
+  const bool good = with_dimension(matrix.rows(), [&](auto dimension) {
+    constexpr int n = decltype(dimension)::value;
+    Matrix<double, n> factor;
+    return cholesky(Matrix<double, n>(matrix), factor) == Status::ok;
+  });
+  if (!good) {
+    value_error(name + " must be positive definite, but its smallest eigenvalue is " +
+                text(eigen_of(matrix, name).values(matrix.rows() - 1)));
+  }
 }
 
 Criterion criterion_argument(const std::string& criterion, const py::object& weight, Index dimension) {
@@ -49,8 +57,7 @@ Criterion criterion_argument(const std::string& criterion, const py::object& wei
   if (criterion == "volume") {
     value_error("weight belongs to criterion 'trace': the volume does not depend on one");
   }
-  const Eigen::MatrixXd matrix =
-      symmetric(single(weight, "weight", {dimension, dimension}).dynamic_matrix(), "weight");
+  const Eigen::MatrixXd matrix = symmetric(single(weight, "weight", {dimension, dimension}).dynamic_matrix(), "weight");
   require_positive_definite(matrix, "weight");
   return {false, matrix};
 }

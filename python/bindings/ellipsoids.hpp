@@ -33,7 +33,8 @@ auto with_dimension(Index n, const Function& f) {
     case 6:
       return f(std::integral_constant<int, 6>{});
     default:
-      value_error("dimension " + std::to_string(n) + " is not supported: from 1 to " + std::to_string(largest_dimension));
+      value_error("dimension " + std::to_string(n) + " is not supported: from 1 to " +
+                  std::to_string(largest_dimension));
   }
 }
 
@@ -55,6 +56,9 @@ void require_dimension(Index n, const std::string& name);
 
 /// ½(M + Mᵀ) of a symmetric matrix. \throws ValueError.
 [[nodiscard]] Eigen::MatrixXd symmetric(const Eigen::MatrixXd& matrix, const std::string& name);
+
+/// Eigenvalues, largest first, and eigenvectors of a symmetric matrix.
+[[nodiscard]] SymmetricEigen<double, Eigen::Dynamic> eigen_of(const Eigen::MatrixXd& matrix, const std::string& name);
 
 /// \throws ValueError unless the symmetric matrix is positive definite.
 void require_positive_definite(const Eigen::MatrixXd& matrix, const std::string& name);

@@ -801,7 +801,7 @@ ValueError
       .def_property_readonly("vector", [](const AnyStateEllipsoid& self) { return to_constant_array(self.vector); })
       .def_property_readonly("shape", [](const AnyStateEllipsoid& self) { return to_constant_array(self.shape); })
       .def("quadratic_form", &quadratic_forms, "attitude"_a, "vector"_a,
-           R"(quadratic_form(attitude, vector)
+           R"(quadratic_form(self, attitude, vector)
 --
 
 [ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3): at most 1 inside.
@@ -812,13 +812,13 @@ ValueError
             return py::object(quadratic_forms(self, attitude, vector).attr("__le__")(1.0));
           },
           "attitude"_a, "vector"_a,
-          R"(contains(attitude, vector)
+          R"(contains(self, attitude, vector)
 --
 
 Whether states (..., 3, 3) and (..., 3) are in the set.
 )")
       .def("extent", &extent_of,
-           R"(extent()
+           R"(extent(self)
 --
 
 Half-widths along body and reference axes, the largest angle and the directions of greatest uncertainty.
@@ -835,7 +835,7 @@ Extent
                             "vector"_a = to_array(self.vector).attr("tolist")(),
                             "shape"_a = to_array(self.shape).attr("tolist")());
           },
-          R"(to_dict()
+          R"(to_dict(self)
 --
 
 Lists of numbers under 'attitude', 'vector' and 'shape', for JSON.
@@ -970,14 +970,14 @@ weight : (6, 6) array_like, optional
                              "Diagnostics of the last update with directions and rate together, or None.")
       .def("_resume", &PythonFilter::resume, "transition"_a, "prior_shape"_a)
       .def("extent", [](const PythonFilter& self) { return extent_of(self.ellipsoid()); },
-           R"(extent()
+           R"(extent(self)
 --
 
 As `ellipsoid.extent()`.
 )")
       .def("predict", &PythonFilter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "gyro"_a = py::none(),
-           R"(predict(time, *, control_torque=None, gyro=None)
+           R"(predict(self, time, *, control_torque=None, gyro=None)
 --
 
 Moves the ellipsoid to a later time (paper, §3.1).
@@ -994,7 +994,7 @@ gyro : (3,) array_like
       .def("update", &PythonFilter::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
            "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
            "rate_bound"_a = py::none(), "sensor"_a = "",
-           R"(update(*, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
+           R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
 --
 
 Fuses directions, an angular velocity or both with the prediction (paper, §3.2, §3.3). Any number of directions will do.
@@ -1026,13 +1026,13 @@ InconsistentMeasurement
     If the sets have no common point.
 )")
       .def("update_attitude", &PythonFilter::update_attitude, "attitude"_a, "bound"_a, "sensor"_a = "",
-           R"(update_attitude(attitude, bound, sensor='')
+           R"(update_attitude(self, attitude, bound, sensor='')
 --
 
 Fuses a whole measured attitude, C = C̃ exp(S(ν)) with ν in a ball of radius `bound` (rad) or an ellipsoid of that shape.
 )")
       .def("update_linear", &PythonFilter::update_linear, "y"_a, "h"_a, "bound"_a, "sensor"_a = "",
-           R"(update_linear(y, h, bound, sensor='')
+           R"(update_linear(self, y, h, bound, sensor='')
 --
 
 Fuses y = H x + v of the error x = [ζ; δ] about the present center, v in the ellipsoid of the shape `bound`.
@@ -1044,7 +1044,7 @@ h : (r, 6) array_like
 bound : (r, r) array_like
 )")
       .def("angular_velocity_estimate", &PythonFilter::angular_velocity_estimate, "gyro"_a,
-           R"(angular_velocity_estimate(gyro)
+           R"(angular_velocity_estimate(self, gyro)
 --
 
 The body's rate ω = gyro − bias − v at a sample with its bound, for a GyroFlow.
@@ -1057,7 +1057,7 @@ Ellipsoid
            "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
            "rate_bound"_a = py::none(), "gyro"_a = py::none(), "control_torque"_a = py::none(),
            "on_inconsistent"_a = "raise",
-           R"(run(times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
+           R"(run(self, times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
 --
 
 Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.

@@ -45,7 +45,8 @@ class BuiltIn final : public Potential {
 
   [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
 
-  [[nodiscard]] double energy(const Matrix3<double>& attitude, double time, Failure& /*failure*/) const noexcept override {
+  [[nodiscard]] double energy(const Matrix3<double>& attitude, double time,
+                              Failure& /*failure*/) const noexcept override {
     return core_.energy(attitude, time);
   }
   [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, double time,
@@ -147,12 +148,13 @@ class PotentialOfGradient final : public Potential {
   }
   [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, double time,
                                        Failure& failure) const noexcept override {
-    return of_gradient<Vector3<double>>(failure, [&](const auto& potential) { return potential.torque(attitude, time); });
+    return of_gradient<Vector3<double>>(failure,
+                                        [&](const auto& potential) { return potential.torque(attitude, time); });
   }
   [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, double time,
                                                 Failure& failure) const noexcept override {
-    return of_gradient<Matrix3<double>>(failure,
-                                        [&](const auto& potential) { return potential.torque_jacobian(attitude, time); });
+    return of_gradient<Matrix3<double>>(
+        failure, [&](const auto& potential) { return potential.torque_jacobian(attitude, time); });
   }
   [[nodiscard]] std::optional<double> torque_curvature_bound() const override { return bound_; }
   [[nodiscard]] int traverse(visitproc visit, void* arg) const noexcept override {
@@ -165,7 +167,9 @@ class PotentialOfGradient final : public Potential {
   /// f of the core's potential that has this gradient.
   template <typename Result, typename Function>
   [[nodiscard]] Result of_gradient(Failure& failure, const Function& f) const noexcept {
-    const auto energy = [&](const Matrix3<double>& attitude, double time) { return this->energy(attitude, time, failure); };
+    const auto energy = [&](const Matrix3<double>& attitude, double time) {
+      return this->energy(attitude, time, failure);
+    };
     const auto gradient = [&](const Matrix3<double>& attitude, double time) {
       return guarded(failure, failed_matrix,
                      [&] { return called(gradient_, "gradient", {3, 3}, attitude, time).matrix3(0); });
@@ -193,7 +197,8 @@ class PythonPotential final : public Potential {
   explicit PythonPotential(const py::handle& object) noexcept : object_(object) {}
 
   [[nodiscard]] double energy(const Matrix3<double>& attitude, double time, Failure& failure) const noexcept override {
-    return guarded(failure, nan, [&] { return called(object_.attr("energy"), "energy", {}, attitude, time).number(0); });
+    return guarded(failure, nan,
+                   [&] { return called(object_.attr("energy"), "energy", {}, attitude, time).number(0); });
   }
   [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, double time,
                                        Failure& failure) const noexcept override {
@@ -240,8 +245,7 @@ template <typename Function>
   Items times(time, "time", {});
   const Shape leading = broadcast({&at, &times});
   Failure failure;
-  py::object result =
-      map_items(leading, item, [&](Index i) { return f(at.matrix3(i), times.number(i), failure); });
+  py::object result = map_items(leading, item, [&](Index i) { return f(at.matrix3(i), times.number(i), failure); });
   failure.rethrow();
   return result;
 }
@@ -269,7 +273,8 @@ int PotentialReference::traverse(visitproc visit, void* arg) const noexcept {
 }
 
 void define_potentials(py::module_& module) {
-  py::class_<Potential>(module, "Potential", R"(A potential U(C, t) of the attitude, in J, and the torque that it exerts.
+  py::class_<Potential>(module, "Potential",
+                        R"(A potential U(C, t) of the attitude, in J, and the torque that it exerts.
 
 The base of this module's potentials. One of your own needs not derive from it: any object with the methods of
 `PotentialLike` will do.
@@ -277,9 +282,9 @@ The base of this module's potentials. One of your own needs not derive from it: 
       .def(
           "energy",
           [](const Potential& self, const py::object& attitude, const py::object& time) {
-            return of_attitude_and_time(
-                attitude, time, {},
-                [&](const Matrix3<double>& c, double t, Failure& failure) { return self.energy(c, t, failure); });
+            return of_attitude_and_time(attitude, time, {}, [&](const Matrix3<double>& c, double t, Failure& failure) {
+              return self.energy(c, t, failure);
+            });
           },
           py::arg("attitude"), py::arg("time") = 0.0, R"(energy(self, attitude, time=0.0)
 --
@@ -306,9 +311,9 @@ ValueError
       .def(
           "torque",
           [](const Potential& self, const py::object& attitude, const py::object& time) {
-            return of_attitude_and_time(
-                attitude, time, {3},
-                [&](const Matrix3<double>& c, double t, Failure& failure) { return self.torque(c, t, failure); });
+            return of_attitude_and_time(attitude, time, {3}, [&](const Matrix3<double>& c, double t, Failure& failure) {
+              return self.torque(c, t, failure);
+            });
           },
           py::arg("attitude"), py::arg("time") = 0.0, R"(torque(self, attitude, time=0.0)
 --
@@ -335,9 +340,10 @@ ValueError
       .def(
           "torque_jacobian",
           [](const Potential& self, const py::object& attitude, const py::object& time) {
-            return of_attitude_and_time(
-                attitude, time, {3, 3},
-                [&](const Matrix3<double>& c, double t, Failure& failure) { return self.torque_jacobian(c, t, failure); });
+            return of_attitude_and_time(attitude, time, {3, 3},
+                                        [&](const Matrix3<double>& c, double t, Failure& failure) {
+                                          return self.torque_jacobian(c, t, failure);
+                                        });
           },
           py::arg("attitude"), py::arg("time") = 0.0, R"(torque_jacobian(self, attitude, time=0.0)
 --
@@ -426,11 +432,12 @@ ValueError
       .def("__repr__",
            [](const UniformGravityPotential& self) {
              return py::str("UniformGravity(mass={}, gravity={}, center_of_mass={})")
-                 .format(self.settings().mass, self.settings().gravity, to_array(self.settings().center_of_mass).attr("tolist")());
+                 .format(self.settings().mass, self.settings().gravity,
+                         to_array(self.settings().center_of_mass).attr("tolist")());
            })
       .def("__reduce__", [](const py::object& self) {
-        return py::make_tuple(py::type::of(self), py::make_tuple(self.attr("mass"), self.attr("gravity"),
-                                                                 self.attr("center_of_mass")));
+        return py::make_tuple(py::type::of(self),
+                              py::make_tuple(self.attr("mass"), self.attr("gravity"), self.attr("center_of_mass")));
       });
 
   py::class_<GravityGradientPotential, Potential>(module, "GravityGradient", py::is_final(),
@@ -558,16 +565,16 @@ ValueError
     If the bound is negative or not finite.
 )")
       .def(py::init([](const py::object& energy, const py::object& gradient, const py::object& bound) {
-             return PotentialOfGradient(
-                 callable(energy, "energy"), callable(gradient, "gradient"),
-                 bound.is_none() ? std::nullopt : std::optional<double>(curvature_bound(bound)));
+             return PotentialOfGradient(callable(energy, "energy"), callable(gradient, "gradient"),
+                                        bound.is_none() ? std::nullopt : std::optional<double>(curvature_bound(bound)));
            }),
            py::arg("energy"), py::arg("gradient"), py::arg("torque_curvature_bound") = py::none(),
            "__init__(self, energy, gradient, torque_curvature_bound=None)\n--\n\n")
       .def("__repr__",
            [](const PotentialOfGradient& self) {
              return py::str("GradientPotential(energy={}, gradient={}, torque_curvature_bound={})")
-                 .format(py::repr(self.energy_function()), py::repr(self.gradient_function()), self.torque_curvature_bound());
+                 .format(py::repr(self.energy_function()), py::repr(self.gradient_function()),
+                         self.torque_curvature_bound());
            })
       .def("__reduce__", [](const py::object& self) {
         const auto& potential = self.cast<const PotentialOfGradient&>();

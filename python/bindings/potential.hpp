@@ -39,7 +39,8 @@ class Potential {
   Potential& operator=(Potential&&) = default;
   virtual ~Potential() = default;
 
-  [[nodiscard]] virtual double energy(const Matrix3<double>& attitude, double time, Failure& failure) const noexcept = 0;
+  [[nodiscard]] virtual double energy(const Matrix3<double>& attitude, double time,
+                                      Failure& failure) const noexcept = 0;
   [[nodiscard]] virtual Vector3<double> torque(const Matrix3<double>& attitude, double time,
                                                Failure& failure) const noexcept = 0;
   [[nodiscard]] virtual Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, double time,

@@ -71,14 +71,16 @@ namespace {
 }
 
 /// With an ellipsoid or a quadric as the second set.
-[[nodiscard]] py::object intersection_of(const AnyEllipsoid& first, const py::object& second, const std::string& criterion,
-                                         const py::object& weight) {
+[[nodiscard]] py::object intersection_of(const AnyEllipsoid& first, const py::object& second,
+                                         const std::string& criterion, const py::object& weight) {
   const bool is_ellipsoid = py::isinstance<AnyEllipsoid>(second);
   if (!is_ellipsoid && !py::isinstance<AnyQuadric>(second)) {
-    throw py::type_error(std::string("second must be an Ellipsoid or a Quadric, not ") + Py_TYPE(second.ptr())->tp_name);
+    throw py::type_error(std::string("second must be an Ellipsoid or a Quadric, not ") +
+                         Py_TYPE(second.ptr())->tp_name);
   }
   const Index n = first.center.size();
-  const Index other = is_ellipsoid ? second.cast<const AnyEllipsoid&>().center.size() : second.cast<const AnyQuadric&>().g.size();
+  const Index other =
+      is_ellipsoid ? second.cast<const AnyEllipsoid&>().center.size() : second.cast<const AnyQuadric&>().g.size();
   if (other != n) {
     value_error("second has dimension " + std::to_string(other) + ", first has " + std::to_string(n));
   }
@@ -251,8 +253,8 @@ ValueError
             const Index n = self.g.size();
             const Items matrix = single(transform, "transform", {n, any_length});
             require_dimension(matrix.item()[1], "transform");
-            const Eigen::VectorXd by =
-                shift.is_none() ? Eigen::VectorXd(Eigen::VectorXd::Zero(n)) : single(shift, "shift", {n}).dynamic_vector();
+            const Eigen::VectorXd by = shift.is_none() ? Eigen::VectorXd(Eigen::VectorXd::Zero(n))
+                                                       : single(shift, "shift", {n}).dynamic_vector();
             return pullback(self, matrix.dynamic_matrix(), by);
           },
           py::arg("transform"), py::arg("shift") = py::none(), R"(pullback(self, transform, shift=None)

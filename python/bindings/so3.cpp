@@ -24,7 +24,8 @@ void define_function_of_vector(py::module_& module, const char* name, const char
         return map_items(vectors.leading(), matrix_item, [&](Index i) {
           const Vector3<double> vector = vectors.vector<3>(i);
           if (!scalar::isfinite(vector.squaredNorm())) {
-            value_error(vectors.label(i) + " must be shorter than 1e154, where its square overflows, but its length is " +
+            value_error(vectors.label(i) +
+                        " must be shorter than 1e154, where its square overflows, but its length is " +
                         text(vector.stableNorm()));
           }
           return f(vector);
@@ -45,7 +46,8 @@ void define_inverse_jacobian(py::module_& module, const char* name, const char* 
           const Vector3<double> zeta = vectors.vector<3>(i);
           const double angle = zeta.stableNorm();
           if (!(angle < full_turn)) {
-            value_error(vectors.label(i) + " must be shorter than a full turn, 2π rad, but its length is " + text(angle));
+            value_error(vectors.label(i) + " must be shorter than a full turn, 2π rad, but its length is " +
+                        text(angle));
           }
           return f(zeta);
         });
@@ -318,8 +320,10 @@ ValueError
           const Matrix3<double> m = matrices.matrix3(i);
           Matrix3<double> rotation;
           if (const Status status = project_to_rotation(m, rotation); status != Status::ok) {
-            value_error(matrices.label(i) + " has no nearest rotation: its determinant must be positive (and not rounding), "
-                        "but is " + text(m.determinant()));
+            value_error(matrices.label(i) +
+                        " has no nearest rotation: its determinant must be positive (and not rounding), "
+                        "but is " +
+                        text(m.determinant()));
           }
           return rotation;
         });

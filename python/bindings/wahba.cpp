@@ -42,7 +42,8 @@ using Directions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
 }
 
 [[nodiscard]] Items weights_argument(const py::object& value, Index m) {
-  Items weights(value.is_none() ? py::object(to_array(Eigen::VectorXd(Eigen::VectorXd::Ones(m)))) : value, "weights", {m});
+  Items weights(value.is_none() ? py::object(to_array(Eigen::VectorXd(Eigen::VectorXd::Ones(m)))) : value, "weights",
+                {m});
   const Index count = weights.count();
   for (Index i = 0; i < count; ++i) {
     double total = 0;
@@ -85,12 +86,16 @@ using Directions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
       if (status == Status::improper_profile) {
         Matrix3<double> profile;
         raise_unless_ok(attitude_profile(e, b, w, profile), bodies.label(i));
-        value_error(bodies.label(i) + ": method 'qr' needs an attitude profile L with det L > 0 that is not singular, but "
-                    "det L is " + text(profile.determinant()) + "; use 'svd' or 'davenport'");
+        value_error(bodies.label(i) +
+                    ": method 'qr' needs an attitude profile L with det L > 0 that is not singular, but "
+                    "det L is " +
+                    text(profile.determinant()) + "; use 'svd' or 'davenport'");
       }
       if (status == Status::attitude_undetermined) {
-        value_error(bodies.label(i) + " does not determine the attitude: the directions are collinear, or contradict each "
-                    "other (condition beyond the limit " + text(wahba_condition_limit<double>()) + ")");
+        value_error(bodies.label(i) +
+                    " does not determine the attitude: the directions are collinear, or contradict each "
+                    "other (condition beyond the limit " +
+                    text(wahba_condition_limit<double>()) + ")");
       }
       if (status != Status::ok) {
         raise(status, bodies.label(i));

@@ -51,7 +51,9 @@ def _potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
             return _core.GravityGradient(_core.RigidBody(fields["inertia"]), fields["orbit_rate"], fields["orbit"])
         case "sum":
             return _core.SumPotential([_potential_from_dict(term) for term in fields["potentials"]])
-    raise ValueError(f"potential.kind is {fields['kind']!r}, which is none of free, uniform_gravity, gravity_gradient, sum")
+    raise ValueError(
+        f"potential.kind is {fields['kind']!r}, which is none of free, uniform_gravity, gravity_gradient, sum"
+    )
 
 
 def _flow_to_dict(flow: _core.RigidBodyFlow | _core.GyroFlow) -> dict[str, Any]:
@@ -82,7 +84,7 @@ def _flow_from_dict(fields: dict[str, Any]) -> _core.RigidBodyFlow | _core.GyroF
     raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither gyro nor rigid_body")
 
 
-class AttitudeFilter(_core.AttitudeFilter):
+class AttitudeFilter(_core.AttitudeFilter):  # noqa: D101
     __doc__ = _core.AttitudeFilter.__doc__
 
     def to_dict(self) -> dict[str, Any]:

@@ -32,10 +32,16 @@ VALUE_ERRORS = {
         lambda: elliptude.log([I, [AXIS, AXIS, [0.0, INF, 0.0]]]),
         r"rotation must be finite, but rotation\[1, 2, 1\] is inf",
     ),
-    "shape of a vector": (lambda: elliptude.exp([1, 2]), r"rotation_vector must have the shape \(\.\.\., 3\), not \(2,\)"),
+    "shape of a vector": (
+        lambda: elliptude.exp([1, 2]),
+        r"rotation_vector must have the shape \(\.\.\., 3\), not \(2,\)",
+    ),
     "shape of a matrix": (lambda: elliptude.log(AXIS), r"rotation must have the shape \(\.\.\., 3, 3\), not \(3,\)"),
     "ragged": (lambda: elliptude.exp([[1, 2, 3], [1]]), "rotation_vector is not an array"),
-    "too large to square": (lambda: elliptude.cayley([1e200, 0, 0]), r"gibbs_vector must be shorter than 1e154.*1e\+200"),
+    "too large to square": (
+        lambda: elliptude.cayley([1e200, 0, 0]),
+        r"gibbs_vector must be shorter than 1e154.*1e\+200",
+    ),
     # rotations
     "not orthogonal": (
         lambda: elliptude.log([I, 2.0 * I]),
@@ -55,7 +61,10 @@ VALUE_ERRORS = {
     "negative tolerance": (lambda: elliptude.is_rotation(I, -0.5), "tolerance must not be negative, but is -0.5"),
     "to SciPy": (lambda: elliptude.to_scipy(2.0 * I), "rotation must be a rotation"),
     # ellipsoids
-    "dimension of a center": (lambda: Ellipsoid(np.zeros(7), np.eye(7)), "center has dimension 7; supported are 1 to 6"),
+    "dimension of a center": (
+        lambda: Ellipsoid(np.zeros(7), np.eye(7)),
+        "center has dimension 7; supported are 1 to 6",
+    ),
     "no dimension": (lambda: Ellipsoid([], np.zeros((0, 0))), r"center must have the shape \(n,\), not \(0,\)"),
     "shape of a shape": (lambda: Ellipsoid([0, 0], I), r"shape must have the shape \(2, 2\), not \(3, 3\)"),
     "not symmetric": (
@@ -160,7 +169,10 @@ VALUE_ERRORS = {
         lambda: INTEGRATOR.trajectory(I, AXIS, 10, control_torque=np.zeros((9, 3))),
         r"control_torque must have the shape \(3,\) or \(steps, 3\) = \(10, 3\), not \(9, 3\)",
     ),
-    "one attitude": (lambda: INTEGRATOR.trajectory([I, I], AXIS, 2), r"attitude must have the shape \(3, 3\), not \(2, 3, 3\)"),
+    "one attitude": (
+        lambda: INTEGRATOR.trajectory([I, I], AXIS, 2),
+        r"attitude must have the shape \(3, 3\), not \(2, 3, 3\)",
+    ),
     "momentum": (
         lambda: elliptude.relative_attitude(BODY, 0.1, [AXIS, [50, 0, 0]]),
         r"step 0\.1 s is too long for momentum\[[01]\], whose length is",
@@ -178,9 +190,15 @@ VALUE_ERRORS = {
         lambda: elliptude.wahba([AXIS, AXIS], [[AXIS, [0, 1, 0]], [AXIS, AXIS]]),
         r"body\[[01]\] does not determine the attitude",
     ),
-    "numbers of directions": (lambda: elliptude.wahba(I, I[:2]), r"reference must have the shape \(\.\.\., 2, 3\), not \(3, 3\)"),
+    "numbers of directions": (
+        lambda: elliptude.wahba(I, I[:2]),
+        r"reference must have the shape \(\.\.\., 2, 3\), not \(3, 3\)",
+    ),
     "no directions": (lambda: elliptude.wahba(np.zeros((0, 3)), np.zeros((0, 3))), r"body must have the shape"),
-    "negative weight": (lambda: elliptude.wahba(I, I, [1, -1, 1]), r"weights must not be negative, but weights\[1\] is -1"),
+    "negative weight": (
+        lambda: elliptude.wahba(I, I, [1, -1, 1]),
+        r"weights must not be negative, but weights\[1\] is -1",
+    ),
     "no weight": (lambda: elliptude.wahba(I, I, [0, 0, 0]), "weights must not be all zero"),
     "method": (
         lambda: elliptude.wahba(I, I, method="quest"),  # type: ignore[arg-type]
@@ -205,11 +223,17 @@ TYPE_ERRORS = {
     "objects": (lambda: elliptude.exp([None, 1, 2]), "rotation_vector must hold real numbers, not object"),
     "truth values": (lambda: elliptude.exp([True, False, True]), "rotation_vector must hold real numbers, not bool"),
     "nothing": (lambda: elliptude.log(None), "rotation must hold real numbers"),
-    "no potential": (lambda: Integrator(BODY, 3, step=0.1), r"potential must be a potential, but int has no method energy"),
+    "no potential": (
+        lambda: Integrator(BODY, 3, step=0.1),
+        r"potential must be a potential, but int has no method energy",
+    ),
     "no term": (lambda: SumPotential([UniformGravity(1, 1, AXIS), 3]), r"potentials\[1\] must be a potential"),
     "no function": (lambda: GradientPotential(3, lambda c, t: I), "energy must be a function"),
     "fraction of steps": (lambda: INTEGRATOR.trajectory(I, AXIS, 2.5), "steps must be an integer"),
-    "second set": (lambda: elliptude.minimal_intersection(BALL, I), "second must be an Ellipsoid or a Quadric, not numpy.ndarray"),
+    "second set": (
+        lambda: elliptude.minimal_intersection(BALL, I),
+        "second must be an Ellipsoid or a Quadric, not numpy.ndarray",
+    ),
 }
 
 
@@ -226,7 +250,11 @@ INCONSISTENT = {
         -0.21,
         "overlap margin is -0.21",
     ),
-    "ellipsoid and slab": (lambda: elliptude.minimal_intersection(BALL, Quadric.slab(AXIS, 3, 1)), NAN, "no common point"),
+    "ellipsoid and slab": (
+        lambda: elliptude.minimal_intersection(BALL, Quadric.slab(AXIS, 3, 1)),
+        NAN,
+        "no common point",
+    ),
     "quadric": (lambda: Quadric(I, [0, 0, 0], -2).to_ellipsoid(), -2.0, "largest slack is -2"),
 }
 
