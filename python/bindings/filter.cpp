@@ -144,8 +144,7 @@ using BodyState = RigidBodyState<double>;
   const StateEllipsoid<BodyState> ellipsoid = self.as<BodyState>();
   return map_items(leading, {}, [&](Index i) {
     double value = 0;
-    const Status status =
-        quadratic_form(ellipsoid, BodyState{points.matrix3(i), vectors.vector<3>(i)}, value);
+    const Status status = quadratic_form(ellipsoid, BodyState{points.matrix3(i), vectors.vector<3>(i)}, value);
     return status == Status::ok ? value : std::numeric_limits<double>::quiet_NaN();
   });
 }
@@ -386,7 +385,8 @@ class PythonFilter {
         [&](const auto& filter) -> AnyEllipsoid {
           using Filter = std::decay_t<decltype(filter)>;
           if constexpr (has_rate<Filter>) {
-            throw py::type_error("angular_velocity_estimate is for a GyroFlow; here the angular velocity is in the state");
+            throw py::type_error(
+                "angular_velocity_estimate is for a GyroFlow; here the angular velocity is in the state");
           } else {
             Ellipsoid<double, 3> result;
             raise_unless_ok(filter.flow().angular_velocity(filter.ellipsoid(), {rate}, result), "gyro");
@@ -721,8 +721,8 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
   filter_ = working;
   convergence_ = py::none();
   return py::module_::import("elliptude.results")
-      .attr("FilterLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(), shapes_out.array(),
-                         shares_out.array(), margins_out.array(), used, outcomes);
+      .attr("FilterLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(),
+                         shapes_out.array(), shares_out.array(), margins_out.array(), used, outcomes);
 }
 
 // --- measured ellipsoids ----------------------------------------------------------------------------------------------
@@ -896,7 +896,8 @@ unknown_torque : float or (3, 3) array_like, optional
                                   to_array(self.unknown_torque));
           },
           [](const py::tuple& state) {
-            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3].cast<int>(), state[4]);
+            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3].cast<int>(),
+                                  state[4]);
           }));
 
   py::class_<GyroFlowSettings>(module, "GyroFlow",
@@ -924,8 +925,9 @@ drift : float or (3, 3) array_like
             return GyroFlowSettings{one_bound(state[0], "noise", true), one_bound(state[1], "drift", true)};
           }));
 
-  py::class_<PythonFilter>(module, "AttitudeFilter", collectable<PythonFilter>(),
-                           R"(AttitudeFilter(flow, ellipsoid, *, time=0.0, mode='first_order', criterion='trace', weight=None)
+  py::class_<PythonFilter>(
+      module, "AttitudeFilter", collectable<PythonFilter>(),
+      R"(AttitudeFilter(flow, ellipsoid, *, time=0.0, mode='first_order', criterion='trace', weight=None)
 --
 
 Attitude and angular velocity (or gyro bias) with the ellipsoid that bounds them, from measurements with bounded errors.
@@ -959,18 +961,22 @@ weight : (6, 6) array_like, optional
       .def_property_readonly("ellipsoid", &PythonFilter::ellipsoid)
       .def_property_readonly("attitude",
                              [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().attitude); })
-      .def_property_readonly("vector", [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().vector); })
-      .def_property_readonly("shape", [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().shape); })
-      .def_property_readonly("transition", [](const PythonFilter& self) { return to_constant_array(self.transition()); },
-                             "A^f since the last update, (6, 6).")
-      .def_property_readonly("prior_shape",
-                             [](const PythonFilter& self) { return to_constant_array(self.prior_shape()); },
-                             "P₀, the shape after the last update, (6, 6).")
+      .def_property_readonly("vector",
+                             [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().vector); })
+      .def_property_readonly("shape",
+                             [](const PythonFilter& self) { return to_constant_array(self.ellipsoid().shape); })
+      .def_property_readonly(
+          "transition", [](const PythonFilter& self) { return to_constant_array(self.transition()); },
+          "A^f since the last update, (6, 6).")
+      .def_property_readonly(
+          "prior_shape", [](const PythonFilter& self) { return to_constant_array(self.prior_shape()); },
+          "P₀, the shape after the last update, (6, 6).")
       .def_property_readonly("convergence", &PythonFilter::convergence,
                              "Diagnostics of the last update with directions and rate together, or None.")
       .def("_resume", &PythonFilter::resume, "transition"_a, "prior_shape"_a)
-      .def("extent", [](const PythonFilter& self) { return extent_of(self.ellipsoid()); },
-           R"(extent(self)
+      .def(
+          "extent", [](const PythonFilter& self) { return extent_of(self.ellipsoid()); },
+          R"(extent(self)
 --
 
 As `ellipsoid.extent()`.
@@ -991,10 +997,11 @@ control_torque : (3,) array_like, optional
 gyro : (3,) array_like
     The measured rate over the interval, rad/s; for a GyroFlow.
 )")
-      .def("update", &PythonFilter::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
-           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
-           "rate_bound"_a = py::none(), "sensor"_a = "",
-           R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
+      .def(
+          "update", &PythonFilter::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+          "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
+          "rate_bound"_a = py::none(), "sensor"_a = "",
+          R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
 --
 
 Fuses directions, an angular velocity or both with the prediction (paper, §3.2, §3.3). Any number of directions will do.
@@ -1053,11 +1060,12 @@ Returns
 -------
 Ellipsoid
 )")
-      .def("run", &PythonFilter::run, "times"_a, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
-           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
-           "rate_bound"_a = py::none(), "gyro"_a = py::none(), "control_torque"_a = py::none(),
-           "on_inconsistent"_a = "raise",
-           R"(run(self, times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
+      .def(
+          "run", &PythonFilter::run, "times"_a, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+          "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
+          "rate_bound"_a = py::none(), "gyro"_a = py::none(), "control_torque"_a = py::none(),
+          "on_inconsistent"_a = "raise",
+          R"(run(self, times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
 --
 
 Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.

@@ -155,8 +155,9 @@ void use_potential(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& body, co
     tally.add(validate_step(Scalar(0), seeds.step, seeds.rate, state));
     tally.add(integrate_step(body, potential, composition, Scalar(0), seeds.step, seeds.rate, state, next));
     tally.add(next.attitude);
-    tally.add(integrate(body, potential, composition, Scalar(0), seeds.step, 3L, seeds.rate, state, next,
-                        [&tally](long, const RigidBodyState<Scalar>& visited) { tally.add(visited.angular_velocity); }));
+    tally.add(
+        integrate(body, potential, composition, Scalar(0), seeds.step, 3L, seeds.rate, state, next,
+                  [&tally](long, const RigidBodyState<Scalar>& visited) { tally.add(visited.angular_velocity); }));
     tally.add(integrate_linearized(body, potential, composition, Scalar(0), seeds.step, 3L, seeds.rate, state, next,
                                    linearization));
     tally.add(linearization.state);

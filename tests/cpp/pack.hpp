@@ -16,9 +16,15 @@ constexpr std::size_t pack_size = 4;
 struct Mask {
   std::array<bool, pack_size> lanes{};
 
-  friend Mask operator&&(const Mask& a, const Mask& b) { return combine(a, b, [](bool x, bool y) { return x && y; }); }
-  friend Mask operator||(const Mask& a, const Mask& b) { return combine(a, b, [](bool x, bool y) { return x || y; }); }
-  friend Mask operator!(const Mask& a) { return combine(a, a, [](bool x, bool) { return !x; }); }
+  friend Mask operator&&(const Mask& a, const Mask& b) {
+    return combine(a, b, [](bool x, bool y) { return x && y; });
+  }
+  friend Mask operator||(const Mask& a, const Mask& b) {
+    return combine(a, b, [](bool x, bool y) { return x || y; });
+  }
+  friend Mask operator!(const Mask& a) {
+    return combine(a, a, [](bool x, bool) { return !x; });
+  }
   friend bool all_of(const Mask& a) { return a.lanes[0] && a.lanes[1] && a.lanes[2] && a.lanes[3]; }
 
   template <typename Function>
@@ -59,16 +65,28 @@ struct Pack {
   Pack& operator*=(const Pack& b) { return *this = *this * b; }
   Pack& operator/=(const Pack& b) { return *this = *this / b; }
 
-  friend Pack operator-(const Pack& a) { return map(a, a, [](double x, double) { return -x; }); }
-  friend Pack operator+(const Pack& a, const Pack& b) { return map(a, b, [](double x, double y) { return x + y; }); }
-  friend Pack operator-(const Pack& a, const Pack& b) { return map(a, b, [](double x, double y) { return x - y; }); }
-  friend Pack operator*(const Pack& a, const Pack& b) { return map(a, b, [](double x, double y) { return x * y; }); }
-  friend Pack operator/(const Pack& a, const Pack& b) { return map(a, b, [](double x, double y) { return x / y; }); }
+  friend Pack operator-(const Pack& a) {
+    return map(a, a, [](double x, double) { return -x; });
+  }
+  friend Pack operator+(const Pack& a, const Pack& b) {
+    return map(a, b, [](double x, double y) { return x + y; });
+  }
+  friend Pack operator-(const Pack& a, const Pack& b) {
+    return map(a, b, [](double x, double y) { return x - y; });
+  }
+  friend Pack operator*(const Pack& a, const Pack& b) {
+    return map(a, b, [](double x, double y) { return x * y; });
+  }
+  friend Pack operator/(const Pack& a, const Pack& b) {
+    return map(a, b, [](double x, double y) { return x / y; });
+  }
 
   friend Mask operator==(const Pack& a, const Pack& b) {
     return compare(a, b, [](double x, double y) { return x == y; });
   }
-  friend Mask operator<(const Pack& a, const Pack& b) { return compare(a, b, [](double x, double y) { return x < y; }); }
+  friend Mask operator<(const Pack& a, const Pack& b) {
+    return compare(a, b, [](double x, double y) { return x < y; });
+  }
   friend Mask operator>(const Pack& a, const Pack& b) { return b < a; }
   friend Mask operator<=(const Pack& a, const Pack& b) {
     return compare(a, b, [](double x, double y) { return x <= y; });
@@ -83,12 +101,24 @@ struct Pack {
     return result;
   }
 
-  friend Pack sqrt(const Pack& a) { return map(a, a, [](double x, double) { return std::sqrt(x); }); }
-  friend Pack sin(const Pack& a) { return map(a, a, [](double x, double) { return std::sin(x); }); }
-  friend Pack cos(const Pack& a) { return map(a, a, [](double x, double) { return std::cos(x); }); }
-  friend Pack exp(const Pack& a) { return map(a, a, [](double x, double) { return std::exp(x); }); }
-  friend Pack log(const Pack& a) { return map(a, a, [](double x, double) { return std::log(x); }); }
-  friend Pack abs(const Pack& a) { return map(a, a, [](double x, double) { return std::abs(x); }); }
+  friend Pack sqrt(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::sqrt(x); });
+  }
+  friend Pack sin(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::sin(x); });
+  }
+  friend Pack cos(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::cos(x); });
+  }
+  friend Pack exp(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::exp(x); });
+  }
+  friend Pack log(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::log(x); });
+  }
+  friend Pack abs(const Pack& a) {
+    return map(a, a, [](double x, double) { return std::abs(x); });
+  }
   friend Pack atan2(const Pack& a, const Pack& b) {
     return map(a, b, [](double y, double x) { return std::atan2(y, x); });
   }

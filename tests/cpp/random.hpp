@@ -21,9 +21,7 @@ class Random {
   }
 
   /// Uniform in the logarithm.
-  [[nodiscard]] double log_uniform(double low, double high) {
-    return std::exp(uniform(std::log(low), std::log(high)));
-  }
+  [[nodiscard]] double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
 
   /// Standard normal (Box and Muller).
   [[nodiscard]] double normal() {

@@ -66,7 +66,8 @@ void check_cholesky() {
       const Matrix<double, N> root = lower_inverse(l);
       REQUIRE(is_lower<N>(root));
       const Matrix<double, N> unit = root * l;
-      REQUIRE((unit - Matrix<double, N>::Identity()).cwiseAbs().maxCoeff() <= 4 * N * epsilon * std::sqrt(condition) * 10);
+      REQUIRE((unit - Matrix<double, N>::Identity()).cwiseAbs().maxCoeff() <=
+              4 * N * epsilon * std::sqrt(condition) * 10);
       const Matrix<double, N, 2> b = units.asDiagonal() * random.normal_matrix<N, 2>();
       const Matrix<double, N, 2> x = solve_lower_transposed(l, solve_lower(l, b));
       const Matrix<double, N, 2> reference = eigen.solve(b);

@@ -81,7 +81,8 @@ double form_of(const Set& set, const State& state) {
 
 }  // namespace
 
-TEST_CASE("On scenario orbit the truth stays inside and the error small with 3 and 2 directions and with one at a time") {
+TEST_CASE(
+    "On scenario orbit the truth stays inside and the error small with 3 and 2 directions and with one at a time") {
   Random random(1);
   const double bound = 7 * 0.017453292519943295;
   for (const int count : {3, 2, 1}) {
@@ -229,13 +230,13 @@ TEST_CASE("The gyro flow holds every bias and noise and drift within their bound
   const double noise = 2e-4;
   const double drift = 1e-5;
   GyroFlow<double> flow;
-  REQUIRE(GyroFlow<double>::make(noise * noise * Matrix3<double>::Identity(), drift * drift * Matrix3<double>::Identity(),
-                                 flow) == Status::ok);
+  REQUIRE(GyroFlow<double>::make(noise * noise * Matrix3<double>::Identity(),
+                                 drift * drift * Matrix3<double>::Identity(), flow) == Status::ok);
   double worst = 0;
   for (int trial = 0; trial < 50; ++trial) {
     GyroState<double> truth{random.rotation(), 0.01 * random.normal_matrix<3>()};
-    const StateEllipsoid<GyroState<double>> start{
-        retract(truth, Vector6<double>(1e-3 * random.in_ball<6>())), 1e-6 * Matrix6<double>::Identity()};
+    const StateEllipsoid<GyroState<double>> start{retract(truth, Vector6<double>(1e-3 * random.in_ball<6>())),
+                                                  1e-6 * Matrix6<double>::Identity()};
     GyroFilter filter;
     REQUIRE(GyroFilter::make(flow, SizeCriterion<double, 6>::trace(), 0.0, start, filter) == Status::ok);
     const double h = 0.1;
@@ -311,11 +312,12 @@ TEST_CASE("The filter works in single precision") {
   using FloatFlow = RigidBodyFlow<float, FreeBody<float>>;
   using FloatFilter = AttitudeFilter<FloatFlow, PaperEstimator>;
   FloatFlow flow;
-  REQUIRE(FloatFlow::make(spacecraft<float>(), FreeBody<float>(), 0.01F, 2, Matrix3<float>::Zero(), flow) == Status::ok);
+  REQUIRE(FloatFlow::make(spacecraft<float>(), FreeBody<float>(), 0.01F, 2, Matrix3<float>::Zero(), flow) ==
+          Status::ok);
   FloatFilter filter;
   const RigidBodyState<float> state{Matrix3<float>::Identity(), Vector3<float>(0.1F, 0.2F, 0.3F)};
-  REQUIRE(FloatFilter::make(flow, SizeCriterion<float, 6>::volume(), 0.0F,
-                            {state, 0.01F * Matrix6<float>::Identity()}, filter) == Status::ok);
+  REQUIRE(FloatFilter::make(flow, SizeCriterion<float, 6>::volume(), 0.0F, {state, 0.01F * Matrix6<float>::Identity()},
+                            filter) == Status::ok);
   REQUIRE(filter.predict(1.0F, {}) == Status::ok);
   Update<float> update{};
   REQUIRE(filter.update(MeasuredAttitude<float>{filter.ellipsoid().center.attitude,

@@ -44,10 +44,10 @@ TEST_CASE("An ellipsoid of 10 to 1 carried over 7 degrees contains its image to 
   double worst_shifted = 0;
   for (int trial = 0; trial < 20; ++trial) {
     const Set set = elongated(random);
-    const State center = retract(
-        set.center, (Vector6<double>() << 0.12217304763960307 * random.unit_vector<3>(), 0, 0, 0).finished());
-    worst_first_order = std::max(
-        worst_first_order, worst_of_image(set, center, seen_from(center, set, Recentring::first_order), random));
+    const State center =
+        retract(set.center, (Vector6<double>() << 0.12217304763960307 * random.unit_vector<3>(), 0, 0, 0).finished());
+    worst_first_order = std::max(worst_first_order,
+                                 worst_of_image(set, center, seen_from(center, set, Recentring::first_order), random));
     worst_shifted =
         std::max(worst_shifted, worst_of_image(set, center, seen_from(center, set, Recentring::shifted), random));
   }
@@ -125,8 +125,8 @@ TEST_CASE("A partial measurement fuses as the printed family at the best multipl
 TEST_CASE("Sets that do not meet are reported with their margin and the output stays") {
   Random random(5);
   const Set predicted{random_state(random), 1e-4 * Matrix6<double>::Identity()};
-  const Set measured{
-      retract(predicted.center, (Vector6<double>() << 0.022, 0, 0, 0, 0, 0).finished()), predicted.shape};
+  const Set measured{retract(predicted.center, (Vector6<double>() << 0.022, 0, 0, 0, 0, 0).finished()),
+                     predicted.shape};
   Fusion<State> fusion{predicted, 0.25, 7};
   CHECK(fuse(measured, predicted, Recentring::shifted, SizeCriterion<double, 6>::trace(), fusion) ==
         Status::empty_intersection);

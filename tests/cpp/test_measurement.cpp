@@ -53,10 +53,9 @@ TEST_CASE("The sensitivities of the measured attitude agree with central differe
       auto backward = directions;
       forward[i].body = exp(step * axis) * directions[i].body;
       backward[i].body = exp(-step * axis) * directions[i].body;
-      const Vector3<double> column =
-          (log(Matrix3<double>(round.attitude().transpose() * attitude_of(forward))) -
-           log(Matrix3<double>(round.attitude().transpose() * attitude_of(backward)))) /
-          (2 * step);
+      const Vector3<double> column = (log(Matrix3<double>(round.attitude().transpose() * attitude_of(forward))) -
+                                      log(Matrix3<double>(round.attitude().transpose() * attitude_of(backward)))) /
+                                     (2 * step);
       CHECK((longer.term(i) - round.term(i) - column * column.transpose()).norm() <= 1e-8 * (1 + column.squaredNorm()));
     }
   }

@@ -38,7 +38,8 @@ long double size_of(const LongMatrix<N>& shape, const Criterion<N>& criterion) {
 template <int N>
 long double smallest_by_search(const Quadric<double, N>& quadric, const Ellipsoid<double, N>& ellipsoid,
                                const Criterion<N>& criterion) {
-  const LongMatrix<N> inverse = Eigen::PartialPivLU<LongMatrix<N>>(ellipsoid.shape.template cast<long double>()).inverse();
+  const LongMatrix<N> inverse =
+      Eigen::PartialPivLU<LongMatrix<N>>(ellipsoid.shape.template cast<long double>()).inverse();
   const LongVector<N> origin = ellipsoid.center.template cast<long double>();
   // About the ellipsoid's center, where nothing cancels.
   const LongMatrix<N> m = quadric.a.template cast<long double>();
@@ -61,7 +62,8 @@ long double smallest_by_search(const Quadric<double, N>& quadric, const Ellipsoi
 
 // The cone ∠(y, axis) ≤ r of a direction, about any point within, and its other nappe: yᵀ(cos²r I − aaᵀ)y ≤ 0.
 Quadric<double, 3> cone(const Vector3<double>& axis, double r) {
-  return {std::cos(r) * std::cos(r) * Matrix3<double>::Identity() - axis * axis.transpose(), Vector3<double>::Zero(), 0};
+  return {std::cos(r) * std::cos(r) * Matrix3<double>::Identity() - axis * axis.transpose(), Vector3<double>::Zero(),
+          0};
 }
 
 template <int N>

@@ -77,12 +77,14 @@ void check_at_its_precision(double tolerance) {
     CAPTURE(angle);
     CHECK(worst_error<Scalar>(angle, [](const V& z) { return elliptude::exp(z); }, exact_exp) <= tolerance);
     CHECK(worst_error<Scalar>(angle, [](const V& z) { return right_jacobian(z); }, exact_right_jacobian) <= tolerance);
-    CHECK(worst_error<Scalar>(angle, [](const V& z) { return right_jacobian_inverse(z); },
-                              exact_right_jacobian_inverse) <= tolerance);
-    CHECK(worst_error<Scalar>(angle, [](const V& z) { return left_jacobian(z); },
-                              [](const LongVector& z) { return exact_right_jacobian(-z); }) <= tolerance);
-    CHECK(worst_error<Scalar>(angle, [](const V& z) { return left_jacobian_inverse(z); },
-                              [](const LongVector& z) { return exact_right_jacobian_inverse(-z); }) <= tolerance);
+    CHECK(worst_error<Scalar>(
+              angle, [](const V& z) { return right_jacobian_inverse(z); }, exact_right_jacobian_inverse) <= tolerance);
+    CHECK(worst_error<Scalar>(
+              angle, [](const V& z) { return left_jacobian(z); },
+              [](const LongVector& z) { return exact_right_jacobian(-z); }) <= tolerance);
+    CHECK(worst_error<Scalar>(
+              angle, [](const V& z) { return left_jacobian_inverse(z); },
+              [](const LongVector& z) { return exact_right_jacobian_inverse(-z); }) <= tolerance);
   }
 }
 
@@ -102,8 +104,8 @@ TEST_CASE("exp and the Jacobians lose no digits on either side of where the seri
     using V = Vector3<double>;
     CHECK(worst_error<double>(angle, [](const V& z) { return elliptude::exp(z); }, exact_exp) <= 1e-15);
     CHECK(worst_error<double>(angle, [](const V& z) { return right_jacobian(z); }, exact_right_jacobian) <= 1e-15);
-    CHECK(worst_error<double>(angle, [](const V& z) { return right_jacobian_inverse(z); },
-                              exact_right_jacobian_inverse) <= 1e-15);
+    CHECK(worst_error<double>(
+              angle, [](const V& z) { return right_jacobian_inverse(z); }, exact_right_jacobian_inverse) <= 1e-15);
   }
 }
 
@@ -115,8 +117,9 @@ TEST_CASE("exp and the Jacobians hold beyond pi") {
     const double growth = 0.5 * angle / std::sin(0.5 * angle);
     CHECK(worst_error<double>(angle, [](const V& z) { return elliptude::exp(z); }, exact_exp) <= 2e-15);
     CHECK(worst_error<double>(angle, [](const V& z) { return right_jacobian(z); }, exact_right_jacobian) <= 2e-15);
-    CHECK(worst_error<double>(angle, [](const V& z) { return right_jacobian_inverse(z); },
-                              exact_right_jacobian_inverse) <= 1e-15 * growth * growth);
+    CHECK(worst_error<double>(
+              angle, [](const V& z) { return right_jacobian_inverse(z); }, exact_right_jacobian_inverse) <=
+          1e-15 * growth * growth);
   }
 }
 

@@ -65,7 +65,9 @@ Matrix3<double> independent_minimiser(const Problem& p) {
       double length = std::min(1.0, 1.0 / std::max(move.norm(), 1e-300));
       const auto moved = [&](double share) {
         const Vector3<double> turn = share * move;
-        return turn.norm() > 0 ? Matrix3<double>(c * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix()) : c;
+        return turn.norm() > 0
+                   ? Matrix3<double>(c * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix())
+                   : c;
       };
       while (length > 1e-6 && cost(p, moved(length)) > cost(p, c)) {
         length /= 2;
@@ -226,8 +228,8 @@ TEST_CASE("the cross product makes two directions three for the paper's formula"
       continue;
     }
     ThreeDirections<double> three;
-    REQUIRE(add_cross_product(Eigen::Matrix<double, 3, 2>(3 * two.reference), Eigen::Matrix<double, 3, 2>(two.body), three) ==
-            Status::ok);
+    REQUIRE(add_cross_product(Eigen::Matrix<double, 3, 2>(3 * two.reference), Eigen::Matrix<double, 3, 2>(two.body),
+                              three) == Status::ok);
     for (const auto& [given, made] : {std::pair(two.reference, three.reference), std::pair(two.body, three.body)}) {
       REQUIRE((made.col(0) - given.col(0).normalized()).norm() <= 1e-15);
       REQUIRE((made.col(1) - given.col(1).normalized()).norm() <= 1e-15);
@@ -345,7 +347,9 @@ TEST_CASE("input that is no Wahba problem is refused by name and the output stay
   Random random(71);
   const Problem good = noisy(random, 3, 0.01);
   WahbaSolution<double> solution{Matrix3<double>::Identity(), 7, 8};
-  const auto status = [&](const Problem& p) { return solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, solution); };
+  const auto status = [&](const Problem& p) {
+    return solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, solution);
+  };
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
     Problem p = good;
     p.reference(1, 1) = bad;
@@ -376,7 +380,8 @@ TEST_CASE("input that is no Wahba problem is refused by name and the output stay
   p.body.conservativeResize(3, 2);
   CHECK(status(p) == Status::out_of_range);
   CHECK(status({Directions(3, 0), Directions(3, 0), Eigen::VectorXd(0)}) == Status::out_of_range);
-  CHECK(solve_wahba(good.reference, good.body, good.weights, static_cast<WahbaMethod>(99), solution) == Status::out_of_range);
+  CHECK(solve_wahba(good.reference, good.body, good.weights, static_cast<WahbaMethod>(99), solution) ==
+        Status::out_of_range);
   CHECK(solution.attitude == Matrix3<double>::Identity());
   CHECK(solution.cost == 7);
   CHECK(solution.condition == 8);

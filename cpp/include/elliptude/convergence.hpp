@@ -10,12 +10,13 @@ namespace elliptude {
 
 template <typename Scalar>
 struct Convergence {
-  Scalar flow_norm;           ///< ‖A^f‖_F since the update before
-  Scalar smallest_ratio;      ///< λ_min of (P^m)⁻¹P^f
-  Scalar chi;                 ///< χ = √(6 + 30 κ(P^m))
-  Scalar contraction;         ///< the least c that satisfies the theorem; tr P < c tr P₀ is promised only if it is below 1
-  Scalar trace_ratio;         ///< tr P / tr P₀ as it came out
-  Scalar smaller_than_sets;   ///< tr P / min(tr P^m, tr P^f): at most 1 where the trace is the criterion, before recentring
+  Scalar flow_norm;       ///< ‖A^f‖_F since the update before
+  Scalar smallest_ratio;  ///< λ_min of (P^m)⁻¹P^f
+  Scalar chi;             ///< χ = √(6 + 30 κ(P^m))
+  Scalar contraction;     ///< the least c that satisfies the theorem; tr P < c tr P₀ is promised only if it is below 1
+  Scalar trace_ratio;     ///< tr P / tr P₀ as it came out
+  Scalar
+      smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 where the trace is the criterion, before recentring
 };
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,

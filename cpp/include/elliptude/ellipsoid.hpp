@@ -57,11 +57,13 @@ template <typename Scalar, int N>
 /// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection of rows
 /// it is the projection of E on these coordinates.
 template <typename Scalar, int M, int N>
-[[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid, const Matrix<Scalar, M, N>& transform,
+[[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid,
+                                                const Matrix<Scalar, M, N>& transform,
                                                 const Vector<Scalar, M>& shift) noexcept {
   const Matrix<Scalar, M, N> half = transform.lazyProduct(ellipsoid.shape);
   const Matrix<Scalar, M> shape = half.lazyProduct(transform.transpose());
-  return {transform.lazyProduct(ellipsoid.center) + shift, scalar::constant<Scalar>(0.5L) * (shape + shape.transpose())};
+  return {transform.lazyProduct(ellipsoid.center) + shift,
+          scalar::constant<Scalar>(0.5L) * (shape + shape.transpose())};
 }
 
 /// The projection on `Size` consecutive coordinates from `First` on.
@@ -270,9 +272,9 @@ template <typename Scalar, int N>
     const Scalar slope = (Scalar(1) - lambda) * (Scalar(1) - lambda) * p2 - lambda * lambda * p1;
     (slope > Scalar(0) ? low : high) = lambda;
     const Vector<Scalar, N> dy = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(y2 - y1)));
-    const Scalar curvature = Scalar(-2) * (lambda * p1 + (Scalar(1) - lambda) * p2) +
-                             Scalar(2) * ((Scalar(1) - lambda) * (Scalar(1) - lambda) * y2.dot(dy) -
-                                          lambda * lambda * y1.dot(dy));
+    const Scalar curvature =
+        Scalar(-2) * (lambda * p1 + (Scalar(1) - lambda) * p2) +
+        Scalar(2) * ((Scalar(1) - lambda) * (Scalar(1) - lambda) * y2.dot(dy) - lambda * lambda * y1.dot(dy));
     Scalar next = lambda - slope / curvature;
     if (!(next > low && next < high)) {
       next = scalar::constant<Scalar>(0.5L) * (low + high);
@@ -280,7 +282,8 @@ template <typename Scalar, int N>
     const Scalar change = scalar::abs(Scalar(next - lambda));
     lambda = next;
     // The value is flat at the maximum: an error of √ε in λ is one of ε in it.
-    if (change <= scalar::constant<Scalar>(0.1L) * scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * (low < high ? high : low)) {
+    if (change <=
+        scalar::constant<Scalar>(0.1L) * scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * (low < high ? high : low)) {
       break;
     }
   }
@@ -311,9 +314,7 @@ struct Combination {
   Scalar ball_slack;          ///< 1 − ‖center‖², which is dN/dq
 
   /// Whether the center lies in both sets, a proof that they meet.
-  [[nodiscard]] bool is_common_point() const noexcept {
-    return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0);
-  }
+  [[nodiscard]] bool is_common_point() const noexcept { return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0); }
 };
 
 /// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
@@ -325,9 +326,7 @@ struct Problem {
   const Slack& slack;
 
   /// The q below which A ≻ 0 may be rounding, where M is singular, so that N < 0 proves nothing.
-  [[nodiscard]] Scalar least_weight() const noexcept {
-    return Scalar(N) * Scalar(scalar::epsilon<Scalar>) * m.norm();
-  }
+  [[nodiscard]] Scalar least_weight() const noexcept { return Scalar(N) * Scalar(scalar::epsilon<Scalar>) * m.norm(); }
 
   /// \return `not_positive_definite` if A is not.
   [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {

@@ -199,8 +199,8 @@ template <typename Scalar, int N>
         // The rotation that makes entry (p, q) zero, of at most 45 degrees.
         const Scalar cotangent = (a(q, q) - a(p, p)) / (Scalar(2) * off);
         const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
-        const Scalar tangent = cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root))
-                                                      : Scalar(Scalar(-1) / (root - cotangent));
+        const Scalar tangent =
+            cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root)) : Scalar(Scalar(-1) / (root - cotangent));
         const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
         const Scalar sine = tangent * cosine;
         for (int k = 0; k < N; ++k) {
@@ -281,8 +281,8 @@ template <typename Scalar>
         converged = false;
         const Scalar cotangent = (qq - pp) / (Scalar(2) * pq);
         const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
-        const Scalar tangent = cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root))
-                                                      : Scalar(Scalar(-1) / (root - cotangent));
+        const Scalar tangent =
+            cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root)) : Scalar(Scalar(-1) / (root - cotangent));
         const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
         const Scalar sine = tangent * cosine;
         const Vector3<Scalar> column = columns.col(p);

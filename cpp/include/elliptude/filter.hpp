@@ -72,8 +72,7 @@ class AttitudeFilter {
   /// \return what the flow says; `out_of_range` of a time that lies before the filter's.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     Prediction<State> prediction;
-    if (const Status status =
-            flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
+    if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
         status != Status::ok) {
       return status;
     }
@@ -108,9 +107,8 @@ class AttitudeFilter {
       return report(status, fusion, update);
     }
     Convergence<Scalar> found;
-    if (const Status converged =
-            convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
-                        fusion.ellipsoid.shape, fusion.share, found);
+    if (const Status converged = convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
+                                             fusion.ellipsoid.shape, fusion.share, found);
         converged != Status::ok) {
       return converged;
     }

@@ -44,8 +44,9 @@ class RigidBodyFlow {
   /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and anything
   ///        in the ellipsoid from step to step. Zero for none.
   /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the torque.
-  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& longest_step,
-                                   int order, const Matrix3<Scalar>& unknown_torque, RigidBodyFlow& flow) noexcept {
+  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                   const Scalar& longest_step, int order, const Matrix3<Scalar>& unknown_torque,
+                                   RigidBodyFlow& flow) noexcept {
     if (!scalar::isfinite(longest_step)) {
       return Status::not_finite;
     }
@@ -155,7 +156,8 @@ class GyroFlow {
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the next.
   /// \param drift shape of the ellipsoid of dβ/dt, (rad/s²)².
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
-  [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift, GyroFlow& flow) noexcept {
+  [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,
+                                   GyroFlow& flow) noexcept {
     for (const Matrix3<Scalar>* shape : {&noise, &drift}) {
       if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), *shape}); status != Status::ok) {
         return status;

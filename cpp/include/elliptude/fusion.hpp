@@ -24,7 +24,8 @@ enum class Recentring : std::uint8_t {
 
 /// diag(G, I) P diag(G, I)ᵀ.
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> with_attitude_transformed(const Matrix3<Scalar>& g, const Matrix6<Scalar>& shape) noexcept {
+[[nodiscard]] Matrix6<Scalar> with_attitude_transformed(const Matrix3<Scalar>& g,
+                                                        const Matrix6<Scalar>& shape) noexcept {
   Matrix6<Scalar> transform = Matrix6<Scalar>::Identity();
   transform.template topLeftCorner<3, 3>() = g;
   const Matrix6<Scalar> half = transform.lazyProduct(shape);
@@ -53,8 +54,8 @@ template <typename State>
   using Scalar = StateScalar<State>;
   Ellipsoid<Scalar, 6> seen{state_error(center, ellipsoid.center), ellipsoid.shape};
   if (recentring == Recentring::first_order) {
-    seen.shape = with_attitude_transformed(
-        ExponentialChart::seen_from(Vector3<Scalar>(seen.center.template head<3>())), ellipsoid.shape);
+    seen.shape = with_attitude_transformed(ExponentialChart::seen_from(Vector3<Scalar>(seen.center.template head<3>())),
+                                           ellipsoid.shape);
   }
   return seen;
 }
@@ -79,8 +80,8 @@ template <typename State>
   fusion.margin = margin;
   if (status == Status::ok) {
     // The prediction alone has no need to be carried to the measured center and back.
-    fusion.ellipsoid = intersection.share == Scalar(1) ? predicted
-                                                       : recentred(measured.center, intersection.set, recentring);
+    fusion.ellipsoid =
+        intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
     fusion.share = intersection.share;
   }
   return status;

@@ -93,8 +93,7 @@ class MeasuredDirections {
       profile += (directions[i].weight * e) * b.transpose();
     }
     Scalar condition;
-    if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition);
-        status != Status::ok) {
+    if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
       return status;
     }
     const Matrix3<Scalar> a = result.attitude_.transpose() * profile;
@@ -229,7 +228,8 @@ template <typename Scalar>
 /// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1: what a linear measurement says of x, a quadric that may be a cylinder.
 /// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar, int Rows>
-[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement, Quadric<Scalar, 6>& quadric) noexcept {
+[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
+                                Quadric<Scalar, 6>& quadric) noexcept {
   if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
       !scalar::all_finite(measurement.bound)) {
     return Status::not_finite;

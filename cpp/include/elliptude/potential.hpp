@@ -99,7 +99,8 @@ class UniformGravity {
   [[nodiscard]] Vector3<Scalar> torque(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) const noexcept {
     return moment_.cross(down(attitude));
   }
-  [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) const noexcept {
+  [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude,
+                                                const Scalar& /*time*/) const noexcept {
     return hat_product(moment_, down(attitude));
   }
   /// ½ m g ‖ρ‖: along a rotation about a fixed axis the second derivative of Cᵀe₃ is at most one in size.

@@ -38,7 +38,8 @@ class RigidBody {
     }
     RigidBody result;
     result.inertia_ = scalar::constant<Scalar>(0.5L) * (inertia + inertia.transpose());
-    if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_); status != Status::ok) {
+    if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_);
+        status != Status::ok) {
       return status;
     }
     SymmetricEigen<Scalar, 3> eigen;

@@ -24,10 +24,16 @@ namespace angle {
 template <typename Scalar>
 [[nodiscard]] Scalar sine_series(const Scalar& x) noexcept {
   using Value = scalar::Value<Scalar>;
-  constexpr std::array<Value, 10> coefficients{
-      Value(1.0L),          -Value(1.0L / 6),          Value(1.0L / 120),           -Value(1.0L / 5040),
-      Value(1.0L / 362880), -Value(1.0L / 39916800.0L), Value(1.0L / 6227020800.0L), -Value(1.0L / 1307674368000.0L),
-      Value(1.0L / 355687428096000.0L), -Value(1.0L / 121645100408832000.0L)};
+  constexpr std::array<Value, 10> coefficients{Value(1.0L),
+                                               -Value(1.0L / 6),
+                                               Value(1.0L / 120),
+                                               -Value(1.0L / 5040),
+                                               Value(1.0L / 362880),
+                                               -Value(1.0L / 39916800.0L),
+                                               Value(1.0L / 6227020800.0L),
+                                               -Value(1.0L / 1307674368000.0L),
+                                               Value(1.0L / 355687428096000.0L),
+                                               -Value(1.0L / 121645100408832000.0L)};
   return scalar::polynomial(x, coefficients);
 }
 
@@ -35,11 +41,16 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Scalar versine_series(const Scalar& x) noexcept {
   using Value = scalar::Value<Scalar>;
-  constexpr std::array<Value, 10> coefficients{
-      Value(1.0L / 2),           -Value(1.0L / 24),           Value(1.0L / 720),
-      -Value(1.0L / 40320),      Value(1.0L / 3628800.0L),    -Value(1.0L / 479001600.0L),
-      Value(1.0L / 87178291200.0L), -Value(1.0L / 20922789888000.0L), Value(1.0L / 6402373705728000.0L),
-      -Value(1.0L / 2432902008176640000.0L)};
+  constexpr std::array<Value, 10> coefficients{Value(1.0L / 2),
+                                               -Value(1.0L / 24),
+                                               Value(1.0L / 720),
+                                               -Value(1.0L / 40320),
+                                               Value(1.0L / 3628800.0L),
+                                               -Value(1.0L / 479001600.0L),
+                                               Value(1.0L / 87178291200.0L),
+                                               -Value(1.0L / 20922789888000.0L),
+                                               Value(1.0L / 6402373705728000.0L),
+                                               -Value(1.0L / 2432902008176640000.0L)};
   return scalar::polynomial(x, coefficients);
 }
 
@@ -47,12 +58,16 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Scalar sine_tail_series(const Scalar& x) noexcept {
   using Value = scalar::Value<Scalar>;
-  constexpr std::array<Value, 10> coefficients{
-      Value(1.0L / 6),                  -Value(1.0L / 120),
-      Value(1.0L / 5040),               -Value(1.0L / 362880),
-      Value(1.0L / 39916800.0L),        -Value(1.0L / 6227020800.0L),
-      Value(1.0L / 1307674368000.0L),   -Value(1.0L / 355687428096000.0L),
-      Value(1.0L / 121645100408832000.0L), -Value(1.0L / 51090942171709440000.0L)};
+  constexpr std::array<Value, 10> coefficients{Value(1.0L / 6),
+                                               -Value(1.0L / 120),
+                                               Value(1.0L / 5040),
+                                               -Value(1.0L / 362880),
+                                               Value(1.0L / 39916800.0L),
+                                               -Value(1.0L / 6227020800.0L),
+                                               Value(1.0L / 1307674368000.0L),
+                                               -Value(1.0L / 355687428096000.0L),
+                                               Value(1.0L / 121645100408832000.0L),
+                                               -Value(1.0L / 51090942171709440000.0L)};
   return scalar::polynomial(x, coefficients);
 }
 
@@ -60,19 +75,18 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Scalar cotangent_series(const Scalar& x) noexcept {
   using Value = scalar::Value<Scalar>;
-  constexpr std::array<Value, 12> coefficients{
-      Value(1.0L / 12),
-      Value(1.0L / 720),
-      Value(1.0L / 30240),
-      Value(1.0L / 1209600),
-      Value(1.0L / 47900160),
-      Value(691.0L / 1307674368000.0L),
-      Value(1.0L / 74724249600.0L),
-      Value(3617.0L / 10670622842880000.0L),
-      Value(43867.0L / 5109094217170944000.0L),
-      Value(174611.0L / 802857662698291200000.0L),
-      Value(77683.0L / 14101100039391805440000.0L),
-      Value(236364091.0L / 1693824136731743669452800000.0L)};
+  constexpr std::array<Value, 12> coefficients{Value(1.0L / 12),
+                                               Value(1.0L / 720),
+                                               Value(1.0L / 30240),
+                                               Value(1.0L / 1209600),
+                                               Value(1.0L / 47900160),
+                                               Value(691.0L / 1307674368000.0L),
+                                               Value(1.0L / 74724249600.0L),
+                                               Value(3617.0L / 10670622842880000.0L),
+                                               Value(43867.0L / 5109094217170944000.0L),
+                                               Value(174611.0L / 802857662698291200000.0L),
+                                               Value(77683.0L / 14101100039391805440000.0L),
+                                               Value(236364091.0L / 1693824136731743669452800000.0L)};
   return scalar::polynomial(x, coefficients);
 }
 
@@ -128,7 +142,7 @@ template <Want want, typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Scalar arctangent_series(const Scalar& x) noexcept {
   using Value = scalar::Value<Scalar>;
-  constexpr std::array<Value, 7> coefficients{Value(1.0L),      -Value(1.0L / 3),  Value(1.0L / 5), -Value(1.0L / 7),
+  constexpr std::array<Value, 7> coefficients{Value(1.0L),     -Value(1.0L / 3),  Value(1.0L / 5), -Value(1.0L / 7),
                                               Value(1.0L / 9), -Value(1.0L / 11), Value(1.0L / 13)};
   return scalar::polynomial(x, coefficients);
 }
@@ -206,7 +220,8 @@ template <typename Derived>
 /// J_r(ζ)⁻¹ = I + ½ S(ζ) + (1 − (θ/2) cot(θ/2))/θ² S(ζ)²: log(exp(S(ζ)) exp(S(δ))) = ζ + J_r⁻¹(ζ) δ to first order.
 /// Regular below a full turn, ‖ζ‖ < 2π; at a full turn it does not exist and entries are not finite or very large.
 template <typename Derived>
-[[nodiscard]] Matrix3<typename Derived::Scalar> right_jacobian_inverse(const Eigen::MatrixBase<Derived>& zeta) noexcept {
+[[nodiscard]] Matrix3<typename Derived::Scalar> right_jacobian_inverse(
+    const Eigen::MatrixBase<Derived>& zeta) noexcept {
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
@@ -333,7 +348,8 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Matrix3<Scalar> renormalized(const Matrix3<Scalar>& rotation) noexcept {
   const Matrix3<Scalar> gram = rotation.transpose() * rotation;
-  return rotation * (scalar::constant<Scalar>(1.5L) * Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * gram);
+  return rotation *
+         (scalar::constant<Scalar>(1.5L) * Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * gram);
 }
 
 /// The rotation nearest to a matrix in the Frobenius norm, its orthogonal polar factor, by Newton's iteration

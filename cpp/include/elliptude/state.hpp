@@ -91,11 +91,11 @@ template <typename State>
 /// What a report says of the set about the attitude and the vector beside it.
 template <typename Scalar>
 struct Extent {
-  Vector6<Scalar> half_widths_body;             ///< of ζ (rad) and of the vector (rad/s), along body axes
-  Vector3<Scalar> half_widths_reference;        ///< of ζ along reference axes, rad
-  Scalar largest_angle;                         ///< largest ‖ζ‖ in the set, rad
-  Vector3<Scalar> largest_angle_axis;           ///< unit vector in body axes: the turn that is known least
-  Vector6<Scalar> greatest_uncertainty;         ///< unit eigenvector of P to its largest eigenvalue (paper, §3.3)
+  Vector6<Scalar> half_widths_body;       ///< of ζ (rad) and of the vector (rad/s), along body axes
+  Vector3<Scalar> half_widths_reference;  ///< of ζ along reference axes, rad
+  Scalar largest_angle;                   ///< largest ‖ζ‖ in the set, rad
+  Vector3<Scalar> largest_angle_axis;     ///< unit vector in body axes: the turn that is known least
+  Vector6<Scalar> greatest_uncertainty;   ///< unit eigenvector of P to its largest eigenvalue (paper, §3.3)
 };
 
 /// \return `not_finite`, `not_converged`.

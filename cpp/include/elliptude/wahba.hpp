@@ -20,9 +20,9 @@ struct WahbaSolution {
 
 /// Which algorithm solves it. All three find the same attitude where they apply.
 enum class WahbaMethod : std::uint8_t {
-  svd,       ///< Markley: L = UΣVᵀ, C = U diag(1, 1, det U det V) Vᵀ. The default.
-  davenport, ///< the unit quaternion as the top eigenvector of Davenport's matrix
-  qr,        ///< the paper's Theorem 1, only for det L > 0
+  svd,        ///< Markley: L = UΣVᵀ, C = U diag(1, 1, det U det V) Vᵀ. The default.
+  davenport,  ///< the unit quaternion as the top eigenvector of Davenport's matrix
+  qr,         ///< the paper's Theorem 1, only for det L > 0
 };
 
 /// The condition beyond which directions count as collinear: what is left of 1/ε for an answer with any digits.
@@ -72,7 +72,8 @@ template <typename Reference, typename Body, typename Weights>
 
 /// Curvatures of the cost about the minimiser are the sums of two singular values, the last one signed.
 template <typename Scalar>
-[[nodiscard]] Status condition_of_curvatures(const Scalar& largest, const Scalar& smallest, Scalar& condition) noexcept {
+[[nodiscard]] Status condition_of_curvatures(const Scalar& largest, const Scalar& smallest,
+                                             Scalar& condition) noexcept {
   if (!(smallest * wahba_condition_limit<Scalar>() > largest)) {
     return Status::attitude_undetermined;
   }
@@ -107,8 +108,7 @@ template <typename Scalar>
   k(0, 0) = profile.trace();
   k.template topRightCorner<1, 3>() = z.transpose();
   k.template bottomLeftCorner<3, 1>() = z;
-  k.template bottomRightCorner<3, 3>() =
-      profile + profile.transpose() - profile.trace() * Matrix3<Scalar>::Identity();
+  k.template bottomRightCorner<3, 3>() = profile + profile.transpose() - profile.trace() * Matrix3<Scalar>::Identity();
   SymmetricEigen<Scalar, 4> eigen;
   if (const Status status = symmetric_eigen(k, eigen); status != Status::ok) {
     return status;
@@ -166,10 +166,10 @@ template <typename Scalar>
     return Status::improper_profile;
   }
   const Vector3<Scalar> singular = eigen.values.cwiseSqrt();
-  const Matrix3<Scalar> s = q * eigen.vectors * singular.cwiseInverse().asDiagonal() * eigen.vectors.transpose() *
-                            q.transpose();
-  if (const Status status = condition_of_curvatures(Scalar(singular(0) + singular(1)),
-                                                    Scalar(singular(1) + singular(2)), condition);
+  const Matrix3<Scalar> s =
+      q * eigen.vectors * singular.cwiseInverse().asDiagonal() * eigen.vectors.transpose() * q.transpose();
+  if (const Status status =
+          condition_of_curvatures(Scalar(singular(0) + singular(1)), Scalar(singular(1) + singular(2)), condition);
       status != Status::ok) {
     return status;
   }
