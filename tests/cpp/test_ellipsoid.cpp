@@ -805,3 +805,36 @@ TEST_CASE("two flat sets are refused where no combination of them is regular") {
   CHECK(minimal_intersection(ellipse(1, 0), ellipse(0, 1), Criterion<2>::trace(), result) ==
         Status::not_positive_definite);
 }
+
+namespace {
+
+template <int N>
+void check_pairs_of_any_condition() {
+  for (const double condition : {1e4, 1e8, 1e12}) {
+    Random random(7);
+    double worst = -1;
+    for (int trial = 0; trial < 300; ++trial) {
+      Ellipsoid<double, N> first{Vector<double, N>::Zero(), random.positive_definite<N>(condition)};
+      Ellipsoid<double, N> second{Vector<double, N>::Zero(), random.positive_definite<N>(condition)};
+      const Vector<double, N> common = random.normal_matrix<N>();
+      const Matrix<double, N> root1 = first.shape.llt().matrixL();
+      const Matrix<double, N> root2 = second.shape.llt().matrixL();
+      first.center = common - 0.999 * root1 * random.unit_vector<N>();
+      second.center = common - 0.999 * root2 * random.unit_vector<N>();
+      const auto criterion = trial % 2 == 0 ? SizeCriterion<double, N>::trace() : SizeCriterion<double, N>::volume();
+      Intersection<double, N> result;
+      REQUIRE(minimal_intersection(first, second, criterion, result) == Status::ok);
+      double form = 0;
+      REQUIRE(quadratic_form(result.set, common, form) == Status::ok);
+      worst = std::max(worst, form);
+    }
+    CHECK(worst <= 1);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("Pairs of any condition keep a common point and are not taken for empty") {
+  check_pairs_of_any_condition<3>();
+  check_pairs_of_any_condition<6>();
+}

@@ -531,12 +531,13 @@ template <typename Scalar, int N, typename Slack>
 
 /// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
 /// x = origin + factor u; the second set alone where that is smallest.
+/// \param best the combination that it is, unless `share` is 1.
 /// \return as `least_combination`.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
                                           const Problem<Scalar, N, Slack>& problem,
-                                          const SizeCriterion<Scalar, N>& criterion,
-                                          Intersection<Scalar, N>& result) noexcept {
+                                          const SizeCriterion<Scalar, N>& criterion, Intersection<Scalar, N>& result,
+                                          Combination<Scalar, N>& best) noexcept {
   const auto second_set_alone = [&]() {
     result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
     result.set.center = origin;
@@ -560,7 +561,7 @@ template <typename Scalar, int N, typename Slack>
   if (!found.common_point && provably_empty(problem, start)) {
     return Status::empty_intersection;
   }
-  const Combination<Scalar, N>& best = found.combination;
+  best = found.combination;
   if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
     return second_set_alone();
   }
@@ -569,6 +570,46 @@ template <typename Scalar, int N, typename Slack>
   result.set.center = origin + factor.lazyProduct(best.center);
   result.share = found.share;
   return Status::ok;
+}
+
+/// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
+/// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
+template <typename Scalar, int N>
+void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& b,
+               const Vector<Scalar, N>& w, const Vector<Scalar, N>& present, const Scalar& q,
+               Ellipsoid<Scalar, N>& set) noexcept {
+  Matrix<Scalar, 2 * N, N> stacked = Matrix<Scalar, 2 * N, N>::Zero();
+  stacked.template topRows<N>() = b;
+  const Scalar root = scalar::sqrt(q);
+  for (int i = 0; i < N; ++i) {
+    stacked(N + i, i) = present(i) > Scalar(0) ? root : Scalar(1);
+  }
+  Vector<Scalar, 2 * N> right = Vector<Scalar, 2 * N>::Zero();
+  right.template head<N>() = -w;
+  triangularize(stacked, right);
+  const Matrix<Scalar, N> lower =
+      Matrix<Scalar, N>(stacked.template topRows<N>().template triangularView<Eigen::Upper>()).transpose();
+  const Vector<Scalar, N> u = solve_lower_transposed(lower, Vector<Scalar, N>(right.template head<N>()));
+  const Scalar level =
+      (Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm()) + q * (Scalar(1) - u.squaredNorm());
+  const Matrix<Scalar, N> half = solve_lower(lower, Matrix<Scalar, N>(factor.transpose()));
+  if (level >= Scalar(0) && scalar::all_finite(u) && scalar::all_finite(half)) {
+    set.center = origin + factor.lazyProduct(u);
+    set.shape.noalias() = level * half.transpose().lazyProduct(half);
+  }
+}
+
+/// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
+                              const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+    return first.diagonal().prod() < second.diagonal().prod();
+  }
+  const auto trace = [&](const Matrix<Scalar, N>& factor) {
+    return Scalar(criterion.weight.cwiseProduct(factor.lazyProduct(factor.transpose())).sum());
+  };
+  return trace(first) < trace(second);
 }
 
 }  // namespace fusion
@@ -619,16 +660,30 @@ template <typename Scalar, int N>
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
   };
   const fusion::Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
-  Intersection<Scalar, N> intersection;
-  if (const Status status = fusion::minimal_intersection(second.center, l2, problem, criterion, intersection);
-      status != Status::ok) {
-    return status;
-  }
   const bool flat = present.sum() < Scalar(N);
-  if (intersection.share == Scalar(0) && !flat) {
-    intersection.set = first;
-  } else if (intersection.share == Scalar(1)) {
+  Intersection<Scalar, N> intersection;
+  fusion::Combination<Scalar, N> best;
+  const Status status = fusion::minimal_intersection(second.center, l2, problem, criterion, intersection, best);
+  if (status != Status::ok) {
+    // Where M is ill-conditioned a negative N may be rounding; the margin of the overlap, found without M, decides.
+    Scalar margin;
+    if (status != Status::empty_intersection || overlap_margin(first, second, margin) != Status::ok ||
+        margin < Scalar(0)) {
+      return status;
+    }
+    intersection.share = !flat && fusion::is_smaller(l1, l2, criterion) ? Scalar(0) : Scalar(1);
+  }
+  if (intersection.share == Scalar(1)) {
     intersection.set = second;
+  } else if (intersection.share == Scalar(0) && !flat) {
+    intersection.set = first;
+  } else {
+    const Scalar q = intersection.share / (Scalar(1) - intersection.share);
+    const Scalar condition = (m.trace() + Scalar(N) * q) * best.inverse.trace();
+    // Rounding of M moves the boundary by about its condition times ε; ε^⅔ is not worth the triangularisation.
+    if (!(condition * condition * condition * Scalar(scalar::epsilon<Scalar>) <= Scalar(1))) {
+      fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
+    }
   }
   result = intersection;
   return Status::ok;

@@ -165,6 +165,46 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
+/// Householder's triangularisation: turns the columns of a, with at least as many rows, into an upper triangle R with
+/// RᵀR = aᵀa, without forming aᵀa, and applies the same reflections to b. What is below the triangle is left undefined.
+template <typename Scalar, int Rows, int N>
+void triangularize(Matrix<Scalar, Rows, N>& a, Vector<Scalar, Rows>& b) noexcept {
+  static_assert(Rows >= N);
+  for (int j = 0; j < N; ++j) {
+    Scalar square(0);
+    for (int i = j; i < Rows; ++i) {
+      square += a(i, j) * a(i, j);
+    }
+    const Scalar length = scalar::sqrt(square);
+    if (!(length > Scalar(0))) {
+      continue;
+    }
+    // The reflection of column j on the axis, on the side where nothing cancels; v is left in the column.
+    const Scalar target = a(j, j) > Scalar(0) ? Scalar(-length) : length;
+    a(j, j) -= target;
+    const Scalar scale = Scalar(-1) / (target * a(j, j));  // 2 / vᵀv
+    for (int k = j + 1; k < N; ++k) {
+      Scalar product(0);
+      for (int i = j; i < Rows; ++i) {
+        product += a(i, j) * a(i, k);
+      }
+      product *= scale;
+      for (int i = j; i < Rows; ++i) {
+        a(i, k) -= product * a(i, j);
+      }
+    }
+    Scalar product(0);
+    for (int i = j; i < Rows; ++i) {
+      product += a(i, j) * b(i);
+    }
+    product *= scale;
+    for (int i = j; i < Rows; ++i) {
+      b(i) -= product * a(i, j);
+    }
+    a(j, j) = target;
+  }
+}
+
 /// Eigenvalues, largest first, and the orthonormal eigenvectors of a symmetric matrix, as columns in the same order.
 template <typename Scalar, int N>
 struct SymmetricEigen {

@@ -132,7 +132,8 @@ template <typename Scalar, int N>
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
   const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
   Intersection<Scalar, N> intersection;
-  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, criterion, intersection);
+  fusion::Combination<Scalar, N> best;
+  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, criterion, intersection, best);
       status != Status::ok) {
     return status;
   }
