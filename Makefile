@@ -48,6 +48,12 @@ bench: $(SYSTEM)-test $(SYSTEM)-bench ## Build and run the benchmarks
 	cmake --build --preset bench
 	for program in build/bench/cpp/benchmarks/benchmark_*; do "$$program"; done
 
+.PHONY: instructions
+instructions: $(SYSTEM)-test $(SYSTEM)-bench ## Count the instructions of each operation and compare with the limits (x86-64)
+	cmake --preset bench
+	cmake --build --preset bench --target instructions_core
+	tools/count_instructions.sh build/bench/cpp/benchmarks/instructions_core
+
 .PHONY: lint
 lint: $(VENV)/package $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
 	.venv/bin/ruff check .

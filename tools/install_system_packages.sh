@@ -26,7 +26,10 @@ for purpose in "$@"; do
             need_python 'import pathlib, sysconfig; (pathlib.Path(sysconfig.get_path("include")) / "Python.h").stat()' \
                 python3-dev
             ;;
-        bench) need_package libbenchmark-dev ;;
+        bench)
+            need_package libbenchmark-dev
+            need_command valgrind valgrind
+            ;;
         lint) need_command clang-tidy clang-tidy ;;
         clang) need_command clang++ clang ;;
         *)
