@@ -15,9 +15,7 @@ from elliptude.configuration import Configuration
 def scenario_figures(seeds: int) -> None:
     """Errors, shares inside and empty intersections of scenarios, noises and modes."""
     print(f"{seeds} seeds; error and bound are means from the {estimation.SETTLED_UPDATE}th update on")
-    print(
-        f"{'scenario':<9}{'directions':<11}{'bound':>6} {'noise':<14}{'mode':<12}{'error':>7}{'set':>8}{'inside':>9}{'empty':>7}"
-    )
+    print("scenario directions  bound noise         mode          error     set   inside  empty")
     for name in ("orbit", "pendulum"):
         scenario = scenarios.load(name)
         truth = simulation.truth(scenario)
