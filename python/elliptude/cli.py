@@ -39,6 +39,8 @@ def make_app() -> typer.Typer:
                 return super().invoke(ctx)
             except FileError as error:
                 message = str(error)
+            except BrokenPipeError:  # `| head` has seen enough; typer ends without a word
+                raise
             except OSError as error:
                 message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
             typer.secho(f"error: {message}", err=True, fg=typer.colors.RED)

@@ -21,7 +21,7 @@ def simulate(
     ],
     out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
     seed: Annotated[int, typer.Option(min=0, help="The first seed of the errors.")] = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, each into a table of its own.")] = 1,
+    seeds: Annotated[int, typer.Option(min=1, max=1_000_000, help="How many seeds, each into a table of its own.")] = 1,
     noise: Annotated[
         simulation.Noise,
         typer.Option(
@@ -69,7 +69,10 @@ def simulate(
 
     console = Console(stderr=True)
     with console.status("Integrating the truth"):
-        truth = simulation.truth(chosen)
+        try:
+            truth = simulation.truth(chosen)
+        except ArithmeticError as error:
+            raise FileError(str(error)) from error
     for n in track(all_seeds, "Measuring", console=console, transient=True, disable=not console.is_terminal):
         last = simulation.measure(chosen, truth, seed=n, directions=directions, bound_deg=bound_deg, noise=noise)
         last.measurements.write(out / files[n])

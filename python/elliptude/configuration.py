@@ -57,11 +57,27 @@ def _different(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+def _one_word(name: str) -> str:
+    """Names stand in a table's cell with a space between them."""
+    if not name or any(character.isspace() or character in ',"' for character in name):
+        raise ValueError("must be one word, without space, comma or quote")
+    return name
+
+
+def _squarable(bound: float) -> float:
+    """A bound becomes a shape matrix by its square."""
+    if bound != 0.0 and not 1e-150 <= bound <= 1e150:
+        raise ValueError("must be from 1e-150 to 1e150, where its square is a number")
+    return bound
+
+
 NonzeroVector = Annotated[Vector, AfterValidator(_not_zero)]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Angle = Annotated[Number, Field(gt=0, lt=180)]
+Bound = Annotated[Positive, AfterValidator(_squarable)]
+Angle = Annotated[Bound, Field(lt=180)]
+NotNegativeBound = Annotated[NotNegative, AfterValidator(_squarable)]
 Column = Annotated[str, Field(min_length=1)]
 Columns = Annotated[tuple[Column, Column, Column], AfterValidator(_different)]
 QuaternionColumns = Annotated[tuple[Column, Column, Column, Column], AfterValidator(_different)]
@@ -121,7 +137,7 @@ class RigidBodyFlow(Model):
     step_s: Positive
     order: Literal[2, 4, 6, 8] = 2
     potential: Annotated[FreeBody | UniformGravity | GravityGradient, Field(discriminator="kind")] = FreeBody()
-    unknown_torque_n_m: NotNegative = 0.0
+    unknown_torque_n_m: NotNegativeBound = 0.0
     control_torque_columns: Columns | None = None
 
     @model_validator(mode="after")
@@ -148,8 +164,8 @@ class GyroFlow(Model):
     unit: Literal["rad/s", "deg/s"] = "rad/s"
     # The rate over an interval is the mean of the samples at its ends, or (for a gyro that integrates) the first one.
     interval_rate: Literal["mean_of_ends", "first_sample"] = "mean_of_ends"
-    noise_deg_per_s: Positive
-    drift_deg_per_s2: NotNegative = 0.0
+    noise_deg_per_s: Bound
+    drift_deg_per_s2: NotNegativeBound = 0.0
 
     def build(self) -> elliptude.GyroFlow:
         """The core's flow."""
@@ -162,7 +178,7 @@ class GyroFlow(Model):
 class Direction(Model):
     """A direction measured in body axes, and the same one in reference axes. Rows without it are empty in the log."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[str, AfterValidator(_one_word)]
     columns: Columns
     reference: NonzeroVector | None = None
     reference_columns: Columns | None = None
@@ -188,7 +204,7 @@ class Rate(Model):
 
     columns: Columns
     unit: Literal["rad/s", "deg/s"] = "rad/s"
-    bound_deg_per_s: Positive | None = None
+    bound_deg_per_s: Bound | None = None
     bound_rad2_per_s2: Matrix | None = None
 
     @model_validator(mode="after")
@@ -254,6 +270,7 @@ class GivenStart(Model):
     def build(self) -> elliptude.StateEllipsoid:
         """The core's state ellipsoid."""
         quaternion = np.asarray(self.attitude_qw_qx_qy_qz)
+        quaternion = quaternion / np.abs(quaternion).max()  # or squares of very large or small numbers are none
         attitude = elliptude.rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
         shape = np.diag(self.P_diagonal) if self.P_diagonal is not None else np.asarray(self.P)
         return elliptude.StateEllipsoid(attitude, self.rate_rad_per_s, shape)
@@ -266,7 +283,7 @@ class FirstMeasurementStart(Model):
     """
 
     kind: Literal["first_measurement"]
-    bias_bound_deg_per_s: Positive | None = None
+    bias_bound_deg_per_s: Bound | None = None
 
 
 class Configuration(Model):
@@ -285,6 +302,8 @@ class Configuration(Model):
         names = [direction.name for direction in self.directions]
         if len(set(names)) < len(names):
             raise ValueError("directions must have different names")
+        if "rate" in names:
+            raise ValueError("directions: the name 'rate' is that of the measured angular velocity")
         if isinstance(self.flow, GyroFlow):
             if self.rate is not None:
                 raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")

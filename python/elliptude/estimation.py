@@ -24,6 +24,8 @@ SETTLED_UPDATE = 6
 
 _UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0}
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
+# rad/s; the squares of larger ones are no numbers for a small set.
+_LARGEST_ERROR = 1e50
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +109,13 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
             raise FileError(
                 f"{path}: {sensor.name!r} is measured at {at:.6f} s, but {sensor.reference_columns} are empty"
             )
+        for group, vectors in ((sensor.columns, measured[:, i]), (sensor.reference_columns or (), references[:, i])):
+            zero = ~vectors.any(axis=1)
+            if zero.any():
+                at = times[np.argmax(zero)]
+                raise FileError(
+                    f"{path}: {sensor.name!r} has no direction at {at:.6f} s: {' '.join(group)} are all zero"
+                )
     unit = _UNITS[
         flow.unit if isinstance(flow, GyroFlow) else configuration.rate.unit if configuration.rate else "rad/s"
     ]
@@ -117,7 +126,7 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
         references=references,
         rates=None if rates is None else unit * rates,
         control_torques=stack(torque),
-        true_attitudes=None if quaternions is None else _attitudes(quaternions, path),
+        true_attitudes=None if quaternions is None else _attitudes(quaternions, times, path),
         true_vectors=stack(true_vector),
     )
 
@@ -134,12 +143,13 @@ def log_of(measurements: Measurements) -> Log:
     )
 
 
-def _attitudes(quaternions: FloatArray, path: str | os.PathLike[str]) -> FloatArray:
+def _attitudes(quaternions: FloatArray, times: FloatArray, path: str | os.PathLike[str]) -> FloatArray:
     """Rotations of quaternions, NaN where they are."""
     attitudes = np.full((len(quaternions), 3, 3), np.nan)
     known = np.isfinite(quaternions[:, 0])
-    if not np.linalg.norm(quaternions[known], axis=1).all():
-        raise FileError(f"{path}: a quaternion to compare with is zero")
+    zero = ~quaternions.any(axis=1)
+    if zero.any():
+        raise FileError(f"{path}: the quaternion to compare with is zero at {times[np.argmax(zero)]:.6f} s")
     if known.any():
         attitudes[known] = tables.attitudes_from_quaternions(quaternions[known])
     return attitudes
@@ -162,7 +172,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     InconsistentMeasurement
         If sets do not meet and the configuration does not say to skip them.
     ValueError
-        If the start cannot be had from the log's first row, or the log does not fit the filter.
+        If the start cannot be had from the log's first row, the log does not fit the filter, or the set or what it is
+        compared with is beyond all numbers.
     """
     settings, flow = configuration.estimator, configuration.flow
     begin = time.perf_counter()
@@ -200,6 +211,10 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         arguments["control_torque"] = log.control_torques
     filtered = attitude_filter.run(log.times, **arguments)
     elapsed = time.perf_counter() - begin
+    endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
+    if endless.any():
+        at = log.times[np.argmax(endless)]
+        raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
 
     present = np.isfinite(log.directions[:, :, 0])
     if not is_gyro:
@@ -306,6 +321,12 @@ def compare(
     if true_vectors is not None:
         errors[:, 3:] = true_vectors - filtered.vectors
     forms = np.full(count, np.nan)
+    if np.nanmax(np.abs(errors), initial=0.0) > _LARGEST_ERROR:
+        row = np.argmax((np.abs(errors) > _LARGEST_ERROR).any(axis=1))
+        raise ValueError(
+            f"what the estimate is compared with is {np.nanmax(np.abs(errors[row])):.3g} rad/s off at "
+            f"{filtered.times[row]:.6f} s, more than {_LARGEST_ERROR:g} rad/s"
+        )
     whole = known & np.isfinite(errors[:, 3])
     for rows, size in ((whole, 6), (known & ~whole, 3)):
         offsets = errors[rows, :size, None]

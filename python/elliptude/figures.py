@@ -90,7 +90,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Fi
         size.plot(
             time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
         )
-    size.set_title("size of the set: largest angle, and the error", fontsize=9.5)
+    size.set_title("size of the set: largest angle (blue), and the error", fontsize=9.5)
     size.set_ylabel("angle (deg)")
     _degrees_on_log_axis(size)
     for axes in (below, size):

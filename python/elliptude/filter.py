@@ -114,19 +114,26 @@ class AttitudeFilter(_core.AttitudeFilter):  # noqa: D101
         Raises
         ------
         ValueError
-            For another format, or numbers that make no filter.
+            For another format, a key that lacks, or numbers that make no filter.
+        TypeError
+            If it is not a dictionary, or holds something of another type.
         """
+        if not isinstance(fields, dict):
+            raise TypeError(f"a stored filter is a dictionary, not {type(fields).__name__}")
         if fields.get("format") != FORMAT_VERSION:
             raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
-        stored = cls(
-            _flow_from_dict(fields["flow"]),
-            _core.StateEllipsoid.from_dict(fields["ellipsoid"]),
-            time=fields["time"],
-            mode=fields["mode"],
-            criterion=fields["criterion"],
-            weight=fields["weight"],
-        )
-        stored._resume(fields["transition"], fields["prior_shape"])
+        try:
+            stored = cls(
+                _flow_from_dict(fields["flow"]),
+                _core.StateEllipsoid.from_dict(fields["ellipsoid"]),
+                time=fields["time"],
+                mode=fields["mode"],
+                criterion=fields["criterion"],
+                weight=fields["weight"],
+            )
+            stored._resume(fields["transition"], fields["prior_shape"])
+        except KeyError as error:
+            raise ValueError(f"a stored filter needs the key {error}") from error
         return stored
 
     def to_json(self) -> str:

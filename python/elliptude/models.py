@@ -1,6 +1,7 @@
 """What the TOML files of scenarios and configurations are made of: strict models, messages that name the key."""
 
 import os
+import textwrap
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -83,8 +84,18 @@ def read_toml(path: str | os.PathLike[str], model: type[SomeModel], **defaults: 
 
 def _faults(error: ValidationError, data: Mapping[str, Any]) -> str:
     """Every key at fault with what is wrong, each once: the members of a union repeat one another."""
-    messages = (_key_path(fault, data) + fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+    messages = (
+        _key_path(fault, data) + fault["msg"].removeprefix("Value error, ") + _value(fault) for fault in error.errors()
+    )
     return "; ".join(dict.fromkeys(messages))
+
+
+def _value(fault: ErrorDetails) -> str:
+    """What stands there instead, if it is short enough to be said."""
+    value = fault["input"]
+    if fault["type"] in {"missing", "extra_forbidden"} or not isinstance(value, bool | int | float | str):
+        return ""
+    return f", not {textwrap.shorten(repr(value), 60, placeholder='...')}"
 
 
 def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
@@ -121,8 +132,10 @@ def unit(vector: Vector) -> Vector:
     ValueError
         If it has no length.
     """
-    length = float(np.linalg.norm(vector))
-    if length == 0.0:
+    largest = max(map(abs, vector))
+    if largest == 0.0:
         raise ValueError("a direction must have a length")
-    x, y, z = vector
+    # The squares of very large or small numbers are none.
+    x, y, z = (component / largest for component in vector)
+    length = float(np.linalg.norm((x, y, z)))
     return (x / length, y / length, z / length)

@@ -16,6 +16,7 @@ from elliptude.models import Attitude, Matrix, Model, Number, Vector, read_toml,
 from elliptude.results import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
+Count = Annotated[int, Field(strict=True, gt=0, le=1_000_000)]
 
 
 class Free(Model):
@@ -106,8 +107,8 @@ class Scenario(Model):
     """An estimator's step, s; the truth does not depend on it."""
     integrator_order: Literal[2, 4, 6, 8] = 4
     """Of an estimator."""
-    steps_between_measurements: Annotated[int, Field(strict=True, gt=0)]
-    measurements: Annotated[int, Field(strict=True, gt=0)]
+    steps_between_measurements: Count
+    measurements: Count
     directions: Annotated[dict[str, DirectionSet], Field(min_length=1)]
     """Sets of reference directions to choose from, unit vectors in reference axes."""
     bound_deg: Annotated[tuple[BoundDeg, ...], Field(min_length=1)]

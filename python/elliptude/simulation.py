@@ -76,6 +76,11 @@ def truth(scenario: Scenario) -> Truth:
     Returns
     -------
     Truth
+
+    Raises
+    ------
+    ArithmeticError
+        If numbers grow beyond bounds on the way.
     """
     inertia = scenario.inertia_matrix
     inverse = np.linalg.inv(inertia)
@@ -91,13 +96,23 @@ def truth(scenario: Scenario) -> Truth:
     states[0] = *scenario.attitude0.matrix().ravel(), *scenario.rate0
     # One call for each interval: at the end of a call the state has the full order, in between it is interpolated.
     for i, interval in enumerate(pairwise(times)):
-        solution = solve_ivp(motion, interval, states[i], method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE)
+        try:
+            # SciPy would go on with NaN without end.
+            with np.errstate(over="raise", invalid="raise", divide="raise"):
+                solution = solve_ivp(motion, interval, states[i], method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE)
+        except (ArithmeticError, ValueError) as error:
+            raise ArithmeticError(f"{_not_integrated(scenario, interval)}: {error}") from error
         if not solution.success:
-            raise ArithmeticError(f"scenario {scenario.name}: the truth could not be integrated: {solution.message}")
+            raise ArithmeticError(f"{_not_integrated(scenario, interval)}: {solution.message}")
         states[i + 1] = solution.y[:, -1]
     u, _, v_transposed = np.linalg.svd(states[:, :9].reshape(-1, 3, 3))
     attitudes: FloatArray = u @ v_transposed
     return Truth(times, attitudes, states[:, 9:])
+
+
+def _not_integrated(scenario: Scenario, interval: tuple[float, float]) -> str:
+    begin, end = interval
+    return f"scenario {scenario.name}: the truth could not be integrated from {begin:g} s to {end:g} s"
 
 
 def measure(

@@ -390,7 +390,8 @@ def read_columns(
     source = _open(path)
     for name in (*wanted, *texts):
         if source.names.count(name) != 1:
-            there_are = textwrap.shorten(", ".join(source.names), 300, placeholder=" ...")
+            there_are = ", ".join(source.names)
+            there_are = there_are if len(there_are) <= 300 else f"{there_are[:296]} ..."
             fault = "two columns" if name in source.names else "no column"
             raise FileError(f"{path}: {fault} {name!r}; the columns are {there_are}")
 
@@ -431,7 +432,7 @@ class _Source(Protocol):
 
 def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> _Source:
     if not Path(path).is_file():
-        raise FileError(f"{path}: no such file")
+        raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
     source: _Source = _Parquet(path) if Path(path).suffix == ".parquet" else _Csv(path)
     if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
         if int(match[2]) > VERSION:
@@ -481,7 +482,7 @@ class _Csv:
                 if line.startswith("#"):
                     self.label = self.label or line.removeprefix("#").strip()
                 elif line.strip():
-                    self.names = tuple(next(csv.reader([line])))
+                    self.names = tuple(name.strip() for name in next(csv.reader([line])))
                     return
         raise FileError(f"{path}: empty, not even a header")
 

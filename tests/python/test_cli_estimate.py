@@ -189,3 +189,28 @@ def test_demo(tmp_path, monkeypatch):
     again = estimate(folder, tmp_path / "again", "--json")
     assert again.exit_code == 0, again.output
     assert json.loads(again.stdout)["inside_share_of_rows"] == 1.0
+
+
+def changed_cell(folder, line, column, cell):
+    lines = (folder / "measurements.csv").read_text().splitlines()
+    cells = lines[line - 1].split(",")
+    cells[lines[1].split(",").index(column)] = cell
+    lines[line - 1] = ",".join(cells)
+    (folder / "measurements.csv").write_text("\n".join(lines) + "\n")
+
+
+def test_a_truth_beyond_all_numbers(tmp_path, simulated):
+    changed_cell(simulated, 6, "wx", "1e300")
+    done = estimate(simulated, tmp_path / "out")
+    assert done.exit_code == 1
+    assert "1e+300 rad/s off" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_direction_that_is_zero(tmp_path, simulated):
+    for axis in "xyz":
+        changed_cell(simulated, 6, f"direction1_b{axis}", "0")
+    done = estimate(simulated, tmp_path / "out")
+    assert done.exit_code == 1
+    assert "'direction1' has no direction at 0.4" in done.output.replace("\n", "")
+    assert not (tmp_path / "out").exists()

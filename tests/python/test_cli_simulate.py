@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -160,3 +161,20 @@ def test_without_the_extra(monkeypatch, capsys):
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     assert "typer, which is not installed: pip install 'elliptude[cli]'" in str(stopped.value)
+
+
+def test_a_motion_beyond_all_numbers(tmp_path):
+    text = (resources.files("elliptude") / "data" / "scenarios" / "orbit.toml").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("orbit_rate = 1.0", "orbit_rate = 1e200"))
+    done = run("simulate", tmp_path / "own.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "could not be integrated" in done.output
+    assert run("simulate", "orbit", "--out", tmp_path / "out", "--seeds", 10**30).exit_code == 2
+
+
+def test_a_closed_pipe_ends_without_a_word():
+    command = [sys.executable, "-c", "from elliptude.cli import main; main()", "scenarios", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 1

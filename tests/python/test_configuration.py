@@ -180,3 +180,27 @@ def test_nothing_changes_after_reading():
     configuration = Configuration.model_validate(pendulum())
     with pytest.raises(ValueError, match="frozen"):
         configuration.time_column = "t"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("directions.0.bound_deg", -7.0, r"greater than 0, not -7\.0"),
+        ("rate.bound_deg_per_s", 1e200, "from 1e-150 to 1e150"),
+        ("directions.0.bound_deg", 1e-300, "from 1e-150 to 1e150"),
+        ("flow.unknown_torque_n_m", 1e300, "from 1e-150 to 1e150"),
+        ("directions.0.name", "the Sun", "one word"),
+        ("directions.0.name", "a,b", "one word"),
+        ("directions.0.name", "rate", "measured angular velocity"),
+    ],
+)
+def test_messages_name_value_and_limit(tmp_path, path, value, message):
+    with pytest.raises(FileError, match=message):
+        read(tmp_path, changed(pendulum(), path, value))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e300])
+def test_a_quaternion_of_any_length(tmp_path, size):
+    tables = changed(gyro(), "start.attitude_qw_qx_qy_qz", [size, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(read(tmp_path, tables).start.build().attitude, np.eye(3))

@@ -320,3 +320,17 @@ def test_first_sample_is_another_input():
         found = estimation.estimate(dataclasses.replace(log, directions=log.directions[:, :0]), configuration).results
         turn = so3.exp((log.times[1] - log.times[0]) * expected[0])
         np.testing.assert_allclose(found.attitudes[1], turn, atol=1e-14)
+
+
+def test_a_set_that_grows_beyond_all_numbers(orbit):
+    scenario, simulated = orbit
+    log = estimation.log_of(simulated.measurements)
+    log = dataclasses.replace(
+        log,
+        times=log.times.copy(),
+        directions=np.full_like(log.directions, np.nan),
+        rates=np.full_like(log.rates, np.nan),
+    )
+    log.times[-1] = 1e4
+    with pytest.raises(ValueError, match=r"grown beyond all numbers by 10000\.0"):
+        estimation.estimate(log, configured(scenario, simulated))

@@ -354,3 +354,12 @@ def test_the_gyro_flow_gives_the_rate_with_its_bound() -> None:
     rate = filter_.angular_velocity_estimate([1.0, 2.0, 3.0])
     np.testing.assert_allclose(rate.center, [0.9, 2, 3])
     np.testing.assert_allclose(rate.half_widths(), 3e-3, rtol=1e-12)  # 2e-3 of the bias and 1e-3 of the noise
+
+
+def test_what_is_no_stored_filter() -> None:
+    fields = el.AttitudeFilter(body_flow(), start()).to_dict()
+    del fields["mode"]
+    with pytest.raises(ValueError, match="needs the key 'mode'"):
+        el.AttitudeFilter.from_dict(fields)
+    with pytest.raises(TypeError, match="dictionary, not list"):
+        el.AttitudeFilter.from_json("[]")

@@ -127,3 +127,19 @@ def test_no_such_scenario(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match="not UTF-8 text"):
         scenarios.load(binary)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", ["1e-300", "1e300"])
+def test_a_direction_of_any_length(tmp_path, size):
+    path = tmp_path / "own.toml"
+    path.write_text(OWN.replace("[2, 0, 0]", f"[{size}, {size}, 0]"))
+    np.testing.assert_allclose(scenarios.load(path).directions["pair"][0], [0.5**0.5, 0.5**0.5, 0.0], rtol=1e-15)
+
+
+@pytest.mark.parametrize("key", ["measurements = 5", "steps_between_measurements = 10"])
+def test_too_many(tmp_path, key):
+    path = tmp_path / "own.toml"
+    path.write_text(OWN.replace(key, f"{key.split()[0]} = 1000000000000"))
+    with pytest.raises(FileError, match="less than or equal to 1000000, not 1000000000000"):
+        scenarios.load(path)

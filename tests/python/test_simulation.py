@@ -176,3 +176,9 @@ def test_wrong_choice_is_refused(scenario, truth):
             simulation.measure(scenario, truth, bound_deg=degrees)
     with pytest.raises(ValueError, match="non-negative"):
         simulation.measure(scenario, truth, seed=-1)
+
+
+@pytest.mark.parametrize("changes", [{"rate0": (1e308, 0.0, 1e308)}, {"rate0": (1e200, 1e200, 0.0)}])
+def test_a_motion_beyond_all_numbers_ends(changes):
+    with pytest.raises(ArithmeticError, match="scenario orbit: the truth could not be integrated from 0 s"):
+        simulation.truth(scenarios.load("orbit").model_copy(update=changes))

@@ -248,9 +248,11 @@ def test_kind_and_version(tmp_path, rng):
 
 
 def test_no_such_file(tmp_path):
-    for path in (tmp_path / "none.csv", tmp_path / "none.parquet", tmp_path):
+    for path in (tmp_path / "none.csv", tmp_path / "none.parquet"):
         with pytest.raises(FileError, match="no such file"):
             read(path)
+    with pytest.raises(FileError, match="not a regular file"):
+        read(tmp_path)
 
 
 def test_large_log_is_read_fast_and_its_last_line_found(tmp_path):
@@ -327,3 +329,13 @@ def test_written_files_have_the_permissions_of_any_other(tmp_path):
     assert (tmp_path / "a.json").read_text() == '{\n  "x": [\n    1\n  ]\n}\n'
     with pytest.raises(FileError, match="not written: No such file or directory"):
         write_json(tmp_path / "none" / "a.json", {})
+
+
+def test_spaces_about_names_do_not_matter(tmp_path):
+    path = write(tmp_path, "time_s, x\n0, 1\n1, 2\n")
+    np.testing.assert_array_equal(tables.read_columns(path, numbers=["x"])["x"], [1.0, 2.0])
+
+
+def test_the_columns_there_are_without_a_space(tmp_path):
+    with pytest.raises(FileError, match="no column 'time_s'; the columns are time_s;x"):
+        read(write(tmp_path, "time_s;x\n0;1\n"))

@@ -21,6 +21,7 @@ struct Convergence {
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,
 /// \param fused P, \param share 0 measurement alone … 1 prediction alone, so that q = share / (1 − share).
+/// The theorem is about P^f = A^f P₀ A^fᵀ, without an unknown torque or a gyro's noise, and about recentring by a shift.
 /// \return `not_positive_definite` of P^m, `not_finite`, `not_converged`.
 template <typename Scalar>
 [[nodiscard]] Status convergence(const Matrix<Scalar, 6>& transition, const Matrix<Scalar, 6>& prior,
@@ -44,7 +45,7 @@ template <typename Scalar>
   }
   Convergence<Scalar> c;
   c.flow_norm = transition.norm();
-  c.smallest_ratio = ratio.values(5);
+  c.smallest_ratio = ratio.values(5) > Scalar(0) ? ratio.values(5) : Scalar(0);  // of a flat prediction, rounding
   c.chi = scalar::sqrt(Scalar(Scalar(6) + Scalar(30) * shape.values(0) / shape.values(5)));
   // 6 χ (1 + q) ‖A‖² / (q + λ_min) with q = share / (1 − share).
   c.contraction = Scalar(6) * c.chi * c.flow_norm * c.flow_norm / (share + (Scalar(1) - share) * c.smallest_ratio);

@@ -168,7 +168,7 @@ template <typename Scalar, int N>
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
 /// shape of zeros only move the center.
 /// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
-/// volume `not_positive_definite` if the sum is flat.
+/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
@@ -198,7 +198,12 @@ template <typename Scalar, int N>
       return status;
     }
     center += terms[i].center;
-    share[i] = scalar::sqrt(Scalar(criterion.weight.cwiseProduct(terms[i].shape).sum()));
+    const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
+    if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+      // A term must not be left out for its rounding.
+      return Status::not_positive_definite;
+    }
+    share[i] = scalar::sqrt(square);
     total += share[i];
   }
   Matrix<Scalar, N> shape = combined(total);
@@ -216,7 +221,11 @@ template <typename Scalar, int N>
       std::array<Scalar, max_terms> next{};
       for (std::size_t i = 0; i < count; ++i) {
         if (share[i] > Scalar(0)) {
-          next[i] = scalar::sqrt(Scalar(inverse.cwiseProduct(terms[i].shape).sum()));
+          const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
+          if (!(square > Scalar(0))) {  // flat to rounding
+            return Status::not_positive_definite;
+          }
+          next[i] = scalar::sqrt(square);
           next_total += next[i];
         }
       }
@@ -231,6 +240,9 @@ template <typename Scalar, int N>
         break;
       }
     }
+  }
+  if (!scalar::all_finite(shape)) {
+    return Status::not_finite;
   }
   sum.center = center;
   sum.shape = shape;
@@ -259,7 +271,8 @@ template <typename Scalar, int N>
   for (int step = 0; step < most_steps; ++step) {
     const Matrix<Scalar, N> mixed = lambda * first.shape + (Scalar(1) - lambda) * second.shape;
     Matrix<Scalar, N> l;
-    if (const Status status = cholesky(mixed, l); status != Status::ok) {
+    // Towards the end where one set is alone, and perhaps flat, the mixture may be flat to rounding.
+    if (const Status status = step == 0 ? cholesky(mixed, l) : cholesky_semidefinite(mixed, l); status != Status::ok) {
       return status;
     }
     const Vector<Scalar, N> y = solve_lower_transposed(l, solve_lower(l, d));
@@ -270,6 +283,9 @@ template <typename Scalar, int N>
     const Scalar value = lambda * (Scalar(1) - lambda) * d.dot(y);
     largest = value > largest ? value : largest;
     const Scalar slope = (Scalar(1) - lambda) * (Scalar(1) - lambda) * p2 - lambda * lambda * p1;
+    if (slope == Scalar(0)) {
+      break;
+    }
     (slope > Scalar(0) ? low : high) = lambda;
     const Vector<Scalar, N> dy = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(y2 - y1)));
     const Scalar curvature =

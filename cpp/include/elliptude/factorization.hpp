@@ -13,8 +13,8 @@
 
 namespace elliptude {
 
-/// The largest difference between entries (i, j) and (j, i), as a share of √|aᵢᵢ aⱼⱼ| (or of the largest entry, where that
-/// is more), that a symmetric input may have.
+/// Whether entries (i, j) and (j, i) differ by at most √ε of the largest entry: input may have been stored with half the digits.
+/// NaN off the diagonal is refused, on it perhaps not.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
   const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * a.cwiseAbs().maxCoeff();

@@ -80,7 +80,8 @@ class RigidBodyFlow {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
       return Status::not_finite;
     }
-    if (!(duration >= Scalar(0)) || !(duration <= longest_step_ * Scalar(static_cast<double>(most_steps)))) {
+    const Scalar longest = longest_step_ * Scalar(static_cast<scalar::Value<Scalar>>(most_steps));
+    if (!(duration >= Scalar(0)) || !(duration <= longest)) {
       return Status::out_of_range;
     }
     if (duration == Scalar(0)) {
@@ -154,7 +155,8 @@ class GyroFlow {
   };
 
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the next.
-  /// \param drift shape of the ellipsoid of dβ/dt, (rad/s²)².
+  /// \param drift shape of the ellipsoid of the bias's change per second, (rad/s²)². The change of an interval counts from its
+  ///        end on; what a bias that drifts within the interval turns the attitude by, at most h²/2 of it, is left to `noise`.
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
   [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,
                                    GyroFlow& flow) noexcept {

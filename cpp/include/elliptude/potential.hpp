@@ -215,6 +215,8 @@ class SumPotential {
  public:
   static_assert(sizeof...(Potentials) > 0);
 
+  /// The sum of what each potential is by default, where each has one; a flow holds a potential in this way.
+  SumPotential() = default;
   explicit SumPotential(Potentials... potentials) noexcept : potentials_(std::move(potentials)...) {}
 
   template <typename Scalar>

@@ -97,7 +97,7 @@ template <typename Scalar, int N>
   }
   const Vector<Scalar, N> center = -inverse.lazyProduct(quadric.g);
   const Scalar level = slack(quadric, center);
-  if (level < Scalar(0)) {
+  if (!(level >= Scalar(0))) {
     return Status::empty_intersection;
   }
   ellipsoid.center = center;

@@ -107,7 +107,7 @@ template <typename State>
   const Matrix3<Scalar> attitude_shape = ellipsoid.shape.template topLeftCorner<3, 3>();
   const Matrix3<Scalar>& c = ellipsoid.center.attitude;
   const Matrix3<Scalar> in_reference = c * attitude_shape * c.transpose();
-  extent.half_widths_reference = in_reference.diagonal().cwiseSqrt();
+  extent.half_widths_reference = in_reference.diagonal().cwiseMax(Scalar(0)).cwiseSqrt();
   SymmetricEigen<Scalar, 3> attitude;
   if (const Status status = symmetric_eigen(attitude_shape, attitude); status != Status::ok) {
     return status;
