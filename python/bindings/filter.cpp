@@ -482,6 +482,10 @@ class PythonFilter {
       value_error("time must not go backwards, and by no more than " + std::to_string(BodyFlow::most_steps) +
                   " steps forwards, but is " + text(time) + " s" + where + " after " + text(filter.time()) + " s");
     }
+    if (status == Status::unbounded) {
+      value_error("the set has grown beyond all numbers" + where + " by " + text(time) +
+                  " s, without a measurement since " + text(filter.time()) + " s");
+    }
     if (status == Status::step_too_long) {
       value_error("step of the flow is too long" + where +
                   ": the turn within a stage must stay below a right angle, and the angular velocity is " +
@@ -561,7 +565,16 @@ class PythonFilter {
   py::object convergence_ = py::none();
 };
 
-/// A column of optional rows: (n, 3) of which a row with a NaN is absent; nothing where the argument is None.
+/// A row that was not measured is all NaN; one that is so in part is an error.
+[[nodiscard]] bool is_absent(const Vector3<double>& row) noexcept { return row.array().isNaN().all(); }
+
+void require_measured(const Vector3<double>& row, const std::string& label) {
+  if (!scalar::all_finite(row)) {
+    value_error(label + " must be finite, or all NaN where nothing was measured");
+  }
+}
+
+/// A column of optional rows: (n, 3) of which one that is all NaN is absent; nothing where the argument is None.
 class OptionalRows {
  public:
   OptionalRows(const py::object& value, const std::string& name, Index rows) {
@@ -572,7 +585,7 @@ class OptionalRows {
   [[nodiscard]] bool given() const noexcept { return items_.has_value(); }
   [[nodiscard]] std::optional<Vector3<double>> row(Index i) const {
     const Vector3<double> value = Eigen::Map<const Vector3<double>>((*items_)[0] + 3 * i);
-    return scalar::all_finite(value) ? std::optional(value) : std::nullopt;
+    return is_absent(value) ? std::nullopt : std::optional(value);
   }
 
  private:
@@ -665,6 +678,12 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
         std::vector<Direction<double>> present;
         present.reserve(static_cast<std::size_t>(m));
         for (Index i = 0; i < rows; ++i) {
+          if (i % 256 == 255) {
+            const py::gil_scoped_acquire acquire;
+            if (PyErr_CheckSignals() != 0) {
+              throw py::error_already_set();
+            }
+          }
           const auto where = [i] { return " at row " + std::to_string(i); };
           Vector3<double> input = Vector3<double>::Zero();
           if (has_gyro()) {
@@ -682,15 +701,17 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
           for (Index j = 0; j < m; ++j) {
             const double* b = (*body)[0] + 3 * (i * m + j);
             const double* e = (*references)[reference_moves ? i : 0] + 3 * j;
-            const bool there = scalar::isfinite(b[0]) && scalar::isfinite(b[1]) && scalar::isfinite(b[2]);
+            const bool there = !is_absent(Eigen::Map<const Vector3<double>>(b));
             used_data[i * (m + 1) + j] = there;
             if (there) {
               present.push_back(arguments->direction(j, e, b));
+              require_measured(present.back().body, "directions[" + std::to_string(i) + ", " + std::to_string(j) + "]");
             }
           }
           std::optional<AngularVelocity<double>> rate;
           if (measured_rate.given()) {
             if (const auto value = measured_rate.row(i)) {
+              require_measured(*value, "angular_velocity[" + std::to_string(i) + "]");
               rate = AngularVelocity<double>{*value, bound_of_rate};
             }
           }
@@ -1075,12 +1096,12 @@ Parameters
 times : (n,) array_like
     s, not decreasing, from `self.time` on.
 directions : (n, m, 3) array_like, optional
-    Rows with a NaN are absent.
+    Rows that are all NaN are absent.
 reference : (m, 3) or (n, m, 3) array_like
 bounds, weights, rate_bound
     As in `update`, the same for all rows.
 angular_velocity : (n, 3) array_like, optional
-    For a RigidBodyFlow; rows with a NaN are absent.
+    For a RigidBodyFlow; rows that are all NaN are absent.
 gyro : (n, 3) array_like
     For a GyroFlow: gyro[k] is the rate from times[k] to times[k + 1]; times[0] must be `self.time`.
 control_torque : (3,) or (n, 3) array_like, optional

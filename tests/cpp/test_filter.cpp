@@ -242,13 +242,15 @@ TEST_CASE("The gyro flow holds every bias and noise and drift within their bound
     const double h = 0.1;
     for (int k = 0; k < 20; ++k) {
       const Vector3<double> rate = random.normal_matrix<3>();
-      const Vector3<double> gyro = rate + truth.gyro_bias + noise * random.unit_vector<3>();
+      const Vector3<double> change = h * drift * random.unit_vector<3>();
+      // The mean over the interval, of a bias that changes evenly.
+      const Vector3<double> gyro = rate + truth.gyro_bias + 0.5 * change + noise * random.unit_vector<3>();
       Ellipsoid<double, 3> rates;
       REQUIRE(flow.angular_velocity(filter.ellipsoid(), {gyro}, rates) == Status::ok);
-      CHECK(contains(rates, rate));
+      CHECK(support(rates, Vector3<double>(rate.normalized())) + 0.5 * h * drift >= rate.norm());
       REQUIRE(filter.predict((k + 1) * h, {gyro}) == Status::ok);
       truth.attitude = truth.attitude * exp(h * rate);
-      truth.gyro_bias += h * drift * random.unit_vector<3>();
+      truth.gyro_bias += change;
       double form = 0;
       REQUIRE(quadratic_form(filter.ellipsoid(), truth, form) == Status::ok);
       worst = std::max(worst, form);
@@ -256,6 +258,44 @@ TEST_CASE("The gyro flow holds every bias and noise and drift within their bound
   }
   CHECK(worst <= 1);
   CHECK(worst > 0.5);
+}
+
+TEST_CASE("A steady drift without noise stays inside") {
+  // An interval of one second at a drift that outweighs all else.
+  GyroFlow<double> flow;
+  const double drift = 1e-3;
+  REQUIRE(GyroFlow<double>::make(Matrix3<double>::Zero(), drift * drift * Matrix3<double>::Identity(), flow) ==
+          Status::ok);
+  const GyroState<double> start{Matrix3<double>::Identity(), Vector3<double>::Zero()};
+  Prediction<GyroState<double>> prediction;
+  const Vector3<double> rate(0.1, -0.2, 0.3);
+  const Vector3<double> change(0, 0, 0.99 * drift);
+  REQUIRE(flow.predict(0.0, 1.0, {rate + 0.5 * change}, {start, 1e-16 * Matrix6<double>::Identity()},
+                       SizeCriterion<double, 6>::trace(), prediction) == Status::ok);
+  double form = 0;
+  REQUIRE(quadratic_form(prediction.ellipsoid, GyroState<double>{exp(rate), change}, form) == Status::ok);
+  CHECK(form <= 1);
+  CHECK(form > 0.9);
+}
+
+TEST_CASE("A set that grows beyond all numbers is refused and the filter stays") {
+  Filter filter = make_filter(orbit_flow(), {orbit_state<double>(), 1e-2 * Matrix6<double>::Identity()});
+  const Filter before = filter;
+  CHECK(filter.predict(2e4, {}) == Status::unbounded);
+  check_same(filter, before);
+}
+
+TEST_CASE("A direction measured on the wrong side contradicts the prediction") {
+  const Vector3<double> e(0, 0, 1);
+  for (const double degrees : {10.0, 60.0, 120.0, 170.0, 179.0, 180.0}) {
+    const Vector3<double> b = exp(degrees * 0.017453292519943295 * Vector3<double>::UnitX()) * e;
+    Filter filter = make_filter(
+        orbit_flow(), {{Matrix3<double>::Identity(), Vector3<double>::Zero()}, 1e-2 * Matrix6<double>::Identity()});
+    const Direction<double> direction = Direction<double>::within(e, b, 0.1);
+    Update<double> update{};
+    const Status status = filter.update(&direction, 1, update);
+    CHECK(status == (degrees < 11.5 ? Status::ok : Status::empty_intersection));
+  }
 }
 
 TEST_CASE("The gyro flow's transition agrees with central differences") {

@@ -87,12 +87,15 @@ TEST_CASE("The two rows of one direction contain what every small error of it do
   Random random(3);
   double worst = 0;
   for (int trial = 0; trial < 2000; ++trial) {
-    const Matrix3<double> center = random.rotation();
+    // About a center at any distance across the direction: what turns about the direction, it does not see.
     const double size = 1e-4;
-    const Vector3<double> zeta = size * random.in_ball<3>();
-    const Matrix3<double> truth = center * exp(zeta);
+    const Matrix3<double> truth = random.rotation();
     Direction<double> direction;
     direction.reference = random.unit_vector<3>() * random.uniform(0.1, 10);
+    const Vector3<double> true_direction = (truth.transpose() * direction.reference).normalized();
+    const Vector3<double> axis = true_direction.cross(random.unit_vector<3>()).normalized();
+    const Matrix3<double> center = truth * exp(random.uniform(0, 3) * axis) * exp(size * random.in_ball<3>());
+    const Vector3<double> zeta = ExponentialChart::error(center, truth);
     direction.bound = size * size * random.positive_definite<3>(20);
     const Matrix3<double> root = direction.bound.llt().matrixL();
     const Vector3<double> nu = root * random.unit_vector<3>();

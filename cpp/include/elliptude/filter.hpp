@@ -69,12 +69,16 @@ class AttitudeFilter {
   [[nodiscard]] const Matrix6<Scalar>& prior_shape() const noexcept { return prior_shape_; }
 
   /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty tube.
-  /// \return what the flow says; `out_of_range` of a time that lies before the filter's.
+  /// \return what the flow says; `out_of_range` of a time that lies before the filter's; `unbounded` if the set has grown beyond
+  /// all numbers.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     Prediction<State> prediction;
     if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
         status != Status::ok) {
       return status;
+    }
+    if (!scalar::all_finite(prediction.ellipsoid.shape) || !scalar::all_finite(prediction.transition)) {
+      return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;
     ellipsoid_.center.attitude = renormalized(ellipsoid_.center.attitude);
@@ -117,7 +121,9 @@ class AttitudeFilter {
     return report(status, fusion, update);
   }
 
-  /// Directions without an angular velocity: two or more as one measured attitude, one alone (or collinear ones) as what it says.
+  /// Directions without an angular velocity: two or more as one measured attitude, the sum of its terms by least trace; one
+  /// alone, or so nearly collinear ones that the measured attitude reaches beyond a radian, each as what it says.
+  /// \return as above; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count, Update<Scalar>& update) noexcept {
     if (count == 0) {
       return Status::out_of_range;
@@ -126,13 +132,18 @@ class AttitudeFilter {
     const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
     if (status == Status::ok) {
       MeasuredAttitude<Scalar> attitude;
+      SymmetricEigen<Scalar, 3> reach;
       if (const Status summed = measured.measured_attitude(SizeCriterion<Scalar, 3>::trace(), attitude);
           summed != Status::ok) {
         return summed;
       }
-      return this->update(attitude, update);
-    }
-    if (status != Status::attitude_undetermined) {
+      if (const Status found = symmetric_eigen(attitude.bound, reach); found != Status::ok) {
+        return found;
+      }
+      if (reach.values(0) <= Scalar(1)) {  // rad²: beyond, first order in the attitude says little
+        return this->update(attitude, update);
+      }
+    } else if (status != Status::attitude_undetermined) {
       return status;
     }
     StateEllipsoid<State> ellipsoid = ellipsoid_;

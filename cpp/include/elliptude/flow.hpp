@@ -145,7 +145,7 @@ class RigidBodyFlow {
 /// A body of which nothing is known but what its gyro says: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
 /// The rate is the input; over an interval, with F = exp(S(h(ω̃ − β̂))),
 ///
-///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v),   δβ⁺ = δβ + drift.   (theory, section 12)
+///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v + ½ h β'),   δβ⁺ = δβ + h β'.   (theory, section 12)
 template <typename Scalar>
 class GyroFlow {
  public:
@@ -155,8 +155,8 @@ class GyroFlow {
   };
 
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the next.
-  /// \param drift shape of the ellipsoid of the bias's change per second, (rad/s²)². The change of an interval counts from its
-  ///        end on; what a bias that drifts within the interval turns the attitude by, at most h²/2 of it, is left to `noise`.
+  /// \param drift shape of the ellipsoid of β' = dβ/dt, (rad/s²)², constant over an interval and anything in it from one to
+  ///        the next.
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
   [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,
                                    GyroFlow& flow) noexcept {
@@ -201,7 +201,13 @@ class GyroFlow {
     terms[0].shape = transformed_shape(result.transition, ellipsoid.shape);
     const Matrix3<Scalar> noise = by_rate.lazyProduct(noise_).lazyProduct(by_rate.transpose());
     terms[1].shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (noise + noise.transpose());
-    terms[2].shape.template bottomRightCorner<3, 3>() = (duration * duration) * drift_;
+    // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
+    Matrix<Scalar, 6, 3> by_drift;
+    by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
+    by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
+    const Matrix<Scalar, 6, 3> half = by_drift.lazyProduct(drift_);
+    const Matrix6<Scalar> drift = half.lazyProduct(by_drift.transpose());
+    terms[2].shape = scalar::constant<Scalar>(0.5L) * (drift + drift.transpose());
     Ellipsoid<Scalar, 6> sum;
     if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
       return status;

@@ -78,6 +78,9 @@ template <typename State>
     return overlap;
   }
   fusion.margin = margin;
+  if (status == Status::ok && margin < Scalar(0)) {
+    return Status::empty_intersection;
+  }
   if (status == Status::ok) {
     // The prediction alone has no need to be carried to the measured center and back.
     fusion.ellipsoid =
@@ -89,20 +92,47 @@ template <typename State>
 
 /// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
-/// \return what `to_quadric` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
+/// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
 template <typename State, int Rows>
 [[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                           const StateEllipsoid<State>& predicted, Recentring recentring,
                           const SizeCriterion<StateScalar<State>, 6>& criterion, Fusion<State>& fusion) noexcept {
   using Scalar = StateScalar<State>;
-  Quadric<Scalar, 6> quadric;
-  if (const Status status = to_quadric(measurement, quadric); status != Status::ok) {
+  if (const Status status = validate(criterion); status != Status::ok) {
     return status;
   }
+  if (const Status status = validate(predicted); status != Status::ok) {
+    return status;
+  }
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  Matrix6<Scalar> l;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = cholesky_semidefinite(predicted.shape, l); status != Status::ok) {
+    return status;
+  }
+  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
+  // the constants of the quadric would cancel.
+  const Vector6<Scalar> present =
+      l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Matrix<Scalar, Rows, 6> b = h.lazyProduct(l);
+  const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
+  const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
+  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
+    return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
+  };
+  const fusion::Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};
   Intersection<Scalar, 6> intersection;
-  const Status status = minimal_intersection(quadric, predicted.in_coordinates(), criterion, intersection);
+  fusion::Combination<Scalar, 6> best;
+  const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
+  const Status status = fusion::minimal_intersection(origin, l, problem, criterion, intersection, best);
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
+  }
+  if (status == Status::ok && intersection.share == Scalar(1)) {
+    intersection.set = predicted.in_coordinates();
   }
   // Whether they meet is decided in the measured coordinates: E(0, HPHᵀ) and E(y, R).
   const Ellipsoid<Scalar, Rows> image =
@@ -113,6 +143,9 @@ template <typename State, int Rows>
     return overlap;
   }
   fusion.margin = margin;
+  if (status == Status::ok && margin < Scalar(0)) {
+    return Status::empty_intersection;
+  }
   if (status == Status::ok) {
     fusion.ellipsoid = recentred(predicted.center, intersection.set, recentring);
     fusion.share = intersection.share;

@@ -65,6 +65,16 @@ template <typename Scalar>
   return is_symmetric(direction.bound) ? cholesky(direction.bound, factor) : Status::not_symmetric;
 }
 
+/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+template <typename Scalar>
+[[nodiscard]] Status validate(const AngularVelocity<Scalar>& angular_velocity) noexcept {
+  if (!scalar::all_finite(angular_velocity.value) || !scalar::all_finite(angular_velocity.bound)) {
+    return Status::not_finite;
+  }
+  Matrix3<Scalar> factor;
+  return is_symmetric(angular_velocity.bound) ? cholesky(angular_velocity.bound, factor) : Status::not_symmetric;
+}
+
 /// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq. zetakpm):
 /// 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
 template <typename Scalar>
@@ -147,11 +157,7 @@ template <typename Scalar>
                                     const AngularVelocity<Scalar>& angular_velocity,
                                     const SizeCriterion<Scalar, 6>& criterion,
                                     StateEllipsoid<RigidBodyState<Scalar>>& measured) noexcept {
-  if (!scalar::all_finite(angular_velocity.value)) {
-    return Status::not_finite;
-  }
-  if (const Status status = validate(Ellipsoid<Scalar, 3>{angular_velocity.value, angular_velocity.bound});
-      status != Status::ok) {
+  if (const Status status = validate(angular_velocity); status != Status::ok) {
     return status;
   }
   std::array<Ellipsoid<Scalar, 6>, MeasuredDirections<Scalar>::most_directions + 1> terms;
@@ -171,8 +177,12 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// One direction alone as two linear rows of ζ about a center. To first order b̃ − b̂ = S(b̂) ζ + S(b̃) ν with b̂ = Ĉᵀe, and the
-/// rows are its components along two axes across b̃; the component along b̃ says nothing.
+/// One direction alone as two linear rows of ζ about a center. With b̂ = Ĉᵀe and a the shortest turn to where it was measured,
+/// exp(S(a))ᵀ b̂ = b̃, it is linearized about Ĉ exp(S(a)), where the error J_r(a) (ζ − a) turns b̃ as −ν does: at any distance,
+///
+///     Uᵀ S(b̃) a = Uᵀ S(b̃) J_r(a) ζ + Uᵀ S(b̃) ν,   J_r(a) a = a,
+///
+/// with the columns of U two axes across b̃; about b̃ itself the direction says nothing. (theory, section 10)
 /// \return what `validate` says.
 template <typename Scalar>
 [[nodiscard]] Status linear_direction(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
@@ -187,11 +197,22 @@ template <typename Scalar>
   Matrix<Scalar, 3, 2> across;
   across.col(0) = b.cross(Vector3<Scalar>::Unit(least)).normalized();
   across.col(1) = b.cross(Vector3<Scalar>(across.col(0)));
-  const Matrix<Scalar, 2, 3> noise = across.transpose() * hat(b);
-  linear.y = across.transpose() * (b - predicted);
+
+  // a = θ n; at the antipode any axis across b̃ will do.
+  const Vector3<Scalar> normal = b.cross(predicted);
+  const Scalar sine = normal.norm();
+  const Scalar cosine = b.dot(predicted);
+  Vector3<Scalar> offset = normal;
+  if (sine > Scalar(scalar::epsilon<Scalar>)) {
+    offset = (scalar::atan2(sine, cosine) / sine) * normal;
+  } else if (cosine < Scalar(0)) {
+    offset = scalar::atan2(Scalar(0), cosine) * across.col(0);
+  }
+  const Matrix<Scalar, 2, 3> rows = across.transpose() * hat(b);
+  linear.y = rows * offset;
   linear.h.setZero();
-  linear.h.template leftCols<3>() = across.transpose() * hat(predicted);
-  linear.bound = noise * direction.bound * noise.transpose();
+  linear.h.template leftCols<3>() = rows * right_jacobian(offset);
+  linear.bound = rows * direction.bound * rows.transpose();
   return Status::ok;
 }
 
@@ -225,11 +246,11 @@ template <typename Scalar>
   return linear;
 }
 
-/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1: what a linear measurement says of x, a quadric that may be a cylinder.
+/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
 /// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar, int Rows>
-[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
-                                Quadric<Scalar, 6>& quadric) noexcept {
+[[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
+                              Matrix<Scalar, Rows, 6>& h) noexcept {
   if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
       !scalar::all_finite(measurement.bound)) {
     return Status::not_finite;
@@ -241,8 +262,21 @@ template <typename Scalar, int Rows>
   if (const Status status = cholesky(measurement.bound, l); status != Status::ok) {
     return status;
   }
-  const Matrix<Scalar, Rows, 6> h = solve_lower(l, measurement.h);
-  const Vector<Scalar, Rows> y = solve_lower(l, measurement.y);
+  h = solve_lower(l, measurement.h);
+  y = solve_lower(l, measurement.y);
+  return Status::ok;
+}
+
+/// What a linear measurement says of x, as a quadric that may be a cylinder.
+/// \return what `whitened` says.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
+                                Quadric<Scalar, 6>& quadric) noexcept {
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
   quadric.a = h.transpose().lazyProduct(h);
   quadric.g = -h.transpose().lazyProduct(y);
   quadric.c = Scalar(1) - y.squaredNorm();

@@ -31,6 +31,14 @@ def noise_effect(state: GyroState, gyro: Array, h: float) -> Array:
     return np.vstack([-h * jacobian, np.zeros((3, 3))])
 
 
+def drift_effect(state: GyroState, gyro: Array, h: float) -> Array:
+    """The 6x3 matrix that takes the bias's change over the step to x+.
+
+    The gyro's mean over the step holds half of a change that comes evenly.
+    """
+    return 0.5 * noise_effect(state, gyro, h) + np.vstack([np.zeros((3, 3)), np.eye(3)])
+
+
 def transition(state: GyroState, gyro: Array, h: float) -> Array:
     """A of x+ = A x: zeta+ = F' zeta - h J_r delta bias, delta bias+ = delta bias."""
     relative = so3.exp(h * (gyro - state.bias))
@@ -51,9 +59,8 @@ def predicted_shape(
 ) -> Array:
     """Least-trace sum of A P A', the noise's and the drift's ellipsoid (theory 7.2, 12)."""
     a, b = transition(state, gyro, h), noise_effect(state, gyro, h)
-    drift = np.zeros((6, 6))
-    drift[3:, 3:] = drift_bound
-    return sum_minimum_trace([a @ shape @ a.T, b @ noise_bound @ b.T, drift], weight)
+    d = drift_effect(state, gyro, h)
+    return sum_minimum_trace([a @ shape @ a.T, b @ noise_bound @ b.T, d @ drift_bound @ d.T], weight)
 
 
 def predict(

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import wahba
 from .ellipsoid import StateEllipsoid, sum_minimum_trace
-from .so3 import Array, hat
+from .so3 import Array, hat, right_jacobian
 
 
 class Measurement(NamedTuple):
@@ -68,16 +68,20 @@ def measured_ellipsoid(measurement: Measurement, weight: Array | None = None) ->
 
 
 def linear_direction(attitude: Array, reference: Array, body: Array, bound: Array) -> LinearMeasurement:
-    """One direction about the centre, to first order (bi; theory 10).
+    """One direction about the centre, to first order at any distance (bi; theory 10).
 
-    The true direction is b_hat + S(b_hat) zeta and b_tilde - S(b_tilde) nu at once, with
-    b_hat = C_hat' e. Only the two components across b_tilde carry anything.
+    With the shortest turn a that takes b_tilde to b_hat = C_hat' e, the error about
+    C_hat exp(S(a)) is J_r(a) (zeta - a), and there b_tilde turns by -nu. Only the two
+    components across b_tilde carry anything.
     """
     predicted = attitude.T @ reference
     across = np.linalg.svd(body[None, :])[2][1:]
-    h = across @ np.hstack([hat(predicted), np.zeros((3, 3))])
-    noise = across @ hat(body)
-    return LinearMeasurement(-across @ predicted, h, noise @ bound @ noise.T)
+    normal = np.cross(body, predicted)
+    sine = float(np.linalg.norm(normal))
+    offset = np.arctan2(sine, body @ predicted) / sine * normal if sine > 0 else normal
+    rows = across @ hat(body)
+    h = rows @ np.hstack([right_jacobian(offset), np.zeros((3, 3))])
+    return LinearMeasurement(rows @ offset, h, rows @ bound @ rows.T)
 
 
 def linear_rate(angular_velocity: Array, measured: Array, bound: Array) -> LinearMeasurement:
