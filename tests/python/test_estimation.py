@@ -332,5 +332,5 @@ def test_a_set_that_grows_beyond_all_numbers(orbit):
         rates=np.full_like(log.rates, np.nan),
     )
     log.times[-1] = 1e4
-    with pytest.raises(ValueError, match=r"grown beyond all numbers by 10000\.0"):
+    with pytest.raises(ValueError, match=r"grown beyond all numbers.* by 10000"):
         estimation.estimate(log, configured(scenario, simulated))
