@@ -256,7 +256,6 @@ class PythonFilter {
   [[nodiscard]] const py::object& flow() const noexcept { return flow_; }
   [[nodiscard]] const std::string& mode() const noexcept { return mode_; }
   [[nodiscard]] const std::string& criterion() const noexcept { return criterion_; }
-  [[nodiscard]] const py::object& convergence() const noexcept { return convergence_; }
   [[nodiscard]] bool has_gyro() const noexcept { return filter_.index() >= 2; }
 
   [[nodiscard]] py::object weight() const {
@@ -297,7 +296,7 @@ class PythonFilter {
 
   [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
                                   const py::object& weights, const py::object& angular_velocity,
-                                  const py::object& rate_bound, const std::string& sensor) {
+                                  const py::object& rate_bound, const std::string& sensor, bool diagnostics) {
     const std::unique_lock lock = exclusive();
     std::vector<Direction<double>> given;
     if (!directions.is_none()) {
@@ -331,10 +330,11 @@ class PythonFilter {
     return std::visit(
         [&](auto& filter) {
           Update<double> update{};
-          const Status status = fuse(filter, given.data(), given.size(), rate, update, convergence_values_);
+          Convergence<double> convergence{};
+          const bool wanted = diagnostics && given.size() >= 2 && rate;
+          const Status status = fuse(filter, given.data(), given.size(), rate, update, wanted ? &convergence : nullptr);
           raise_unless_updated(filter, status, update, sensor);
-          keep_convergence(given.size() >= 2 && rate);
-          return updated(update);
+          return updated(update, wanted ? &convergence : nullptr);
         },
         filter_);
   }
@@ -347,8 +347,7 @@ class PythonFilter {
         [&](auto& filter) {
           Update<double> update{};
           raise_unless_updated(filter, filter.update(measured, update), update, sensor);
-          keep_convergence(false);
-          return updated(update);
+          return updated(update, nullptr);
         },
         filter_);
   }
@@ -373,8 +372,7 @@ class PythonFilter {
             return filter.update(measurement, update);
           });
           raise_unless_updated(filter, status, update, sensor);
-          keep_convergence(false);
-          return updated(update);
+          return updated(update, nullptr);
         },
         filter_);
   }
@@ -498,7 +496,7 @@ class PythonFilter {
   template <typename Filter>
   [[nodiscard]] static Status fuse(Filter& filter, const Direction<double>* directions, std::size_t count,
                                    const std::optional<AngularVelocity<double>>& rate, Update<double>& update,
-                                   Convergence<double>& convergence) {
+                                   Convergence<double>* convergence) {
     if constexpr (has_rate<Filter>) {
       if (rate) {
         if (count >= 2) {
@@ -540,19 +538,13 @@ class PythonFilter {
     raise_unless_ok(status, "update" + where);
   }
 
-  void keep_convergence(bool available) {
-    if (!available) {
-      convergence_ = py::none();
-      return;
-    }
-    const Convergence<double>& c = convergence_values_;
-    convergence_ = py::module_::import("elliptude.results")
-                       .attr("Convergence")(c.flow_norm, c.smallest_ratio, c.chi, c.contraction, c.trace_ratio,
-                                            c.smaller_than_sets);
-  }
-
-  [[nodiscard]] py::object updated(const Update<double>& update) const {
-    return py::module_::import("elliptude.results").attr("Update")(update.share, update.margin, convergence_);
+  [[nodiscard]] static py::object updated(const Update<double>& update, const Convergence<double>* c) {
+    const py::module_ results = py::module_::import("elliptude.results");
+    const py::object convergence =
+        c == nullptr ? py::object(py::none())
+                     : results.attr("Convergence")(c->flow_norm, c->smallest_ratio, c->chi, c->contraction,
+                                                   c->trace_ratio, c->smaller_than_sets);
+    return results.attr("Update")(update.share, update.margin, convergence);
   }
 
   py::object flow_;
@@ -561,8 +553,6 @@ class PythonFilter {
   std::unique_ptr<Failure> failure_ = std::make_unique<Failure>();
   std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
   AnyFilter filter_;
-  Convergence<double> convergence_values_{};
-  py::object convergence_ = py::none();
 };
 
 /// A row that was not measured is all NaN; one that is so in part is an error.
@@ -720,7 +710,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
           Update<double> update{1.0, 1.0};
           Outcome outcome = Outcome::predicted;
           if (!present.empty() || rate) {
-            const Status status = fuse(filter, present.data(), present.size(), rate, update, convergence_values_);
+            const Status status = fuse(filter, present.data(), present.size(), rate, update, nullptr);
             if (status == Status::empty_intersection && on_inconsistent == "skip") {
               outcome = Outcome::refused;
               std::fill_n(used_data + i * (m + 1), m + 1, false);
@@ -740,7 +730,6 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
       },
       working);
   filter_ = working;
-  convergence_ = py::none();
   return py::module_::import("elliptude.results")
       .attr("FilterLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(),
                          shapes_out.array(), shares_out.array(), margins_out.array(), used, outcomes);
@@ -992,8 +981,6 @@ weight : (6, 6) array_like, optional
       .def_property_readonly(
           "prior_shape", [](const PythonFilter& self) { return to_constant_array(self.prior_shape()); },
           "P₀, the shape after the last update, (6, 6).")
-      .def_property_readonly("convergence", &PythonFilter::convergence,
-                             "Diagnostics of the last update with directions and rate together, or None.")
       .def("_resume", &PythonFilter::resume, "transition"_a, "prior_shape"_a)
       .def(
           "extent", [](const PythonFilter& self) { return extent_of(self.ellipsoid()); },
@@ -1021,8 +1008,8 @@ gyro : (3,) array_like
       .def(
           "update", &PythonFilter::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
-          "rate_bound"_a = py::none(), "sensor"_a = "",
-          R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='')
+          "rate_bound"_a = py::none(), "sensor"_a = "", "diagnostics"_a = false,
+          R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, sensor='', diagnostics=False)
 --
 
 Fuses directions, an angular velocity or both with the prediction (paper, §3.2, §3.3). Any number of directions will do.
@@ -1043,6 +1030,8 @@ rate_bound : float or (3, 3) array_like
     rad/s, or a shape in (rad/s)².
 sensor : str
     For the message, should the sets not meet.
+diagnostics : bool
+    Whether to work out those of the convergence theorem, for two or more directions with an angular velocity.
 
 Returns
 -------

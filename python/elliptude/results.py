@@ -106,7 +106,7 @@ class Update(NamedTuple):
     margin: float
     """The least overlap of the sets that were fused, see `elliptude.overlap_margin`."""
     convergence: Convergence | None
-    """Of directions and rate together, else None."""
+    """Where it was asked for, of two or more directions with an angular velocity."""
 
 
 @dataclass(frozen=True)

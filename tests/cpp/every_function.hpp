@@ -258,7 +258,7 @@ void use_filters(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     const MeasuredAttitude<Scalar> star{now.attitude, small};
     Update<Scalar> update;
     Convergence<Scalar> diagnostics{};
-    tally.add(filter.update(two.data(), two.size(), rate, update, diagnostics));
+    tally.add(filter.update(two.data(), two.size(), rate, update, &diagnostics));
     tally.add(diagnostics.contraction);
     tally.add(filter.update(two.data(), two.size(), update));
     tally.add(filter.update(two.data(), 1, update));

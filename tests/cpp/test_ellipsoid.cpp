@@ -582,12 +582,10 @@ TEST_CASE("the sum contains the sum of the sets and no other shares make it smal
     // Σ Pᵢ/αᵢ with the shares that the theory names, and with others near and far.
     std::vector<long double> shares(count);
     const LongMatrix<N> inverse = Eigen::PartialPivLU<LongMatrix<N>>(sum.shape.cast<long double>()).inverse();
-    long double total = 0;
     for (std::size_t k = 0; k < count; ++k) {
       const LongMatrix<N> metric =
           criterion.kind == Criterion<N>::Kind::volume ? inverse : LongMatrix<N>(criterion.weight.cast<long double>());
       shares[k] = std::sqrt((metric * terms[k].shape.cast<long double>()).trace());
-      total += shares[k];
     }
     const auto mixed = [&](const std::vector<long double>& weights) {
       long double all = 0;

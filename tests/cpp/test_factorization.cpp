@@ -294,7 +294,7 @@ TEST_CASE("symmetric_eigen gives small eigenvalues of graded matrices with nearl
     // The exact answer of so steep a matrix to 1e-12 relative: λ₁ = a₁₁, then the eigenvalues of the Schur complements.
     LongMatrix<3> schur = a.cast<long double>();
     for (int k = 0; k < 3; ++k) {
-      REQUIRE(std::abs(static_cast<double>(eigen.values(k) / schur(k, k)) - 1) <= 1e-10);
+      REQUIRE(std::abs(static_cast<double>(static_cast<long double>(eigen.values(k)) / schur(k, k)) - 1) <= 1e-10);
       schur -= (schur.col(k) * schur.row(k) / schur(k, k)).eval();
     }
   }

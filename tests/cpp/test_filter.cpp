@@ -105,7 +105,7 @@ TEST_CASE(
         REQUIRE(filter.update(rate, update) == Status::ok);
       } else {
         Convergence<double> convergence{};
-        REQUIRE(filter.update(directions.data(), directions.size(), rate, update, convergence) == Status::ok);
+        REQUIRE(filter.update(directions.data(), directions.size(), rate, update, &convergence) == Status::ok);
         CHECK(convergence.flow_norm >= std::sqrt(6.0));
       }
       CHECK(update.margin > 0);
@@ -176,7 +176,7 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   auto bad = directions;
   bad[2].body.setZero();
-  CHECK(filter.update(bad.data(), bad.size(), rate, update, convergence) == Status::zero_direction);
+  CHECK(filter.update(bad.data(), bad.size(), rate, update, &convergence) == Status::zero_direction);
   CHECK(filter.update(bad.data(), bad.size(), update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), 0, update) == Status::out_of_range);
   check_same(filter, before);
@@ -184,14 +184,14 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   // A rate that cannot be.
   const AngularVelocity<double> wrong{truth.angular_velocity + Vector3<double>(5, 0, 0), rate.bound};
-  CHECK(filter.update(directions.data(), 3, wrong, update, convergence) == Status::empty_intersection);
+  CHECK(filter.update(directions.data(), 3, wrong, update, &convergence) == Status::empty_intersection);
   CHECK(update.margin < 0);
   CHECK(filter.update(wrong, update) == Status::empty_intersection);
   CHECK(filter.update(AngularVelocity<double>{truth.angular_velocity, Matrix3<double>::Zero()}, update) ==
         Status::not_positive_definite);
   check_same(filter, before);
 
-  REQUIRE(filter.update(directions.data(), 3, rate, update, convergence) == Status::ok);
+  REQUIRE(filter.update(directions.data(), 3, rate, update, &convergence) == Status::ok);
   CHECK(filter.transition() == Matrix6<double>::Identity());
 }
 

@@ -96,7 +96,7 @@ def test_cycles_are_those_of_the_reference(mode: str, first_order: bool, weight:
         predicted = cycle.prediction.ellipsoid
         np.testing.assert_allclose(filter_.attitude, predicted.attitude, atol=1e-9)
         np.testing.assert_allclose(filter_.shape, predicted.shape, rtol=0, atol=1e-8 * np.abs(predicted.shape).max())
-        update = filter_.update(**log.at(k))
+        update = filter_.update(**log.at(k), diagnostics=True)
         expected, time = cycle.fusion.ellipsoid, log.times[k]
         # The reference finds its multiplier by golden section: the shape is right to about √ε of it.
         np.testing.assert_allclose(filter_.attitude, expected.attitude, atol=1e-6)

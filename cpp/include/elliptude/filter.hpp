@@ -89,10 +89,12 @@ class AttitudeFilter {
 
   /// Directions and angular velocity together, as the paper has it: E^m of all of them, fused once with the prediction. Two
   /// directions are enough.
-  /// \return what the measurements' `validate` and the fusion say; `attitude_undetermined` for collinear directions.
+  /// \param diagnostics of the convergence theorem, if wanted.
+  /// \return what the measurements' `validate` and the fusion say; `attitude_undetermined` for collinear directions; after
+  /// `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,
-                              Convergence<Scalar>& diagnostics) noexcept {
+                              Convergence<Scalar>* diagnostics = nullptr) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
                   "the gyro's rate is the input of GyroFlow, not a measurement");
     MeasuredDirections<Scalar> measured;
@@ -110,13 +112,13 @@ class AttitudeFilter {
     if (status != Status::ok) {
       return report(status, fusion, update);
     }
-    Convergence<Scalar> found;
-    if (const Status converged = convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
-                                             fusion.ellipsoid.shape, fusion.share, found);
-        converged != Status::ok) {
-      return converged;
+    if (diagnostics != nullptr) {
+      if (const Status found = convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
+                                           fusion.ellipsoid.shape, fusion.share, *diagnostics);
+          found != Status::ok) {
+        return found;
+      }
     }
-    diagnostics = found;
     accept(fusion.ellipsoid);
     return report(status, fusion, update);
   }
