@@ -73,9 +73,10 @@ TEST_CASE("the count sees operator new and malloc") {
   int seen_new = 0;
   {
     const Watch watch;
-    const std::vector<double> v(100, 1.0);
+    // The function itself: a new expression may be optimised away.
+    void* volatile p = ::operator new(100);
     seen_new = allocations;
-    CHECK(v[99] == 1.0);
+    ::operator delete(p);
   }
   CHECK(seen_new > 0);
 #ifdef ELLIPTUDE_TEST_COUNTS_MALLOC
