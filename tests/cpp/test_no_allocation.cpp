@@ -5,7 +5,6 @@
 
 #include <cstdlib>
 #include <new>
-#include <vector>
 
 #include "every_function.hpp"
 
