@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <elliptude/ellipsoid.hpp>
+#include <elliptude/intersection.hpp>
 #include <elliptude/linearization.hpp>
 #include <elliptude/wahba.hpp>
 #include <random>

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "elliptude/ellipsoid.hpp"
+#include "elliptude/intersection.hpp"
 #include "random.hpp"
 #include "search.hpp"
 

@@ -10,6 +10,7 @@
 #include "elliptude/factorization.hpp"
 #include "elliptude/so3.hpp"
 #include "elliptude/ellipsoid.hpp"
+#include "elliptude/intersection.hpp"
 #include "elliptude/quadric.hpp"
 #include "elliptude/chart.hpp"
 #include "elliptude/rigid_body.hpp"

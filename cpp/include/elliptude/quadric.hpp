@@ -4,7 +4,7 @@
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
 /// quadrics as an ellipsoid is, and what a measurement says of the state is one. (theory, section 7)
 
-#include "elliptude/ellipsoid.hpp"
+#include "elliptude/intersection.hpp"
 
 namespace elliptude {
 
