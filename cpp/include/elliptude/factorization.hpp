@@ -124,6 +124,39 @@ template <typename Scalar, int N>
   return inverse;
 }
 
+/// The inverse of any regular matrix, by Gauss and Jordan's elimination with the largest pivot of each column.
+/// \return `not_finite` if there is no inverse, or it is beyond all numbers.
+template <typename Scalar, int N>
+[[nodiscard]] Status inverse_of(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
+  Matrix<Scalar, N> left = a;
+  Matrix<Scalar, N> right = Matrix<Scalar, N>::Identity();
+  for (int j = 0; j < N; ++j) {
+    int pivot = j;
+    for (int i = j + 1; i < N; ++i) {
+      pivot = scalar::abs(Scalar(left(i, j))) > scalar::abs(Scalar(left(pivot, j))) ? i : pivot;
+    }
+    if (pivot != j) {
+      left.row(j).swap(left.row(pivot));
+      right.row(j).swap(right.row(pivot));
+    }
+    const Scalar scale = Scalar(1) / left(j, j);
+    left.row(j) *= scale;
+    right.row(j) *= scale;
+    for (int i = 0; i < N; ++i) {
+      if (i != j) {
+        const Scalar factor = left(i, j);
+        left.row(i) -= factor * left.row(j);
+        right.row(i) -= factor * right.row(j);
+      }
+    }
+  }
+  if (!scalar::all_finite(right)) {
+    return Status::not_finite;
+  }
+  inverse = right;
+  return Status::ok;
+}
+
 /// x with l x = b, for a lower triangle whose diagonal has no zero; b may have any number of columns.
 template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower(const Matrix<Scalar, N>& l,

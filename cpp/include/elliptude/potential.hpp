@@ -108,6 +108,9 @@ class UniformGravity {
     return scalar::constant<Scalar>(0.5L) * scalar::sqrt(Scalar(moment_.squaredNorm()));
   }
 
+  /// m g ρ, N m, body axes.
+  [[nodiscard]] const Vector3<Scalar>& moment() const noexcept { return moment_; }
+
   template <typename Other>
   [[nodiscard]] UniformGravity<Other> cast() const noexcept {
     UniformGravity<Other> result;
@@ -179,6 +182,14 @@ class GravityGradient {
   /// 3n² (J_max − J_min).
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return strength() * spread_; }
 
+  [[nodiscard]] const Matrix3<Scalar>& inertia() const noexcept { return inertia_; }
+  /// Columns: the radial direction at t = 0, the direction of motion, the orbit normal.
+  [[nodiscard]] const Matrix3<Scalar>& orbit() const noexcept { return orbit_; }
+  /// n, rad/s.
+  [[nodiscard]] const Scalar& orbit_rate() const noexcept { return rate_; }
+  /// J_max − J_min.
+  [[nodiscard]] const Scalar& inertia_spread() const noexcept { return spread_; }
+
   template <typename Other>
   [[nodiscard]] GravityGradient<Other> cast() const noexcept {
     GravityGradient<Other> result;
@@ -232,6 +243,7 @@ class SumPotential {
     return std::apply([&](const auto&... p) { return Matrix3<Scalar>((p.torque_jacobian(attitude, time) + ...)); },
                       potentials_);
   }
+  [[nodiscard]] const std::tuple<Potentials...>& potentials() const noexcept { return potentials_; }
   template <bool Bounded = (has_curvature_bound<Potentials> && ...), typename = std::enable_if_t<Bounded>>
   [[nodiscard]] auto torque_curvature_bound() const noexcept {
     return std::apply([](const auto&... p) { return (p.torque_curvature_bound() + ...); }, potentials_);

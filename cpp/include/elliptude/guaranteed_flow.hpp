@@ -1,0 +1,383 @@
+#pragma once
+
+/// \file
+/// Flows that carry a set of states so that it holds the state of the continuous motion afterwards, with nothing left out
+/// (theory, section 17). The errors are y = [γ; δ] in the Gibbs chart.
+///
+/// A guaranteed flow has a `State`, an `Input` and
+///
+///     Status predict(time, duration, input, ellipsoid, result) const noexcept
+///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
+///
+/// the second for when nothing is known of the attitude.
+
+#include "elliptude/error_tube.hpp"
+#include "elliptude/state.hpp"
+
+namespace elliptude {
+
+/// A set in the Gibbs chart: what the guaranteed filter keeps.
+template <typename State>
+using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
+
+namespace tube {
+
+/// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume: shares
+/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`).
+template <typename Scalar, int N, std::size_t Count>
+[[nodiscard]] Status sum(const Matrix<Scalar, N>& shape, const std::array<Matrix<Scalar, N>, Count>& others,
+                         Matrix<Scalar, N>& result) noexcept {
+  Matrix<Scalar, N> total = shape;
+  for (int step = 0; step < 2; ++step) {
+    Matrix<Scalar, N> inverse;
+    if (const Status status = inverse_positive_definite(total, inverse); status != Status::ok) {
+      return status;
+    }
+    const auto size = [&inverse](const Matrix<Scalar, N>& term) {
+      const Scalar square = inverse.cwiseProduct(term).sum();
+      return scalar::sqrt(square > Scalar(0) ? square : Scalar(0));
+    };
+    const Scalar first = size(shape);
+    std::array<Scalar, Count> sizes;
+    Scalar all = first;
+    for (std::size_t i = 0; i < Count; ++i) {
+      sizes[i] = size(others[i]);
+      all += sizes[i];
+    }
+    total = (all / first) * shape;
+    for (std::size_t i = 0; i < Count; ++i) {
+      if (sizes[i] > Scalar(0)) {
+        total += (all / sizes[i]) * others[i];
+      } else if (!others[i].isZero(Scalar(0))) {
+        return Status::not_positive_definite;  // a term must not be left out for its rounding
+      }
+    }
+  }
+  result = (Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * total;
+  return Status::ok;
+}
+
+/// The ball of a radius, in the attitude alone.
+template <typename Scalar>
+[[nodiscard]] Matrix6<Scalar> attitude_ball(const Scalar& radius) noexcept {
+  Matrix6<Scalar> ball = Matrix6<Scalar>::Zero();
+  ball.diagonal().template head<3>().setConstant(radius * radius);
+  return ball;
+}
+
+/// √ of the largest eigenvalue of a shape, or a little more: the ellipsoid lies in the ball of this radius.
+template <typename Scalar>
+[[nodiscard]] Scalar radius(const Matrix3<Scalar>& shape) noexcept {
+  return scalar::sqrt(norm(shape));
+}
+
+}  // namespace tube
+
+/// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
+/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
+template <typename Scalar, typename Potential>
+class GuaranteedRigidBodyFlow {
+  static_assert(has_expansion<Potential, Scalar>,
+                "this potential offers no bounds of its torque: see torque_expansion.hpp for what a guaranteed flow needs");
+
+ public:
+  using State = RigidBodyState<Scalar>;
+  using Input = BodyInput<Scalar>;
+  /// More steps than this in one prediction are refused: the time is then more likely wrong than meant.
+  static constexpr long most_steps = 100'000'000;
+
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
+  ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
+  /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia error
+  /// reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
+  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                   const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
+                                   GuaranteedRigidBodyFlow& flow) noexcept {
+    if (!scalar::isfinite(longest_step) || !scalar::isfinite(uncertainty.inertia)) {
+      return Status::not_finite;
+    }
+    if (!(longest_step > Scalar(0)) || !(uncertainty.inertia >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (!(uncertainty.inertia < body.principal_moments()(2))) {
+      return Status::invalid_inertia;
+    }
+    if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), uncertainty.torque});
+        status != Status::ok) {
+      return status;
+    }
+    flow.body_ = body;
+    flow.potential_ = potential;
+    flow.longest_step_ = longest_step;
+    flow.uncertainty_ = uncertainty;
+    return Status::ok;
+  }
+
+  [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
+  [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration or one of more than
+  /// `most_steps` steps; `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the
+  /// set is too large, or the step too long for it, for the prediction to say anything.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
+        !scalar::all_finite(input.wheel_momentum)) {
+      return Status::not_finite;
+    }
+    const Scalar longest = longest_step_ * Scalar(static_cast<scalar::Value<Scalar>>(most_steps));
+    if (!(duration >= Scalar(0)) || !(duration <= longest)) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    using std::ceil;
+    // A step longer by rounding than the longest is not worth another one.
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+
+    State state = ellipsoid.center;
+    ErrorTube<Scalar, Potential> tube;
+    if (const Status status = tube.start(ellipsoid.shape); status != Status::ok) {
+      return status;
+    }
+    MotionSeries<Scalar, Potential> series(potential_);
+    bool has_moved = false;
+    for (long step = 0; step < steps; ++step) {
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
+        return status;
+      }
+      // What is of third order grows with the square of the time since the tube began: from time to time it is better to begin
+      // again with an ellipsoid about all of it.
+      if (has_moved && tube.displacement() > scalar::constant<Scalar>(0.07L)) {
+        if (tube.start(tube.shape()) != Status::ok) {
+          return Status::unbounded;
+        }
+        has_moved = false;
+      }
+      if (const Status status = tube.step(body_, series, h, uncertainty_); status != Status::ok) {
+        return status;
+      }
+      has_moved = true;
+      state = series.end;
+    }
+    const Matrix6<Scalar> shape = tube.shape();
+    if (!scalar::all_finite(shape)) {
+      return Status::unbounded;
+    }
+    result.center = state;
+    result.shape = shape;
+    return Status::ok;
+  }
+
+  /// What remains known of the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
+                                      const Ellipsoid<Scalar, 3>& ellipsoid,
+                                      Ellipsoid<Scalar, 3>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    const TorqueBounds<Scalar> bounds =
+        TorqueExpansion<Potential, Scalar, 1>(potential_).bounds();
+    const Scalar error = uncertainty_.inertia;
+    const Matrix3<Scalar>& j = body_.inertia();
+    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Scalar gradient =
+        bounds.degree > Scalar(1) ? Scalar(Scalar(3) * bounds.turn_rate * bounds.turn_rate * error) : Scalar(0);
+    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + tube::radius(ellipsoid.shape);
+    const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
+    Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
+                      tube::radius(momentum_shape) + error * speed;
+    momentum += duration * (bounds.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+                            tube::radius(uncertainty_.torque));
+    momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
+    if (!scalar::isfinite(momentum)) {
+      return Status::not_finite;
+    }
+    const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    result.center = -inverse * input.wheel_momentum;
+    result.shape = ((Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * momentum * momentum) *
+                   inverse.lazyProduct(inverse);
+    return Status::ok;
+  }
+
+ private:
+  RigidBody<Scalar> body_;
+  Potential potential_;
+  Scalar longest_step_;
+  BodyUncertainty<Scalar> uncertainty_;
+};
+
+/// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.
+template <typename Scalar>
+struct GyroUncertainty {
+  Matrix3<Scalar> noise = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of v, (rad/s)²
+  Matrix3<Scalar> drift = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of dβ/dt at every time, (rad/s²)²
+  Scalar scale = Scalar(0);                         ///< largest relative error: v may be larger by this times ‖ω̃‖
+  Scalar angular_acceleration = Scalar(0);          ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
+};
+
+/// A body of which nothing is known but what its gyro says, at every time between its samples.
+template <typename Scalar>
+class GuaranteedGyroFlow {
+ public:
+  using State = GyroState<Scalar>;
+  /// Which rate of an interval the gyro's input is.
+  enum class IntervalRate : std::uint8_t {
+    first_sample,  ///< that at its beginning
+    mean_of_ends,  ///< the mean of those at both ends
+    mean,          ///< its mean over the interval, from a gyro that integrates
+  };
+  struct Input {
+    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+    /// Bound of the angle that the errors v of the samples make together over this interval, rad, where a better one is known
+    /// than the duration times the noise; negative for none.
+    Scalar increment = Scalar(-1);
+  };
+
+  /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
+  /// `not_positive_definite`.
+  [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
+                                   GuaranteedGyroFlow& flow) noexcept {
+    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration)) {
+      return Status::not_finite;
+    }
+    if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    for (const Matrix3<Scalar>* shape : {&uncertainty.noise, &uncertainty.drift}) {
+      if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), *shape}); status != Status::ok) {
+        return status;
+      }
+    }
+    flow.uncertainty_ = uncertainty;
+    flow.interval_rate_ = interval_rate;
+    return Status::ok;
+  }
+
+  /// With ω̂ = ω̃ − β̂ and F = exp(S(hω̂)) the linear part is γ⁺ = Fᵀγ − h J_r(hω̂) δβ (theory, section 17.6).
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if the set
+  /// may reach half turns within the interval.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity) ||
+        !scalar::isfinite(input.increment)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar& h = duration;
+    const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
+    const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
+    const Vector3<Scalar> turn = h * rate;
+    const Matrix3<Scalar> f = exp(turn);
+    Matrix6<Scalar> transition = Matrix6<Scalar>::Identity();
+    transition.template topLeftCorner<3, 3>() = f.transpose();
+    transition.template topRightCorner<3, 3>() = -h * right_jacobian(turn);
+    const Matrix6<Scalar> moved = transition.lazyProduct(ellipsoid.shape);
+    Matrix6<Scalar> shape = moved.lazyProduct(transition.transpose());
+    shape = (half * (shape + shape.transpose())).eval();
+
+    // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
+    const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
+    const Scalar acceleration = uncertainty_.angular_acceleration;
+    const Scalar wander =
+        (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
+    const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
+    const Scalar noise = tube::radius(uncertainty_.noise) + scale;
+    const Scalar drift = tube::radius(uncertainty_.drift);
+    const Scalar difference = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift +
+                              noise + wander;  // ≥ ‖δω‖
+    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
+    const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
+    if (!(angle < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    const Scalar reach = Scalar(2) * scalar::sin(angle) / scalar::cos(angle);
+    const Scalar nonlinear = h * reach * difference * (reach > Scalar(2) ? Scalar(half * half * reach) : half);
+
+    // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
+    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
+                  half * h * h * drift + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+    std::array<Matrix6<Scalar>, 3> others;
+    for (Matrix6<Scalar>& term : others) {
+      term.setZero();
+    }
+    if (input.increment >= Scalar(0)) {
+      ball += input.increment;
+    } else {
+      ball += h * scale;
+      const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
+      const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
+      const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
+      others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
+    }
+    // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
+    if (drift > Scalar(0)) {
+      const Matrix3<Scalar> d = (h * h) * uncertainty_.drift;
+      const Scalar back = -half * h;
+      others[1].template topLeftCorner<3, 3>() = (back * back) * d;
+      others[1].template topRightCorner<3, 3>() = back * d;
+      others[1].template bottomLeftCorner<3, 3>() = back * d;
+      others[1].template bottomRightCorner<3, 3>() = d;
+      ball += half * h * h * h * speed * drift;
+    }
+    others[2] = tube::attitude_ball(ball);
+    Matrix6<Scalar> sum;
+    if (const Status status = tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias};
+    result.shape = sum;
+    return Status::ok;
+  }
+
+  /// The bias without the attitude: it drifts.
+  [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
+                                      const Ellipsoid<Scalar, 3>& ellipsoid,
+                                      Ellipsoid<Scalar, 3>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    Matrix3<Scalar> sum = ellipsoid.shape;
+    if (duration > Scalar(0) && !uncertainty_.drift.isZero(Scalar(0))) {
+      const std::array<Matrix3<Scalar>, 1> others{Matrix3<Scalar>((duration * duration) * uncertainty_.drift)};
+      if (const Status status = tube::sum<Scalar, 3, 1>(ellipsoid.shape, others, sum); status != Status::ok) {
+        return status;
+      }
+    }
+    result.center = ellipsoid.center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
+ private:
+  GyroUncertainty<Scalar> uncertainty_;
+  IntervalRate interval_rate_;
+};
+
+}  // namespace elliptude

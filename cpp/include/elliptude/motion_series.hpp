@@ -1,0 +1,169 @@
+#pragma once
+
+/// \file
+/// The motion of a rigid body over one step as a power series in time, with a bound of how far it is from the exact solution
+/// of Euler's equations. (theory, section 17)
+
+#include "elliptude/torque_expansion.hpp"
+
+namespace elliptude {
+
+/// A torque on the body and a wheel's angular momentum, constant over an interval: J ω' = −ω × (Jω + h_w) + M + u.
+template <typename Scalar>
+struct BodyInput {
+  Vector3<Scalar> control_torque = Vector3<Scalar>::Zero();  ///< u, N m, body axes
+  Vector3<Scalar> wheel_momentum = Vector3<Scalar>::Zero();  ///< h_w, N m s, body axes; its change is a control torque
+};
+
+/// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to a torque
+/// whose integral over the step is at most `impulse_defect`.
+template <typename Scalar, typename Potential>
+struct MotionSeries {
+  /// Of ω̂. The truncation error is then that of a method of this order.
+  static constexpr int order = 8;
+  static constexpr int terms = order + 1;
+  using Coefficients = std::array<Vector3<Scalar>, terms>;
+
+  TorqueExpansion<Potential, Scalar, terms> torque;
+  BodyInput<Scalar> input;
+  Coefficients rate;
+  Coefficients momentum;                      ///< Jω_k, and the wheel's in the first
+  std::array<Scalar, terms> rate_norms;       ///< ‖ω_k‖
+  std::array<Scalar, 2 * terms> step_powers;  ///< hᵏ
+  RigidBodyState<Scalar> end;
+  Scalar largest_rate;    ///< Σ ‖ω_k‖ hᵏ ≥ sup ‖ω̂‖
+  Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
+  Scalar impulse_defect;  ///< N m s
+
+  explicit MotionSeries(const Potential& potential) noexcept : torque(potential) {}
+
+  /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|), by Cauchy's
+  /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one is near the best.
+  [[nodiscard]] Scalar tail(int first, const Scalar& growth, const Scalar& turn, const Scalar& h) const noexcept {
+    const Scalar speed = growth * (largest_rate + turn) * h;
+    const Scalar least(2);
+    const Scalar most(64);
+    const Scalar order_of_tail = Scalar(static_cast<scalar::Value<Scalar>>(first));
+    Scalar kappa = order_of_tail / speed;  // of speed zero: infinite, and then `most`
+    kappa = kappa < most ? kappa : most;
+    kappa = kappa > least ? kappa : least;
+    Scalar exponent;
+    for (;;) {
+      const Scalar radius = kappa * h;
+      Scalar largest = rate_norms[order];
+      for (int k = order - 1; k >= 0; --k) {
+        largest = rate_norms[static_cast<std::size_t>(k)] + radius * largest;
+      }
+      exponent = growth * (largest + turn) * radius;
+      // Where the polynomial ω̂ grows fast the best circle is smaller.
+      if (exponent <= order_of_tail || !(kappa > least)) {
+        break;
+      }
+      kappa *= scalar::constant<Scalar>(0.5L);
+      kappa = kappa > least ? kappa : least;
+    }
+    Scalar power(1);
+    for (int k = 0; k < first; ++k) {
+      power *= kappa;
+    }
+    return scalar::exp(exponent) / (power * (Scalar(1) - Scalar(1) / kappa));
+  }
+
+  /// The series from `state` at `time` over a step h > 0.
+  /// \return `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing at this step.
+  [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
+                              const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
+    input = body_input;
+    rate[0] = state.angular_velocity;
+    momentum[0] = body.inertia() * rate[0] + input.wheel_momentum;
+    Vector3<Scalar> torque_coefficient = torque.start(state.attitude, time) + input.control_torque;
+    for (int k = 1; k <= order; ++k) {
+      const auto index = static_cast<std::size_t>(k);
+      const Vector3<Scalar> change =
+          (torque_coefficient - expansion::cross_coefficient<Scalar, terms>(k - 1, rate, momentum)) / Scalar(k);
+      momentum[index] = change;
+      rate[index] = body.inertia_inverse() * change;
+      if (k < order) {
+        torque_coefficient = torque.extend(k, rate);
+      }
+    }
+    step_powers[0] = Scalar(1);
+    for (std::size_t k = 1; k < step_powers.size(); ++k) {
+      step_powers[k] = h * step_powers[k - 1];
+    }
+    largest_rate = Scalar(0);
+    for (std::size_t k = 0; k < terms; ++k) {
+      rate_norms[k] = scalar::sqrt(Scalar(rate[k].squaredNorm()));
+      largest_rate += rate_norms[k] * step_powers[k];
+    }
+    if (!scalar::isfinite(largest_rate)) {
+      return Status::callback_failed;
+    }
+    bound_defect(body, time, h);
+    return turn(h, state);
+  }
+
+ private:
+  /// The coefficients of J ω̂' + ω̂ × (Jω̂ + h_w) − M − u vanish up to order − 1; the rest, integrated over the step.
+  void bound_defect(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h) noexcept {
+    std::array<Scalar, terms> momentum_norms;
+    for (std::size_t k = 0; k < terms; ++k) {
+      momentum_norms[k] = scalar::sqrt(Scalar(momentum[k].squaredNorm()));
+    }
+    Scalar sum(0);
+    for (std::size_t i = 0; i < terms; ++i) {
+      for (std::size_t j = order - i; j < terms; ++j) {
+        sum += rate_norms[i] * momentum_norms[j] * step_powers[i + j];
+      }
+    }
+    const TorqueBounds<Scalar> bounds = torque.bounds();
+    if (bounds.largest > Scalar(0)) {
+      sum += bounds.largest * tail(order, bounds.degree, bounds.turn_rate, h);
+    }
+    // Every term of it grows with the power `order` of time or a higher one.
+    impulse_defect = sum * h / Scalar(order + 1);
+    // Rounding of the coefficients, each a sum of a few products of that size, and of the angle of a potential that turns.
+    const Scalar angle = Scalar(1) + scalar::abs(Scalar(bounds.turn_rate * time));
+    impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
+                      (momentum_norms[0] + (largest_rate * momentum_norms[0] + bounds.largest * angle) * h) *
+                      (body.principal_moments()(0) / body.principal_moments()(2));
+  }
+
+  /// The end of the step: the rate, and the attitude by the quaternion's series q' = ½ q ⊗ ω̂.
+  [[nodiscard]] Status turn(const Scalar& h, const RigidBodyState<Scalar>& state) noexcept {
+    std::array<Scalar, terms + 1> real;
+    std::array<Vector3<Scalar>, terms + 1> imaginary;
+    real[0] = Scalar(1);
+    imaginary[0].setZero();
+    for (std::size_t k = 0; k < terms; ++k) {
+      Scalar w(0);
+      Vector3<Scalar> v = Vector3<Scalar>::Zero();
+      for (std::size_t i = 0; i <= k; ++i) {
+        w -= imaginary[i].dot(rate[k - i]);
+        v += real[i] * rate[k - i] + imaginary[i].cross(rate[k - i]);
+      }
+      const Scalar factor = scalar::constant<Scalar>(0.5L) / Scalar(static_cast<scalar::Value<Scalar>>(k + 1));
+      real[k + 1] = factor * w;
+      imaginary[k + 1] = factor * v;
+    }
+    Scalar w = real[terms];
+    Vector3<Scalar> v = imaginary[terms];
+    for (int k = terms - 1; k >= 0; --k) {
+      w = real[static_cast<std::size_t>(k)] + h * w;
+      v = imaginary[static_cast<std::size_t>(k)] + h * v;
+    }
+    // A quaternion that errs by t is, made a unit, in error by at most 2t, and the angle by twice that and a little.
+    const Scalar rest = tail(terms + 1, scalar::constant<Scalar>(0.5L), Scalar(0), h);
+    attitude_error = scalar::constant<Scalar>(4.5L) * rest + Scalar(32) * Scalar(scalar::epsilon<Scalar>);
+    if (!(attitude_error < scalar::constant<Scalar>(0.001L))) {
+      return Status::step_too_long;
+    }
+    const Scalar length = scalar::sqrt(Scalar(w * w + v.squaredNorm()));
+    end.attitude = renormalized(
+        Matrix3<Scalar>(state.attitude * to_rotation(Quaternion<Scalar>{w / length, Vector3<Scalar>(v / length)})));
+    end.angular_velocity = expansion::value<Scalar, terms>(rate, terms, h);
+    return Status::ok;
+  }
+};
+
+}  // namespace elliptude

@@ -1,0 +1,283 @@
+#pragma once
+
+/// \file
+/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must offer
+/// where bounds are guaranteed. (theory, section 17)
+///
+/// A torque here is a polynomial in vectors that are fixed in the reference frame, or turn in it at a known rate, as they are
+/// seen from the body: s = Cᵀr(t), which obeys s' = −ω × s + Cᵀr'(t). `TorqueExpansion<Potential, Scalar, Terms>` is
+/// specialised for each potential that can be used in a guaranteed flow:
+///
+///     explicit TorqueExpansion(const Potential&);
+///     Vector3<Scalar> start(attitude, time);               // coefficient 0 of M(s)
+///     Vector3<Scalar> extend(k, rate);                      // coefficient k, from coefficients 0 … k − 1 of ω
+///     Matrix3<Scalar> jacobian(k);                          // coefficient k of ∂M/∂ζ, for k extended before
+///     void add_curvature(s, transform, forms);              // forms[i] += row i of transform times ½ ∂²M/∂γ² at time s
+///     TorqueBounds<Scalar> bounds() const;
+
+#include "elliptude/potential.hpp"
+
+namespace elliptude {
+
+/// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree, of at
+/// most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a motion that
+/// is continued to complex times z, its length is at most `largest` exp(degree (sup|ω| + turn_rate) |z|), and that of its
+/// Jacobian at most `degree` times as much.
+template <typename Scalar>
+struct TorqueBounds {
+  Scalar largest;    ///< N m
+  Scalar degree;     ///< 0 for no torque
+  Scalar turn_rate;  ///< rad/s, at which the potential turns in the reference frame
+};
+
+/// For each potential that can be used in a guaranteed flow.
+template <typename Potential, typename Scalar, int Terms>
+class TorqueExpansion;
+
+namespace expansion {
+
+/// Coefficient k of the product of two series under a bilinear map.
+template <typename Scalar, int Terms, typename Product>
+[[nodiscard]] auto convolution(int k, const std::array<Vector3<Scalar>, Terms>& a,
+                               const std::array<Vector3<Scalar>, Terms>& b, const Product& product) noexcept {
+  auto sum = product(a[0], b[static_cast<std::size_t>(k)]);
+  for (int i = 1; i <= k; ++i) {
+    sum += product(a[static_cast<std::size_t>(i)], b[static_cast<std::size_t>(k - i)]);
+  }
+  return sum;
+}
+
+/// Coefficient k of ω × s.
+template <typename Scalar, int Terms>
+[[nodiscard]] Vector3<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
+                                                const std::array<Vector3<Scalar>, Terms>& s) noexcept {
+  return convolution<Scalar, Terms>(
+      k, rate, s, [](const Vector3<Scalar>& a, const Vector3<Scalar>& b) { return Vector3<Scalar>(a.cross(b)); });
+}
+
+/// The value of a series of `count` terms at s.
+template <typename Scalar, int Terms>
+[[nodiscard]] Vector3<Scalar> value(const std::array<Vector3<Scalar>, Terms>& series, int count,
+                                    const Scalar& s) noexcept {
+  Vector3<Scalar> sum = series[static_cast<std::size_t>(count - 1)];
+  for (int k = count - 2; k >= 0; --k) {
+    sum = series[static_cast<std::size_t>(k)] + s * sum;
+  }
+  return sum;
+}
+
+/// What a turn by γ = 2 tan(θ/2) n does to s = Cᵀr to second order: s + s × γ + ½ (γ(γ·s) − s‖γ‖²). Component i of N times the
+/// second-order part, as the matrix of a quadratic form of γ.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> second_order_form(const Vector3<Scalar>& row_of_n, const Vector3<Scalar>& s) noexcept {
+  const Scalar quarter = scalar::constant<Scalar>(0.25L);
+  Matrix3<Scalar> form = quarter * (row_of_n * s.transpose());
+  form += quarter * (s * row_of_n.transpose());
+  form.diagonal().array() -= scalar::constant<Scalar>(0.5L) * row_of_n.dot(s);
+  return form;
+}
+
+template <typename Scalar>
+using Forms = std::array<Matrix3<Scalar>, 3>;
+
+}  // namespace expansion
+
+template <typename Scalar, int Terms>
+class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const FreeBody<Scalar>& /*potential*/) noexcept {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& /*attitude*/, const Scalar& /*time*/) noexcept {
+    return Vector3<Scalar>::Zero();
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int /*k*/, const std::array<Vector3<Scalar>, Terms>& /*rate*/) noexcept {
+    return Vector3<Scalar>::Zero();
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int /*k*/) const noexcept { return Matrix3<Scalar>::Zero(); }
+  void add_curvature(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/,
+                     expansion::Forms<Scalar>& /*forms*/) const noexcept {}
+  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept { return {Scalar(0), Scalar(0), Scalar(0)}; }
+};
+
+/// M = m g ρ × s with s = Cᵀe₃.
+template <typename Scalar, int Terms>
+class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const UniformGravity<Scalar>& potential) noexcept : moment_(potential.moment()) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) noexcept {
+    down_[0] = attitude.row(2).transpose();
+    count_ = 1;
+    return moment_.cross(down_[0]);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    const auto index = static_cast<std::size_t>(k);
+    down_[index] = expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, down_) / Scalar(-k);
+    count_ = k + 1;
+    return moment_.cross(down_[index]);
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    return hat_product(moment_, down_[static_cast<std::size_t>(k)]);
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> down = expansion::value<Scalar, Terms>(down_, count_, s);
+    const Matrix3<Scalar> n = transform.lazyProduct(hat(moment_));
+    for (int i = 0; i < 3; ++i) {
+      forms[static_cast<std::size_t>(i)] +=
+          expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), down);
+    }
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
+    return {scalar::sqrt(Scalar(moment_.squaredNorm())), Scalar(1), Scalar(0)};
+  }
+
+ private:
+  Vector3<Scalar> moment_;
+  std::array<Vector3<Scalar>, Terms> down_;
+  int count_ = 0;
+};
+
+/// M = 3n² b × Jb with b = Cᵀr, the radial direction, and the direction of motion v: r' = n v, v' = −n r.
+template <typename Scalar, int Terms>
+class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const GravityGradient<Scalar>& potential) noexcept
+      : inertia_(potential.inertia()),
+        orbit_(potential.orbit()),
+        rate_(potential.orbit_rate()),
+        spread_(potential.inertia_spread()) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
+    const Scalar angle = rate_ * time;
+    const Scalar cosine = scalar::cos(angle);
+    const Scalar sine = scalar::sin(angle);
+    radial_[0] = attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(0) + sine * orbit_.col(1));
+    along_[0] = attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(1) - sine * orbit_.col(0));
+    moved_[0] = inertia_ * radial_[0];
+    count_ = 1;
+    return strength() * radial_[0].cross(moved_[0]);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    const auto index = static_cast<std::size_t>(k);
+    radial_[index] =
+        (rate_ * along_[index - 1] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, radial_)) / Scalar(k);
+    along_[index] =
+        (-rate_ * radial_[index - 1] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, along_)) / Scalar(k);
+    moved_[index] = inertia_ * radial_[index];
+    count_ = k + 1;
+    return strength() * expansion::cross_coefficient<Scalar, Terms>(k, radial_, moved_);
+  }
+  /// 3n² (−S(Jb) + S(b)J) S(b).
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    Matrix3<Scalar> sum = Matrix3<Scalar>::Zero();
+    for (int i = 0; i <= k; ++i) {
+      sum += linear_part(radial_[static_cast<std::size_t>(i)], moved_[static_cast<std::size_t>(i)])
+                 .lazyProduct(hat(radial_[static_cast<std::size_t>(k - i)]));
+    }
+    return strength() * sum;
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
+    const Matrix3<Scalar> n =
+        strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
+    // (S(b)γ) × (J S(b)γ): component a of it is the antisymmetric combination of rows of S(b) and J S(b).
+    const Matrix3<Scalar> p = hat(b);
+    const Matrix3<Scalar> q = inertia_.lazyProduct(p);
+    std::array<Matrix3<Scalar>, 3> cross;
+    for (int a = 0; a < 3; ++a) {
+      const int next = (a + 1) % 3;
+      const int last = (a + 2) % 3;
+      const Matrix3<Scalar> form = p.row(next).transpose() * q.row(last) - p.row(last).transpose() * q.row(next);
+      cross[static_cast<std::size_t>(a)] = (scalar::constant<Scalar>(0.5L) * strength()) * (form + form.transpose());
+    }
+    for (int i = 0; i < 3; ++i) {
+      Matrix3<Scalar>& form = forms[static_cast<std::size_t>(i)];
+      form += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), b);
+      form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
+    }
+  }
+  /// b × Jb = b × (J − mI)b with m the middle of the largest and the smallest moment.
+  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
+    return {scalar::constant<Scalar>(0.5L) * strength() * spread_, Scalar(2), rate_};
+  }
+
+ private:
+  /// 3n², in 1/s².
+  [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
+  /// −S(Jb) + S(b)J, which gives d(b × Jb) from db.
+  [[nodiscard]] Matrix3<Scalar> linear_part(const Vector3<Scalar>& b, const Vector3<Scalar>& jb) const noexcept {
+    return hat(b).lazyProduct(inertia_) - hat(jb);
+  }
+
+  Matrix3<Scalar> inertia_;
+  Matrix3<Scalar> orbit_;
+  Scalar rate_;
+  Scalar spread_;
+  std::array<Vector3<Scalar>, Terms> radial_;
+  std::array<Vector3<Scalar>, Terms> along_;
+  std::array<Vector3<Scalar>, Terms> moved_;  // J radial
+  int count_ = 0;
+};
+
+template <typename Scalar, int Terms, typename... Potentials>
+class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const SumPotential<Potentials...>& sum) noexcept
+      : terms_(std::apply(
+            [](const auto&... p) {
+              return std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...>(
+                  TorqueExpansion<Potentials, Scalar, Terms>(p)...);
+            },
+            sum.potentials())) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
+    return std::apply([&](auto&... term) { return Vector3<Scalar>((term.start(attitude, time) + ...)); }, terms_);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    return std::apply([&](auto&... term) { return Vector3<Scalar>((term.extend(k, rate) + ...)); }, terms_);
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    return std::apply([&](const auto&... term) { return Matrix3<Scalar>((term.jacobian(k) + ...)); }, terms_);
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    std::apply([&](const auto&... term) { (term.add_curvature(s, transform, forms), ...); }, terms_);
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
+    TorqueBounds<Scalar> sum{Scalar(0), Scalar(0), Scalar(0)};
+    std::apply(
+        [&](const auto&... term) {
+          const auto add = [&](const TorqueBounds<Scalar>& one) {
+            sum.largest += one.largest;
+            sum.degree = one.degree > sum.degree ? one.degree : sum.degree;
+            sum.turn_rate = one.turn_rate > sum.turn_rate ? one.turn_rate : sum.turn_rate;
+          };
+          (add(term.bounds()), ...);
+        },
+        terms_);
+    return sum;
+  }
+
+ private:
+  std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...> terms_;
+};
+
+namespace concepts {
+
+template <typename Potential, typename Scalar, typename = void>
+struct HasExpansion : std::false_type {};
+
+template <typename Potential, typename Scalar>
+struct HasExpansion<Potential, Scalar,
+                    std::void_t<decltype(std::declval<const TorqueExpansion<Potential, Scalar, 4>&>().bounds())>>
+    : std::true_type {};
+
+}  // namespace concepts
+
+/// Whether a potential can be used in a guaranteed flow.
+template <typename Potential, typename Scalar>
+constexpr bool has_expansion = concepts::HasExpansion<Potential, Scalar>::value;
+
+}  // namespace elliptude
