@@ -19,6 +19,12 @@ struct ExponentialChart {
     return center * exp(zeta);
   }
 
+  /// The angle of an error of this length, rad.
+  template <typename Scalar>
+  [[nodiscard]] static Scalar angle(const Scalar& length) noexcept {
+    return length;
+  }
+
   /// An error ζ about Ĉ, seen from Ĉ' with Ĉ = Ĉ' exp(S(a)), is a + G ζ to first order: G = J_r⁻¹(a). (theory, section 10)
   template <typename Scalar>
   [[nodiscard]] static Matrix3<Scalar> seen_from(const Vector3<Scalar>& offset) noexcept {
@@ -44,6 +50,19 @@ struct GibbsChart {
   [[nodiscard]] static Matrix3<Scalar> retract(const Matrix3<Scalar>& center, const Vector3<Scalar>& gamma) noexcept {
     return center * cayley(scalar::constant<Scalar>(0.5L) * gamma);
   }
+
+  /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). Of a component γᵢ alone it bounds |ζᵢ|. (theory, section 16)
+  template <typename Scalar>
+  [[nodiscard]] static Scalar angle(const Scalar& length) noexcept {
+    return Scalar(2) * scalar::atan2(Scalar(scalar::constant<Scalar>(0.5L) * length), Scalar(1));
+  }
 };
+
+/// γ = τ ζ with τ = 2 tan(θ/2)/θ, which grows with the angle: for an angle below π, from 1 on.
+template <typename Scalar>
+[[nodiscard]] Scalar gibbs_stretch(const Scalar& angle) noexcept {
+  const Scalar half = scalar::constant<Scalar>(0.5L) * angle;
+  return half > Scalar(0) ? Scalar(scalar::sin(half) / (half * scalar::cos(half))) : Scalar(1);
+}
 
 }  // namespace elliptude

@@ -12,6 +12,7 @@
 #include "elliptude/ellipsoid.hpp"
 #include "elliptude/intersection.hpp"
 #include "elliptude/quadric.hpp"
+#include "elliptude/quadric_fusion.hpp"
 #include "elliptude/chart.hpp"
 #include "elliptude/rigid_body.hpp"
 #include "elliptude/potential.hpp"

@@ -40,24 +40,25 @@ struct ScalarOfState<GyroState<Scalar>> {
 template <typename State>
 using StateScalar = typename ScalarOfState<State>::Type;
 
-/// The error x = [ζ; δ] of a state about a center: C = Ĉ exp(S(ζ)), and the difference of the vectors.
-template <typename State>
+/// The error x = [ζ; δ] of a state about a center: C = Ĉ exp(S(ζ)), and the difference of the vectors; in the Gibbs chart [γ; δ].
+template <typename Chart = ExponentialChart, typename State>
 [[nodiscard]] Vector6<StateScalar<State>> state_error(const State& center, const State& state) noexcept {
   Vector6<StateScalar<State>> x;
-  x << ExponentialChart::error(center.attitude, state.attitude), vector_part(state) - vector_part(center);
+  x << Chart::error(center.attitude, state.attitude), vector_part(state) - vector_part(center);
   return x;
 }
 
 /// The state whose error about the center is x.
-template <typename State>
+template <typename Chart = ExponentialChart, typename State>
 [[nodiscard]] State retract(const State& center, const Vector6<StateScalar<State>>& x) noexcept {
   using Scalar = StateScalar<State>;
-  return {ExponentialChart::retract(center.attitude, Vector3<Scalar>(x.template head<3>())),
+  return {Chart::retract(center.attitude, Vector3<Scalar>(x.template head<3>())),
           Vector3<Scalar>(vector_part(center) + x.template tail<3>())};
 }
 
-/// The set {retract(center, x) : xᵀ P⁻¹ x ≤ 1}. P, rad² and rad²/s², is the shape of a set, not a covariance.
-template <typename State>
+/// The set {retract(center, x) : xᵀ P⁻¹ x ≤ 1} in the coordinates x of a chart. P, rad² and rad²/s², is the shape of a set, not
+/// a covariance.
+template <typename State, typename Chart = ExponentialChart>
 struct StateEllipsoid {
   using Scalar = StateScalar<State>;
 
@@ -69,8 +70,8 @@ struct StateEllipsoid {
 };
 
 /// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite`.
-template <typename State>
-[[nodiscard]] Status validate(const StateEllipsoid<State>& ellipsoid) noexcept {
+template <typename State, typename Chart>
+[[nodiscard]] Status validate(const StateEllipsoid<State, Chart>& ellipsoid) noexcept {
   using Scalar = StateScalar<State>;
   if (!scalar::all_finite(ellipsoid.center.attitude) || !scalar::all_finite(vector_part(ellipsoid.center))) {
     return Status::not_finite;
@@ -82,13 +83,14 @@ template <typename State>
 }
 
 /// xᵀP⁻¹x of a state, at most 1 inside.
-template <typename State>
-[[nodiscard]] Status quadratic_form(const StateEllipsoid<State>& ellipsoid, const State& state,
+template <typename State, typename Chart>
+[[nodiscard]] Status quadratic_form(const StateEllipsoid<State, Chart>& ellipsoid, const State& state,
                                     StateScalar<State>& value) noexcept {
-  return quadratic_form(ellipsoid.in_coordinates(), state_error(ellipsoid.center, state), value);
+  return quadratic_form(ellipsoid.in_coordinates(), state_error<Chart>(ellipsoid.center, state), value);
 }
 
-/// What a report says of the set about the attitude and the vector beside it.
+/// What a report says of the set about the attitude and the vector beside it, as angles in any chart; of the Gibbs chart the
+/// half-widths of ζ are bounds.
 template <typename Scalar>
 struct Extent {
   Vector6<Scalar> half_widths_body;       ///< of ζ (rad) and of the vector (rad/s), along body axes
@@ -99,8 +101,8 @@ struct Extent {
 };
 
 /// \return `not_finite`, `not_converged`.
-template <typename State>
-[[nodiscard]] Status extent(const StateEllipsoid<State>& ellipsoid, Extent<StateScalar<State>>& result) noexcept {
+template <typename State, typename Chart>
+[[nodiscard]] Status extent(const StateEllipsoid<State, Chart>& ellipsoid, Extent<StateScalar<State>>& result) noexcept {
   using Scalar = StateScalar<State>;
   Extent<Scalar> extent;
   extent.half_widths_body = half_widths(ellipsoid.in_coordinates());
@@ -108,11 +110,15 @@ template <typename State>
   const Matrix3<Scalar>& c = ellipsoid.center.attitude;
   const Matrix3<Scalar> in_reference = c * attitude_shape * c.transpose();
   extent.half_widths_reference = in_reference.diagonal().cwiseMax(Scalar(0)).cwiseSqrt();
+  for (int i = 0; i < 3; ++i) {
+    extent.half_widths_body(i) = Chart::angle(Scalar(extent.half_widths_body(i)));
+    extent.half_widths_reference(i) = Chart::angle(Scalar(extent.half_widths_reference(i)));
+  }
   SymmetricEigen<Scalar, 3> attitude;
   if (const Status status = symmetric_eigen(attitude_shape, attitude); status != Status::ok) {
     return status;
   }
-  extent.largest_angle = scalar::sqrt(Scalar(attitude.values(0)));
+  extent.largest_angle = Chart::angle(scalar::sqrt(Scalar(attitude.values(0))));
   extent.largest_angle_axis = attitude.vectors.col(0);
   SymmetricEigen<Scalar, 6> whole;
   if (const Status status = symmetric_eigen(ellipsoid.shape, whole); status != Status::ok) {
@@ -120,6 +126,132 @@ template <typename State>
   }
   extent.greatest_uncertainty = whole.vectors.col(0);
   result = extent;
+  return Status::ok;
+}
+
+/// A shape whose ellipsoid contains the sum of E(0, P) and E(0, R): (1 + p) P + (1 + 1/p) R for any p > 0. This p is the best
+/// for the volume to first order in R.
+template <typename Scalar>
+[[nodiscard]] Matrix6<Scalar> enlarged(const Matrix6<Scalar>& shape, const Matrix6<Scalar>& added) noexcept {
+  Matrix6<Scalar> inverse;
+  Scalar square = inverse_positive_definite(shape, inverse) == Status::ok
+                      ? Scalar(inverse.cwiseProduct(added).sum() / Scalar(6))
+                      : Scalar(added.trace() / shape.trace());
+  if (!(square > Scalar(0)) || !scalar::isfinite(square)) {
+    if (!(added.trace() > Scalar(0))) {
+      return shape;
+    }
+    square = Scalar(1);
+  }
+  const Scalar p = scalar::sqrt(square);
+  return (Scalar(1) + p) * shape + (Scalar(1) + Scalar(1) / p) * added;
+}
+
+/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and the rounding of the new center.
+template <typename Scalar>
+[[nodiscard]] Matrix6<Scalar> with_attitude_added(const Matrix6<Scalar>& shape, const Scalar& factor,
+                                                  const Scalar& vector_size) noexcept {
+  // E(0, R₁) + E(0, R₂) + E(0, R₃) is in E(0, 65/64 R₁ + 130 (R₂ + R₃)): what rounds is small.
+  const Scalar attitude = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar vector = Scalar(2) * Scalar(scalar::epsilon<Scalar>) * vector_size;
+  Matrix6<Scalar> added = Matrix6<Scalar>::Zero();
+  added.template topLeftCorner<3, 3>() =
+      (scalar::constant<Scalar>(65.0L / 64.0L) * factor * factor) * shape.template topLeftCorner<3, 3>();
+  added.diagonal().template head<3>().array() += Scalar(130) * attitude * attitude;
+  added.diagonal().template tail<3>().array() += Scalar(130) * vector * vector;
+  return enlarged(shape, added);
+}
+
+/// The ellipsoid of errors [γ; δ] about a center put about its own center. Where g = γ/2 is seen from ĝ it is
+/// g⁺ = (g − ĝ − ĝ×g)/(1 + ĝ·g), so that γ⁺ = σ B (γ − γ̂) with B = (I − S(ĝ))/(1 + ‖ĝ‖²) and |σ − 1| ≤ e/(1 − e),
+/// e = √(ĝᵀPĝ)/(2(1 + ‖ĝ‖²)): the result contains the set without remainder. (theory, section 16)
+/// \return `unbounded` if e ≥ 1: about the new center the set may hold half turns; `not_finite`.
+template <typename State>
+[[nodiscard]] Status recentred(const State& center, const Ellipsoid<StateScalar<State>, 6>& ellipsoid,
+                               StateEllipsoid<State, GibbsChart>& result) noexcept {
+  using Scalar = StateScalar<State>;
+  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  const Vector3<Scalar> g = scalar::constant<Scalar>(0.5L) * ellipsoid.center.template head<3>();
+  const Scalar scale = Scalar(1) + g.squaredNorm();
+  const Scalar square = g.dot(ellipsoid.shape.template topLeftCorner<3, 3>().lazyProduct(g));
+  const Scalar e = scalar::sqrt(square > Scalar(0) ? square : Scalar(0)) / (Scalar(2) * scale) *
+                   (Scalar(1) + Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+  if (!(e < Scalar(1))) {
+    return Status::unbounded;
+  }
+  Matrix3<Scalar> b = (Scalar(-1) / scale) * hat(g);
+  b.diagonal().array() += Scalar(1) / scale;
+  Matrix6<Scalar> shape = ellipsoid.shape;
+  const Matrix3<Scalar> half = b.lazyProduct(ellipsoid.shape.template topLeftCorner<3, 3>());
+  const Matrix3<Scalar> block = half.lazyProduct(b.transpose());
+  shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (block + block.transpose());
+  shape.template topRightCorner<3, 3>() = b.lazyProduct(ellipsoid.shape.template topRightCorner<3, 3>());
+  shape.template bottomLeftCorner<3, 3>() = shape.template topRightCorner<3, 3>().transpose();
+  const State moved = retract<GibbsChart>(center, ellipsoid.center);
+  const Scalar vector_size = vector_part(center).norm() + ellipsoid.center.template tail<3>().norm();
+  result = {moved, with_attitude_added(shape, Scalar(e / (Scalar(1) - e)), vector_size)};
+  return Status::ok;
+}
+
+/// The largest length of an attitude error in the set, in the chart's coordinates.
+template <typename State, typename Chart>
+[[nodiscard]] Status largest_attitude_error(const StateEllipsoid<State, Chart>& ellipsoid,
+                                            StateScalar<State>& length) noexcept {
+  using Scalar = StateScalar<State>;
+  SymmetricEigen<Scalar, 3> eigen;
+  if (const Status status = symmetric_eigen(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()), eigen);
+      status != Status::ok) {
+    return status;
+  }
+  length = scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
+           (Scalar(1) + Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+  return Status::ok;
+}
+
+/// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ, with τ at the
+/// largest angle in the set. (theory, section 16)
+/// \return what `validate` says; `unbounded` if the set holds half turns.
+template <typename State>
+[[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,
+                               StateEllipsoid<State, GibbsChart>& to) noexcept {
+  using Scalar = StateScalar<State>;
+  if (const Status status = validate(from); status != Status::ok) {
+    return status;
+  }
+  Scalar angle;
+  if (const Status status = largest_attitude_error(from, angle); status != Status::ok) {
+    return status;
+  }
+  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
+    return Status::unbounded;
+  }
+  const Scalar rounding = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar stretch = gibbs_stretch(angle) * (Scalar(1) + rounding);
+  const Matrix6<Scalar> shape = with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0));
+  if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π and beyond
+    return Status::unbounded;
+  }
+  to = {from.center, shape};
+  return Status::ok;
+}
+
+/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return what `validate` says.
+template <typename State>
+[[nodiscard]] Status converted(const StateEllipsoid<State, GibbsChart>& from,
+                               StateEllipsoid<State, ExponentialChart>& to) noexcept {
+  using Scalar = StateScalar<State>;
+  if (const Status status = validate(from); status != Status::ok) {
+    return status;
+  }
+  Scalar length;
+  if (const Status status = largest_attitude_error(from, length); status != Status::ok) {
+    return status;
+  }
+  const Scalar rounding = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar shrink = length > Scalar(0) ? Scalar(GibbsChart::angle(length) / length) : Scalar(1);
+  to = {from.center, with_attitude_added(from.shape, Scalar(Scalar(1) - shrink + rounding), Scalar(0))};
   return Status::ok;
 }
 

@@ -1,0 +1,616 @@
+#pragma once
+
+/// \file
+/// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of quadrics at once
+/// (theory, section 16).
+
+#include "elliptude/quadric.hpp"
+
+namespace elliptude {
+
+/// How many quadrics can be fused at once.
+inline constexpr std::size_t most_quadrics = 40;
+
+/// An ellipsoid about an intersection, and how it came about.
+template <typename Scalar, int N>
+struct QuadricFusion {
+  /// What `contradiction` is of the predicted ellipsoid, and where there is none; of a quadric it is the index.
+  static constexpr std::size_t predicted = most_quadrics;
+  static constexpr std::size_t none = most_quadrics + 1;
+
+  Ellipsoid<Scalar, N> set;
+  std::array<Scalar, most_quadrics> multipliers;  ///< μ of the quadrics as given, with Σμ = 1 over all constraints
+  Scalar predicted_multiplier;                    ///< of (y − ŷ)ᵀP⁻¹(y − ŷ) ≤ 1
+  /// The least N(μ) with Σμ = 1 that was met. No state satisfies all constraints with more slack than this; negative, it proves
+  /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
+  Scalar margin;
+  bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
+  std::size_t contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
+};
+
+namespace fusion {
+
+/// One constraint in the coordinates u of the search.
+template <typename Scalar, int N>
+struct Constraint {
+  Quadric<Scalar, N> quadric;
+  bool leading;  ///< whether it speaks of the first three of six coordinates only, as a direction does
+};
+
+/// The combination of many constraints, uᵀAu + 2gᵀu ≤ c, and what its minimisation needs. For the volume the convex function
+/// F(μ) = N − log det A has the minimiser of N A⁻¹'s volume; for the trace it is N + n log tr(W A⁻¹). (theory, section 16)
+template <typename Scalar, int N>
+class ManyQuadrics {
+ public:
+  static constexpr std::size_t most = most_quadrics + 1;
+  static constexpr int lead = N == 6 ? 3 : N;
+  using Multipliers = std::array<Scalar, most>;
+
+  /// A(μ) ≻ 0 and what follows from it.
+  struct Iterate {
+    Multipliers multipliers;
+    Multipliers slack;          ///< sₖ at the center
+    Matrix<Scalar, N> root;     ///< lower triangle with A⁻¹ = rootᵀ root
+    Matrix<Scalar, N> inverse;  ///< A⁻¹
+    Vector<Scalar, N> center;   ///< −A⁻¹g
+    Scalar level;               ///< N = c + gᵀA⁻¹g
+    Scalar rounding;            ///< what the inversion of A may add to it
+    Scalar barrier;             ///< −log det A, or N log tr(W A⁻¹): F = level + barrier
+    Scalar size;                ///< N log level + barrier, which tells ellipsoids of different multipliers apart
+  };
+
+  std::array<Constraint<Scalar, N>, most> constraints;
+  std::size_t count = 0;
+  bool with_ball = false;  ///< whether constraint 0 is the unit ball
+  bool by_volume = true;
+  Matrix<Scalar, N> weight;  ///< W in the coordinates u
+
+  /// \return `not_positive_definite` if A is not.
+  [[nodiscard]] Status combine(const Multipliers& multipliers, Iterate& it) const noexcept {
+    Matrix<Scalar, N> a = Matrix<Scalar, N>::Zero();
+    Vector<Scalar, N> g = Vector<Scalar, N>::Zero();
+    for (std::size_t k = 0; k < count; ++k) {
+      const Quadric<Scalar, N>& q = constraints[k].quadric;
+      const Scalar& m = multipliers[k];
+      if (with_ball && k == 0) {
+        a.diagonal().array() += m;
+      } else if (constraints[k].leading) {
+        a.template topLeftCorner<lead, lead>() += m * q.a.template topLeftCorner<lead, lead>();
+        g.template head<lead>() += m * q.g.template head<lead>();
+      } else {
+        a += m * q.a;
+        g += m * q.g;
+      }
+    }
+    Matrix<Scalar, N> l;
+    if (const Status status = cholesky(a, l); status != Status::ok) {
+      return status;
+    }
+    it.multipliers = multipliers;
+    it.root = lower_inverse(l);
+    it.inverse.noalias() = it.root.transpose().lazyProduct(it.root);
+    it.center.noalias() = -it.inverse.lazyProduct(g);
+    it.level = Scalar(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      it.slack[k] = slack_at(k, it.center);
+      it.level += multipliers[k] * it.slack[k];
+    }
+    const Scalar reach = Scalar(1) + it.center.squaredNorm();
+    const Scalar positive = it.level > Scalar(0) ? it.level : Scalar(0);
+    it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
+                  (reach + scalar::sqrt(Scalar(reach * positive * it.inverse.trace())));
+    it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
+                           : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
+    it.size = Scalar(N) * scalar::log(Scalar(positive + it.rounding)) + it.barrier;
+    return Status::ok;
+  }
+
+  /// ∇F and ∇²F (lower triangle), rows of length `most`.
+  void derivatives(const Iterate& it, Multipliers& gradient, Scalar* hessian) const noexcept {
+    const Matrix<Scalar, N>& x = it.inverse;
+    Matrix<Scalar, N> v = x;
+    if (!by_volume) {
+      v.noalias() = Matrix<Scalar, N>(x.lazyProduct(weight)).lazyProduct(x);
+      v *= Scalar(N) / x.cwiseProduct(weight).sum();
+    }
+    std::array<Matrix<Scalar, N>, most> z;  // dV/dμ with the sign changed: X A X, or X A V + V A X
+    std::array<Vector<Scalar, N>, most> t;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Quadric<Scalar, N>& q = constraints[k].quadric;
+      if (with_ball && k == 0) {
+        gradient[k] = it.slack[k] - v.trace();
+        z[k].noalias() = x.lazyProduct(v);
+        t[k].noalias() = it.root.template triangularView<Eigen::Lower>() * it.center;
+      } else if (constraints[k].leading) {
+        const auto a = q.a.template topLeftCorner<lead, lead>();
+        const auto v3 = v.template topLeftCorner<lead, lead>();
+        gradient[k] = it.slack[k] - a.cwiseProduct(v3).sum();
+        const Matrix<Scalar, lead> half = x.template topLeftCorner<lead, lead>().lazyProduct(a);
+        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v3);
+        const Vector<Scalar, lead> r =
+            a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
+        t[k] = it.root.template leftCols<lead>().lazyProduct(r);
+      } else {
+        gradient[k] = it.slack[k] - q.a.cwiseProduct(v).sum();
+        const Matrix<Scalar, N> half = x.lazyProduct(q.a);
+        z[k].noalias() = half.lazyProduct(v);
+        const Vector<Scalar, N> r = q.a.lazyProduct(it.center) + q.g;
+        t[k].noalias() = it.root.lazyProduct(r);
+      }
+    }
+    for (std::size_t j = 0; j < count; ++j) {
+      for (std::size_t k = 0; k <= j; ++k) {
+        Scalar entry = product(j, k, z);
+        if (!by_volume) {
+          entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
+        }
+        hessian[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
+      }
+    }
+  }
+
+  [[nodiscard]] Scalar slack_at(std::size_t k, const Vector<Scalar, N>& u) const noexcept {
+    if (with_ball && k == 0) {
+      return constraints[0].quadric.c - u.squaredNorm();
+    }
+    const Quadric<Scalar, N>& q = constraints[k].quadric;
+    if (constraints[k].leading) {
+      const auto u3 = u.template head<lead>();
+      const Vector<Scalar, lead> half =
+          q.a.template topLeftCorner<lead, lead>().lazyProduct(u3) + Scalar(2) * q.g.template head<lead>();
+      return q.c - u3.dot(half);
+    }
+    return slack(q, u);
+  }
+
+ private:
+  [[nodiscard]] Scalar product(std::size_t j, std::size_t k, const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
+    if (with_ball && k == 0) {
+      return j == 0 ? z[0].trace() : trace_product(j, z[0]);
+    }
+    return constraints[j].leading ? trace_product(j, z[k]) : trace_product(k, z[j]);
+  }
+  /// tr(Aₖ Z)
+  [[nodiscard]] Scalar trace_product(std::size_t k, const Matrix<Scalar, N>& z) const noexcept {
+    const Matrix<Scalar, N>& a = constraints[k].quadric.a;
+    if (constraints[k].leading) {
+      return a.template topLeftCorner<lead, lead>().cwiseProduct(z.template topLeftCorner<lead, lead>()).sum();
+    }
+    return a.cwiseProduct(z).sum();
+  }
+};
+
+/// Solves H x = b for a positive definite H (lower triangle, overwritten), b overwritten. \return whether it is.
+template <typename Scalar>
+[[nodiscard]] bool solve_in_place(Scalar* h, std::size_t stride, std::size_t count, Scalar* b) noexcept {
+  for (std::size_t j = 0; j < count; ++j) {
+    for (std::size_t i = j; i < count; ++i) {
+      Scalar sum = h[i * stride + j];
+      for (std::size_t k = 0; k < j; ++k) {
+        sum -= h[i * stride + k] * h[j * stride + k];
+      }
+      if (i == j) {
+        if (!(sum > Scalar(0))) {
+          return false;
+        }
+        h[j * stride + j] = Scalar(1) / scalar::sqrt(sum);
+      } else {
+        h[i * stride + j] = sum * h[j * stride + j];
+      }
+    }
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      b[i] -= h[i * stride + k] * b[k];
+    }
+    b[i] *= h[i * stride + i];
+  }
+  for (std::size_t i = count; i-- > 0;) {
+    for (std::size_t k = i + 1; k < count; ++k) {
+      b[i] -= h[k * stride + i] * b[k];
+    }
+    b[i] *= h[i * stride + i];
+  }
+  return true;
+}
+
+/// The constraint as it is seen in u, where y = shift + factor u, and relaxed by what rounding may do to it: for all u of the
+/// unit ball if that is one of the constraints, else for all u. `reach` bounds |y| over the ball. (theory, section 16)
+template <typename Scalar, int N>
+[[nodiscard]] Constraint<Scalar, N> relaxed(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift,
+                                            const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& reach,
+                                            const Scalar& rounding, bool in_ball) noexcept {
+  constexpr int lead = ManyQuadrics<Scalar, N>::lead;
+  constexpr int rest = N - lead;
+  Constraint<Scalar, N> result;
+  result.leading = rest > 0 && (quadric.a.template rightCols<rest>().array() == Scalar(0)).all() &&
+                   (quadric.a.template bottomRows<rest>().array() == Scalar(0)).all() &&
+                   (quadric.g.template tail<rest>().array() == Scalar(0)).all();
+  Quadric<Scalar, N>& seen = result.quadric;
+  Scalar size;
+  if (result.leading) {
+    seen.a.setZero();
+    seen.g.setZero();
+    // The factor is a lower triangle.
+    const Matrix<Scalar, lead> a = quadric.a.template topLeftCorner<lead, lead>();
+    const Matrix<Scalar, lead> l = factor.template topLeftCorner<lead, lead>();
+    const Vector<Scalar, lead> s = shift.template head<lead>();
+    const Vector<Scalar, lead> g = quadric.g.template head<lead>();
+    const Quadric<Scalar, lead> small = pullback(Quadric<Scalar, lead>{a, g, quadric.c}, l, s);
+    seen.a.template topLeftCorner<lead, lead>() = small.a;
+    seen.g.template head<lead>() = small.g;
+    seen.c = small.c;
+    const Vector<Scalar, lead> w = reach.template head<lead>();
+    size = w.dot(a.cwiseAbs().lazyProduct(w)) + Scalar(2) * w.dot(g.cwiseAbs());
+  } else {
+    seen = pullback(quadric, factor, shift);
+    size = reach.dot(quadric.a.cwiseAbs().lazyProduct(reach)) + Scalar(2) * reach.dot(quadric.g.cwiseAbs());
+  }
+  seen.c += rounding * (scalar::abs(quadric.c) + (in_ball ? size : seen.g.cwiseAbs().sum()));
+  if (!in_ball) {
+    // |u|ᵀ|A||u| ≤ Σ uᵢ² Σⱼ|Aᵢⱼ| and 2|gᵢuᵢ| ≤ |gᵢ| (1 + uᵢ²)
+    const Vector<Scalar, N> rows = seen.a.cwiseAbs().rowwise().sum() + seen.g.cwiseAbs();
+    seen.a.diagonal() -= rounding * rows;
+  }
+  return result;
+}
+
+/// About the greatest slack of a constraint, so that multipliers of about one suit constraints of any scale: that along its
+/// gradient at zero, within the ball.
+template <typename Scalar, int N>
+[[nodiscard]] Scalar slack_scale(const Quadric<Scalar, N>& q) noexcept {
+  const Scalar square = q.g.squaredNorm();
+  Scalar best = q.c;
+  if (square > Scalar(0)) {
+    const Scalar curvature = q.g.dot(q.a.lazyProduct(q.g));
+    const Scalar limit = Scalar(1) / scalar::sqrt(square);
+    const Scalar step = curvature * limit > square ? Scalar(square / curvature) : limit;
+    best += step * (Scalar(2) * square - step * curvature);
+  }
+  const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(q.c);
+  best = best > least ? best : least;
+  return best > Scalar(0) ? best : (q.a.norm() > Scalar(0) ? Scalar(q.a.norm()) : Scalar(1));
+}
+
+/// Multipliers with A ≻ 0. Where A is not, a direction v with vᵀAv ≤ 0 takes weight from the constraints with vᵀAₖv < 0 and
+/// gives it to the others.
+/// \return `unbounded` if none are found.
+template <typename Scalar, int N>
+[[nodiscard]] Status find_bounded(const ManyQuadrics<Scalar, N>& problem,
+                                  typename ManyQuadrics<Scalar, N>::Multipliers& multipliers,
+                                  typename ManyQuadrics<Scalar, N>::Iterate& start) noexcept {
+  constexpr int most_steps = 30;
+  for (int step = 0; step < most_steps; ++step) {
+    if (problem.combine(multipliers, start) == Status::ok) {
+      return Status::ok;
+    }
+    Matrix<Scalar, N> a = Matrix<Scalar, N>::Zero();
+    for (std::size_t k = 0; k < problem.count; ++k) {
+      a += multipliers[k] * problem.constraints[k].quadric.a;
+    }
+    SymmetricEigen<Scalar, N> eigen;
+    if (symmetric_eigen(a, eigen) != Status::ok) {
+      return Status::unbounded;
+    }
+    const Vector<Scalar, N> v = eigen.vectors.col(N - 1);
+    bool changed = false;
+    for (std::size_t k = 0; k < problem.count; ++k) {
+      const Scalar along = v.dot(problem.constraints[k].quadric.a.lazyProduct(v));
+      multipliers[k] *= along > Scalar(0) ? Scalar(2) : scalar::constant<Scalar>(0.5L);
+      changed = changed || along > Scalar(0);
+    }
+    if (!changed) {
+      return Status::unbounded;
+    }
+  }
+  return Status::unbounded;
+}
+
+/// Whether the first set is smaller than the second, by the criterion.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_smaller_set(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
+                                  const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::volume) {
+    return criterion.weight.cwiseProduct(first.shape).sum() < criterion.weight.cwiseProduct(second.shape).sum();
+  }
+  Matrix<Scalar, N> l1;
+  Matrix<Scalar, N> l2;
+  if (cholesky(first.shape, l1) != Status::ok || cholesky(second.shape, l2) != Status::ok) {
+    return false;
+  }
+  return l1.diagonal().prod() < l2.diagonal().prod();
+}
+
+/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = τ/μ − ∇F, stays
+/// inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and the best is kept.
+/// \param start an iterate with A ≻ 0; its multipliers are positive.
+/// \param least_level the least N/Σμ/scale met.
+/// \return `empty_intersection` with `best` the proof.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem, const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
+                              const typename ManyQuadrics<Scalar, N>::Iterate& start,
+                              typename ManyQuadrics<Scalar, N>::Iterate& best, Scalar& margin) noexcept {
+  using Problem = ManyQuadrics<Scalar, N>;
+  using Multipliers = typename Problem::Multipliers;
+  constexpr int most_steps = 20;
+  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * Scalar(64);
+  const std::size_t count = problem.count;
+  typename Problem::Iterate it = start;
+  best = start;
+  Multipliers z;
+  Multipliers gradient;
+  std::array<Scalar, Problem::most * Problem::most> hessian;
+  for (int step = 0; step <= most_steps; ++step) {
+    Scalar sum(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      sum += it.multipliers[k] / scale[k];  // as given
+    }
+    margin = step == 0 || it.level / sum < margin ? Scalar(it.level / sum) : margin;
+    if (it.level + it.rounding < Scalar(0)) {
+      best = it;
+      return Status::empty_intersection;
+    }
+    best = it.size < best.size ? it : best;
+    if (!(it.level > it.rounding) || step == most_steps) {
+      break;
+    }
+    // The same ellipsoid, with the multipliers at their best scale.
+    const Scalar t = Scalar(N) / it.level;
+    for (std::size_t k = 0; k < count; ++k) {
+      it.multipliers[k] *= t;
+      z[k] /= t;
+    }
+    it.level *= t;
+    it.inverse *= Scalar(1) / t;
+    it.root *= Scalar(1) / scalar::sqrt(t);
+    it.barrier -= Scalar(N) * scalar::log(t);
+
+    problem.derivatives(it, gradient, hessian.data());
+    Scalar gap(0);
+    Scalar defect(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (step == 0) {
+        const Scalar least = scalar::constant<Scalar>(0.1L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
+        z[k] = gradient[k] > least ? gradient[k] : least;
+      }
+      gap += it.multipliers[k] * z[k];
+      defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
+    }
+    if (gap + defect <= tolerance) {
+      break;
+    }
+    const Scalar mean = (gap + defect) / Scalar(count);
+    const Scalar tau = mean * (mean < scalar::constant<Scalar>(0.1L) ? mean : scalar::constant<Scalar>(0.1L));
+    Multipliers move;
+    for (std::size_t k = 0; k < count; ++k) {
+      hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
+      move[k] = tau / it.multipliers[k] - gradient[k];
+    }
+    if (!solve_in_place(hessian.data(), Problem::most, count, move.data())) {
+      break;
+    }
+    const Scalar inside = scalar::constant<Scalar>(0.99L);
+    Scalar primal(1);
+    Scalar dual(1);
+    Multipliers dz;
+    for (std::size_t k = 0; k < count; ++k) {
+      dz[k] = (tau - z[k] * move[k]) / it.multipliers[k] - z[k];
+      if (primal * move[k] < -inside * it.multipliers[k]) {
+        primal = -inside * it.multipliers[k] / move[k];
+      }
+      if (dual * dz[k] < -inside * z[k]) {
+        dual = -inside * z[k] / dz[k];
+      }
+    }
+    // F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
+    Scalar slope(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      slope += (gradient[k] - tau / it.multipliers[k]) * move[k];
+    }
+    const Multipliers from = it.multipliers;
+    const Scalar value = it.level + it.barrier;
+    constexpr int most_trials = 12;
+    bool accepted = false;
+    for (int trial = 0; trial < most_trials && !accepted; ++trial) {
+      Multipliers next;
+      Scalar ratios(0);
+      for (std::size_t k = 0; k < count; ++k) {
+        next[k] = from[k] + primal * move[k];
+        ratios += scalar::log(Scalar(next[k] / from[k]));
+      }
+      Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
+      if (problem.combine(next, it) == Status::ok) {
+        const Scalar change = it.level + it.barrier - value - tau * ratios;
+        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+        const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
+        const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
+        const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
+        shorter = parabola < most ? (parabola > least ? parabola : least) : most;
+        accepted = accepted || it.level + it.rounding < Scalar(0);
+      }
+      primal = shorter;
+    }
+    if (!accepted) {
+      break;
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      z[k] += dual * dz[k];
+    }
+  }
+  return Status::ok;
+}
+
+}  // namespace fusion
+
+/// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
+/// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
+/// returned unchanged where nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
+/// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
+/// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
+/// \return what `validate` says; `out_of_range` for more than `most_quadrics`; `not_positive_definite` of a flat prediction;
+/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
+/// `contradiction` are set, and nothing else.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
+                                          std::size_t count, const SizeCriterion<Scalar, N>& criterion,
+                                          QuadricFusion<Scalar, N>& result) noexcept {
+  using Problem = fusion::ManyQuadrics<Scalar, N>;
+  using Fusion = QuadricFusion<Scalar, N>;
+  const Scalar epsilon(scalar::epsilon<Scalar>);
+  if (count > most_quadrics) {
+    return Status::out_of_range;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    if (const Status status = validate(quadrics[k]); status != Status::ok) {
+      return status;
+    }
+  }
+  Problem problem;
+  problem.with_ball = predicted != nullptr;
+  problem.by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
+  const std::size_t first = problem.with_ball ? 1 : 0;
+  problem.count = count + first;
+
+  // y = shift + factor u: the predicted ellipsoid is in the unit ball of u; without one each coordinate has a scale in which
+  // the quadrics' diagonals are of the size of their slack.
+  Vector<Scalar, N> shift = Vector<Scalar, N>::Zero();
+  Vector<Scalar, N> reach = Vector<Scalar, N>::Zero();
+  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  if (problem.with_ball) {
+    if (!scalar::all_finite(predicted->center) || !scalar::all_finite(predicted->shape)) {
+      return Status::not_finite;
+    }
+    if (!is_symmetric(predicted->shape)) {
+      return Status::not_symmetric;
+    }
+    // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
+    Matrix<Scalar, N> raised = predicted->shape;
+    raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * epsilon;
+    if (const Status status = cholesky(raised, factor); status != Status::ok) {
+      return status;
+    }
+    shift = predicted->center;
+    reach = shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
+  } else {
+    for (int i = 0; i < N; ++i) {
+      Scalar largest(0);
+      for (std::size_t k = 0; k < count; ++k) {
+        const Scalar level = fusion::slack_scale(quadrics[k]);
+        const Scalar entry = scalar::abs(Scalar(quadrics[k].a(i, i))) / level;
+        largest = entry > largest ? entry : largest;
+      }
+      if (!(largest > Scalar(0))) {
+        return Status::unbounded;
+      }
+      factor(i, i) = Scalar(1) / scalar::sqrt(largest);
+    }
+  }
+  if (!problem.by_volume) {
+    problem.weight.noalias() =
+        factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    problem.weight *= Scalar(N) / problem.weight.trace();
+  }
+
+  typename Problem::Multipliers scale;
+  typename Problem::Multipliers multipliers;
+  if (problem.with_ball) {
+    problem.constraints[0] = {{Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)}, false};
+    scale[0] = Scalar(1);
+  }
+  const Scalar rounding = Scalar(4 * (N + 4) + static_cast<int>(count)) * epsilon;
+  bool idle = problem.with_ball;
+  Scalar least_slack(1);
+  for (std::size_t k = 0; k < count; ++k) {
+    fusion::Constraint<Scalar, N>& constraint = problem.constraints[k + first];
+    constraint = fusion::relaxed(quadrics[k], shift, factor, reach, rounding, problem.with_ball);
+    Quadric<Scalar, N>& q = constraint.quadric;
+    // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
+    const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
+    idle = idle && q.c * Scalar(N) >= trace;
+    least_slack = q.c < least_slack ? q.c : least_slack;
+    scale[k + first] = fusion::slack_scale(q);
+    const Scalar inverse = Scalar(1) / scale[k + first];
+    q.a *= inverse;
+    q.g *= inverse;
+    q.c *= inverse;
+    if (!scalar::all_finite(q.a) || !scalar::all_finite(q.g) || !scalar::isfinite(q.c)) {
+      return Status::not_finite;
+    }
+  }
+  const auto prediction_alone = [&](const Scalar& margin) {
+    result.set = *predicted;
+    result.multipliers.fill(Scalar(0));
+    result.predicted_multiplier = Scalar(1);
+    result.margin = margin;
+    result.prediction_alone = true;
+    result.contradiction = Fusion::none;
+    return Status::ok;
+  };
+  if (idle) {
+    return prediction_alone(Scalar(1));
+  }
+
+  // Equal weights, or more of what is positive where A is not.
+  multipliers.fill(Scalar(N) / Scalar(problem.count));
+  typename Problem::Iterate start;
+  if (const Status status = fusion::find_bounded(problem, multipliers, start); status != Status::ok) {
+    return status;
+  }
+  typename Problem::Iterate best;
+  Scalar margin;
+  const Status status = fusion::minimize(problem, scale, start, best, margin);
+  if (status == Status::empty_intersection) {
+    Scalar worst(0);
+    result.contradiction = Fusion::none;
+    for (std::size_t k = 0; k < problem.count; ++k) {
+      const Scalar violation = -best.multipliers[k] * best.slack[k];
+      if (violation > worst) {
+        worst = violation;
+        result.contradiction = problem.with_ball && k == 0 ? Fusion::predicted : k - first;
+      }
+    }
+    result.margin = margin;
+    return status;
+  }
+
+  // P = N A⁻¹ in y, its diagonal raised by what the products may have lost.
+  const Scalar level = (best.level > Scalar(0) ? best.level : Scalar(0)) + best.rounding;
+  const Matrix<Scalar, N> half = scalar::sqrt(level) * factor.lazyProduct(best.root.transpose());
+  Ellipsoid<Scalar, N> set;
+  set.shape.noalias() = half.lazyProduct(half.transpose());
+  set.center = shift + factor.lazyProduct(best.center);
+  const Scalar spread = scalar::sqrt(Scalar(level * best.inverse.trace()));
+  Scalar loss(0);
+  for (int i = 0; i < N; ++i) {
+    const Scalar lost = (spread * factor.row(i).norm() + scalar::abs(shift(i)) + scalar::abs(set.center(i))) /
+                        scalar::sqrt(Scalar(set.shape(i, i)));
+    loss = lost > loss ? lost : loss;
+  }
+  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
+  if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape)) {
+    return problem.with_ball ? prediction_alone(margin) : Status::not_finite;
+  }
+  if (problem.with_ball && !fusion::is_smaller_set(set, *predicted, criterion)) {
+    return prediction_alone(margin);
+  }
+  Scalar sum(0);
+  for (std::size_t k = 0; k < problem.count; ++k) {
+    best.multipliers[k] /= scale[k];
+    sum += best.multipliers[k];
+  }
+  result.set = set;
+  result.multipliers.fill(Scalar(0));
+  result.predicted_multiplier = problem.with_ball ? Scalar(best.multipliers[0] / sum) : Scalar(0);
+  for (std::size_t k = 0; k < count; ++k) {
+    result.multipliers[k] = best.multipliers[k + first] / sum;
+  }
+  result.margin = margin;
+  result.prediction_alone = false;
+  result.contradiction = Fusion::none;
+  return Status::ok;
+}
+
+}  // namespace elliptude
