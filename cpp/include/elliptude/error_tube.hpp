@@ -57,40 +57,11 @@ template <typename Scalar>
   return matrix;
 }
 
-/// An upper bound of the largest singular value of B with BᵀB = gram: (tr gram¹⁶)^(1/32), above it by at most N^(1/32).
-template <typename Scalar, int N>
-[[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
-  const Scalar scale = gram.trace();
-  if (!(scale > Scalar(0))) {
-    return scale < Scalar(0) ? Scalar(-scale) : scale;
-  }
-  Matrix<Scalar, N> power = gram / scale;
-  for (int k = 0; k < 3; ++k) {
-    power = power.lazyProduct(power).eval();
-  }
-  Scalar root = scalar::sqrt(Scalar(power.squaredNorm()));  // √ tr (gram/scale)¹⁶
-  for (int k = 0; k < 3; ++k) {
-    root = scalar::sqrt(root);
-  }
-  return scalar::sqrt(Scalar(scale * root));
-}
-
-/// An upper bound of the largest singular value.
-template <typename Scalar, int Rows, int Columns>
-[[nodiscard]] Scalar norm(const Matrix<Scalar, Rows, Columns>& matrix) noexcept {
-  if constexpr (Rows < Columns) {
-    const Matrix<Scalar, Rows> gram = matrix.lazyProduct(matrix.transpose());
-    return norm_of_gram(gram);
-  } else {
-    const Matrix<Scalar, Columns> gram = matrix.transpose().lazyProduct(matrix);
-    return norm_of_gram(gram);
-  }
-}
-
-/// The cubic form uᵀq(u) as a symmetric tensor: its flattening's largest singular value, an upper bound of it on the unit
-/// sphere. That of the forms themselves can be much larger: a part of q that only turns u is no growth.
+/// The cubic form uᵀq(u) = uᵀKw as a symmetric tensor, flattened to K, with w the packed u uᵀ. Its norm can be much smaller than
+/// that of q: a part of q that only turns u is no growth.
+/// \return KKᵀ.
 template <typename Scalar>
-[[nodiscard]] Scalar symmetric_part_norm(const PackedForms<Scalar>& forms) noexcept {
+[[nodiscard]] Matrix6<Scalar> symmetric_part_gram(const PackedForms<Scalar>& forms) noexcept {
   std::array<Matrix6<Scalar>, 6> h;
   for (int i = 0; i < 6; ++i) {
     h[static_cast<std::size_t>(i)] = unpacked(forms, i);
@@ -106,7 +77,7 @@ template <typename Scalar>
     slice *= third;
     gram += slice.lazyProduct(slice);  // slice is symmetric
   }
-  return norm_of_gram(gram);
+  return gram;
 }
 
 }  // namespace tube
@@ -146,16 +117,14 @@ class ErrorTube {
     }
     set_ = solve_lower(frame_, set);
     second_order_.setZero();
-    disturbance_.setZero();
-    disturbance_norm_ = Scalar(0);
+    pushed_.setZero();
+    pushed_norm_ = Scalar(0);
     rest_ = Scalar(0);
     return Status::ok;
   }
 
   /// How far u may have moved from where it began, in the norm in which the set has radius one.
-  [[nodiscard]] Scalar displacement() const noexcept {
-    return tube::norm(second_order_) + disturbance_norm_ + rest_;
-  }
+  [[nodiscard]] Scalar displacement() const noexcept { return spectral_norm(second_order_) + pushed_norm_ + rest_; }
 
   /// Over one step of the motion; the center is `series.end` afterwards.
   /// \return `unbounded` if the bounds do not close: the set is too large, or the step too long, for it to be bounded;
@@ -170,12 +139,35 @@ class ErrorTube {
   static constexpr int order = 4;  // of Y within a step
   using Rows = Matrix<Scalar, 3, 6>;
 
-  Matrix6<Scalar> frame_;                     // Y
-  Matrix6<Scalar> set_;                       // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
-  tube::PackedForms<Scalar> second_order_;    // q: u has moved by q(u(0)), …
-  Matrix6<Scalar> disturbance_;               // … by a point of this ellipsoid, …
-  Scalar rest_;                               // … and by at most this
-  Scalar disturbance_norm_;                   // how far that ellipsoid may reach
+  /// The sum with an ellipsoid, by the smallest trace (paper, eq. Pmkl).
+  static void add_push(const Matrix6<Scalar>& added, Matrix6<Scalar>& pushed) noexcept {
+    const Scalar before = scalar::sqrt(Scalar(pushed.trace()));
+    const Scalar after = scalar::sqrt(Scalar(added.trace()));
+    if (after > Scalar(0)) {
+      pushed = before > Scalar(0)
+                   ? Matrix6<Scalar>((Scalar(1) + after / before) * pushed + (Scalar(1) + before / after) * added)
+                   : added;
+    }
+  }
+
+  /// What a torque anywhere in an ellipsoid does to u over a step. \return the largest ‖u'‖.
+  [[nodiscard]] static Scalar push(const Matrix<Scalar, 6, 3>& by_torque, const Matrix3<Scalar>& torque,
+                                   const Scalar& h, Matrix6<Scalar>& pushed) noexcept {
+    if (torque.isZero(Scalar(0))) {
+      return Scalar(0);
+    }
+    const Matrix<Scalar, 6, 3> scaled = by_torque.lazyProduct(torque);
+    const Matrix6<Scalar> speed = scaled.lazyProduct(by_torque.transpose());
+    add_push(Matrix6<Scalar>((h * h) * speed), pushed);
+    return scalar::sqrt(Scalar(speed.trace()));
+  }
+
+  Matrix6<Scalar> frame_;                   // Y
+  Matrix6<Scalar> set_;                     // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
+  tube::PackedForms<Scalar> second_order_;  // q: u has moved by q(u(0)), …
+  Matrix6<Scalar> pushed_;                  // … by a point of this ellipsoid, …
+  Scalar rest_;                             // … and by at most this
+  Scalar pushed_norm_;                      // no further than this, …
 };
 
 template <typename Scalar, typename Potential>
@@ -188,7 +180,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Matrix3<Scalar>& inverse_inertia = body.inertia_inverse();
   const Scalar inverse_norm = one / body.principal_moments()(2);
   const auto& powers = series.step_powers;
-  const TorqueBounds<Scalar> torque = series.torque.bounds();
+  const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
 
   // --- Y(s) = Σ Y_k sᵏ from Y' = A(s) Y ----------------------------------------------------------------------------------
   constexpr int jacobians = 4;
@@ -260,8 +252,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   }
   const Matrix<Scalar, 6, 3> from_attitude = inverse.template leftCols<3>();
   const Matrix<Scalar, 6, 3> from_rate = inverse.template rightCols<3>();
-  const Scalar attitude_norm = tube::norm(from_attitude);  // of what an attitude error does to u
-  const Scalar rate_norm = tube::norm(from_rate);
+  const Scalar attitude_norm = spectral_norm(from_attitude);  // of what an attitude error does to u
+  const Scalar rate_norm = spectral_norm(from_rate);
 
   // Y(s) = Y(h/2) (I + W(s)) with W = W₁ (s − h/2) + second order.
   std::array<Scalar, order + 1> top_norms;
@@ -270,7 +262,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     top_norms[k] = scalar::sqrt(Scalar(top[k].squaredNorm()));
     bottom_norms[k] = scalar::sqrt(Scalar(bottom[k].squaredNorm()));
   }
-  const Scalar w1 = tube::norm(Matrix6<Scalar>(inverse.lazyProduct(slope_middle))) * middle;
+  const Scalar w1 = spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(slope_middle))) * middle;
   Scalar curvature(0);
   for (std::size_t k = 2; k <= order; ++k) {
     curvature += Scalar(static_cast<scalar::Value<Scalar>>(k * (k - 1))) * powers[k - 2] *
@@ -326,19 +318,20 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     }
     forms.noalias() = raw.lazyProduct(inverse.transpose());
   }
-  const Scalar largest_form = tube::norm(forms);  // b: ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ b ‖u‖² in the middle
+  const Scalar largest_form = spectral_norm(forms);  // b: ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ b ‖u‖² in the middle
 
   // --- bounds over the step, all in the norm of u ------------------------------------------------------------------------
-  const Scalar largest_attitude = tube::norm(Rows(y_middle.template topRows<3>())) * (one + w);
-  const Scalar largest_difference = tube::norm(Rows(y_middle.template bottomRows<3>())) * (one + w);
+  const Scalar largest_attitude = spectral_norm(Rows(y_middle.template topRows<3>())) * (one + w);
+  const Scalar largest_difference = spectral_norm(Rows(y_middle.template bottomRows<3>())) * (one + w);
   const Scalar degree = torque.degree;
-  const Scalar torque_curvature = half * degree * degree * torque.largest * inverse_norm;
+  const Scalar torque_curvature = half * degree * degree * torque.largest;
   const Scalar turning = degree * (series.largest_rate + torque.turn_rate);
 
   // The second-order terms at other times than the middle: all that is odd in s − h/2 to first order integrates to zero.
-  const Scalar drift = torque_curvature > zero
-                           ? Scalar(rate_norm * largest_attitude * largest_attitude * torque_curvature * turning * middle)
-                           : zero;
+  const Scalar drift =
+      torque_curvature > zero
+          ? Scalar(rate_norm * largest_attitude * largest_attitude * torque_curvature * turning * middle)
+          : zero;
   const Scalar drift_rest = drift * half * turning * middle * scalar::exp(Scalar(turning * middle));
   const Scalar odd = Scalar(3) * w1 * largest_form + drift;
   const Scalar even = growth * (largest_form + drift + drift_rest) - largest_form - odd;  // of second order in s − h/2
@@ -350,14 +343,14 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   Matrix6<Scalar> first_error;
   first_error.template topRows<3>() = next_top;
   first_error.template bottomRows<3>() = next_bottom;
-  Scalar linear = tube::norm(Matrix6<Scalar>(inverse.lazyProduct(first_error))) * powers[order + 1] / Scalar(order + 1);
+  Scalar linear =
+      spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(first_error))) * powers[order + 1] / Scalar(order + 1);
   {
     Scalar top_sum(0);
     Scalar bottom_sum(0);
     for (std::size_t j = 0; j < series.rate_norms.size(); ++j) {
       const Scalar momentum = scalar::sqrt(Scalar(series.momentum[j].squaredNorm()));
-      const Scalar gyroscopic_norm =
-          inverse_norm * (momentum + series.rate_norms[j] * body.principal_moments()(0));
+      const Scalar gyroscopic_norm = inverse_norm * (momentum + series.rate_norms[j] * body.principal_moments()(0));
       const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness[j].squaredNorm())) : zero;
       for (std::size_t i = 0; i <= order; ++i) {
         if (i + j > order) {
@@ -368,7 +361,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
       }
     }
     if (torque.largest > zero) {
-      bottom_sum += degree * torque.largest * inverse_norm * series.tail(jacobians, degree, torque.turn_rate, h) * h /
+      bottom_sum += degree * torque.largest * series.tail(jacobians, degree, torque.turn_rate, h) * h /
                     Scalar(jacobians + 1) * scalar::constant<Scalar>(1.7320508075688772L) * largest_attitude;
     }
     linear += attitude_norm * top_sum + rate_norm * bottom_sum;
@@ -392,63 +385,75 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     const Scalar gradient = degree > one ? Scalar(Scalar(3) * torque.turn_rate * torque.turn_rate * error) : zero;
     const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
     const Scalar acceleration = (half * spread * speed * speed + error * speed * speed + wheel * speed +
-                                 torque.largest + gradient + control + torque_norm) /
+                                 series.largest_torque + gradient + control + torque_norm) /
                                 least_moment;
     const Scalar ball = error * speed * speed + gradient + error * acceleration;
     const Scalar ratio = torque_norm > zero ? Scalar(ball / torque_norm) : zero;
     unknown = torque_norm > zero ? Matrix3<Scalar>((one + ratio) * unknown) : Matrix3<Scalar>(Matrix3<Scalar>::Zero());
     unknown.diagonal().array() += ball * ball * (torque_norm > zero ? Scalar(one + one / ratio) : one);
   }
-  Matrix6<Scalar> new_disturbance = disturbance_;
-  Scalar push(0);  // of the unknown torque on u, per unit of time
-  if (!unknown.isZero(Scalar(0))) {
-    const Matrix<Scalar, 6, 3> by_torque = from_rate.lazyProduct(inverse_inertia);
-    const Matrix<Scalar, 6, 3> scaled = by_torque.lazyProduct(unknown);
-    const Matrix6<Scalar> added = (h * h) * scaled.lazyProduct(by_torque.transpose());
-    push = scalar::sqrt(Scalar(added.trace())) / h;
-    // The smallest trace of the sum (paper, eq. Pmkl).
-    const Scalar before = scalar::sqrt(Scalar(disturbance_.trace()));
-    const Scalar after = push * h;
-    new_disturbance = before > zero ? Matrix6<Scalar>((one + after / before) * disturbance_ + (one + before / after) * added)
-                                    : added;
-  }
+  Matrix6<Scalar> pushed = pushed_;
+  const Scalar unknown_push = push(from_rate.lazyProduct(inverse_inertia), unknown, h, pushed);
 
   // Everything that is left grows with how far u may move, which holds what is left: the bound closes if a guess of it
   // holds (theory, section 17.4).
   const Scalar cube = largest_attitude * largest_attitude * largest_attitude;
-  const Scalar strength = rate_norm * inverse_norm * torque.largest;
+  const Scalar strength = rate_norm * torque.largest;
   const Scalar third_order =
       scalar::constant<Scalar>(0.25L) * attitude_norm * largest_attitude * largest_attitude * largest_difference +
-      strength * cube * (degree * degree * degree / Scalar(6) + degree / Scalar(12));
-  const Scalar fourth_order = strength * cube * largest_attitude * degree * degree / Scalar(12);
-  const Scalar moved = tube::norm(second_order_) + disturbance_norm_ + second_order + h * shrink * push;
-  const auto rest_within = [&](const Scalar& guess) {
-    const Scalar eta = moved + guess;
+      strength * cube * scalar::constant<Scalar>(0.375L) * degree * degree *
+          (turning > zero ? Scalar(half * (scalar::exp(Scalar(turning * middle)) - one)) : zero);
+  const Scalar fourth_order =
+      strength * cube * largest_attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
+  // The torque's terms of third order push u within an ellipsoid.
+  Matrix6<Scalar> cubic = Matrix6<Scalar>::Zero();
+  if (torque.largest > zero) {
+    const Rows y_top = y_middle.template topRows<3>();
+    Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
+    if (cholesky(Matrix3<Scalar>(y_top.lazyProduct(y_top.transpose())), axes) != Status::ok) {
+      return Status::unbounded;
+    }
+    expansion::CubicForms<Scalar> cubic_forms = expansion::CubicForms<Scalar>::Zero();
+    series.torque.add_cubic(middle, inverse_inertia, Matrix3<Scalar>((one + w) * axes), cubic_forms);
+    const Matrix<Scalar, 10, 6> on_u = cubic_forms.lazyProduct(from_rate.transpose());
+    cubic = on_u.transpose().lazyProduct(on_u);
+  }
+  const Scalar cubic_push = norm_of_gram(cubic);
+  const Scalar moved = spectral_norm(second_order_) + pushed_norm_ + second_order + h * shrink * unknown_push;
+  // As far as the cubic terms push at this reach.
+  const auto cubic_at = [&](const Scalar& reach) { return Scalar(cubic_push * reach * reach * reach); };
+  const auto rest_within = [&](const Scalar& eta) {
     const Scalar reach = one + eta;
     const Scalar gibbs = half * largest_attitude * reach;
     Scalar rest = quadrature + shrink * reach * linear;
     rest += second_order * eta * (Scalar(2) + eta);
-    rest += h * shrink * (third_order + fourth_order * reach) * reach * reach * reach;
-    rest += shrink * (rate_norm * inverse_norm * series.impulse_defect +
-                      attitude_norm * scalar::constant<Scalar>(1.01L) * series.attitude_error *
-                          (one + gibbs + gibbs * gibbs));
-    rest += h * push * w * shrink;
+    rest += h * shrink *
+            (third_order + fourth_order * reach * (one + scalar::constant<Scalar>(0.625L) * largest_attitude * reach)) *
+            reach * reach * reach;
+    rest += shrink *
+            (rate_norm * inverse_norm * series.impulse_defect +
+             attitude_norm * scalar::constant<Scalar>(1.01L) * series.attitude_error * (one + gibbs + gibbs * gibbs));
+    rest += h * (unknown_push + cubic_at(reach)) * w * shrink;
     return Scalar(rest_ + rest);
   };
-  Scalar guess = scalar::constant<Scalar>(1.25L) * rest_within(rest_);
+  Scalar eta = moved + rest_;
+  Scalar rest(0);
   bool closed = false;
-  for (int attempt = 0; attempt < 4 && !closed; ++attempt) {
-    const Scalar found = rest_within(guess);
-    closed = found <= guess && moved + guess < one;
-    guess = closed ? found : scalar::constant<Scalar>(1.25L) * found;
+  for (int attempt = 0; attempt < 6 && !closed; ++attempt) {
+    rest = rest_within(eta);
+    const Scalar found = moved + rest + h * shrink * cubic_at(Scalar(one + eta));
+    closed = found <= eta && eta < one;
+    eta = closed ? eta : Scalar(scalar::constant<Scalar>(1.02L) * found);
   }
   if (!closed) {
     return Status::unbounded;
   }
+  const Scalar reach = one + eta;
+  add_push(Matrix6<Scalar>((h * h * reach * reach * reach * reach * reach * reach) * cubic), pushed);
   second_order_ += h * forms;
-  disturbance_ = new_disturbance;
-  disturbance_norm_ += h * shrink * push;
-  rest_ = guess;
+  pushed_ = pushed;
+  pushed_norm_ += h * shrink * (unknown_push + cubic_at(reach));
+  rest_ = rest;
   frame_ = y_end;
   return Status::ok;
 }
@@ -481,11 +486,25 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   if (share > Scalar(0)) {
     const Matrix6<Scalar> sum = (one + share) * set + (one + one / share) * moved;
     const tube::PackedForms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
-    const Scalar norm = tube::norm(whitened);
-    const Scalar scale = one + Scalar(2) * tube::symmetric_part_norm(whitened) + norm * norm;
-    // Their volumes, the sum's by its trace in the set's own coordinates, which is not less.
-    const Scalar mean = one + share + (one + one / share) * share * share;
-    shape = scale < mean ? Matrix6<Scalar>(scale * set) : sum;
+    // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
+    const Scalar norm = spectral_norm(whitened);
+    const Matrix6<Scalar> cubic = tube::symmetric_part_gram(whitened);
+    const Scalar lambda = scalar::sqrt(Scalar(cubic.trace() / Scalar(6)));
+    const Scalar square = norm * norm;
+    const Scalar spread = norm_of_gram(cubic);
+    const Scalar largest = lambda > Scalar(0) ? Scalar(spread * spread / lambda + lambda) : lambda;
+    const Scalar e = (largest + square) / (one - Scalar(2) * norm);  // ‖E‖
+    Matrix6<Scalar> metric = Matrix6<Scalar>::Identity() * (one - lambda - Scalar(2) * e * norm - square);
+    if (lambda > Scalar(0)) {
+      metric -= cubic / lambda;
+    }
+    Matrix6<Scalar> larger;
+    shape = sum;
+    if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
+        larger.trace() < Scalar(6) * (one + share) * (one + share)) {
+      const Matrix6<Scalar> half = set_.lazyProduct(larger);
+      shape = half.lazyProduct(set_.transpose());
+    }
   }
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share = rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)));
@@ -493,11 +512,10 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
-  const Matrix6<Scalar> beside = set_inverse.lazyProduct(disturbance_);
-  const Scalar disturbance_share =
-      scalar::sqrt(Scalar(beside.cwiseProduct(set_inverse).sum() / Scalar(6)));
-  if (disturbance_share > Scalar(0)) {
-    shape = ((one + disturbance_share) * shape + (one + one / disturbance_share) * disturbance_).eval();
+  const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
+  const Scalar pushed_share = scalar::sqrt(Scalar(beside.cwiseProduct(set_inverse).sum() / Scalar(6)));
+  if (pushed_share > Scalar(0)) {
+    shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }
   const Matrix6<Scalar> half = frame_.lazyProduct(shape);
   Matrix6<Scalar> whole = half.lazyProduct(frame_.transpose());

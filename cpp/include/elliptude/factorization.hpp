@@ -401,4 +401,34 @@ template <typename Scalar>
   return Status::ok;
 }
 
+/// An upper bound of the largest singular value of B with BᵀB = gram: (tr gram¹⁶)^(1/32), above it by at most N^(1/32).
+template <typename Scalar, int N>
+[[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
+  const Scalar scale = gram.trace();
+  if (!(scale > Scalar(0))) {
+    return scale < Scalar(0) ? Scalar(-scale) : scale;
+  }
+  Matrix<Scalar, N> power = gram / scale;
+  for (int k = 0; k < 3; ++k) {
+    power = power.lazyProduct(power).eval();
+  }
+  Scalar root = scalar::sqrt(Scalar(power.squaredNorm()));  // √ tr (gram/scale)¹⁶
+  for (int k = 0; k < 3; ++k) {
+    root = scalar::sqrt(root);
+  }
+  return scalar::sqrt(Scalar(scale * root));
+}
+
+/// An upper bound of the largest singular value.
+template <typename Scalar, int Rows, int Columns>
+[[nodiscard]] Scalar spectral_norm(const Matrix<Scalar, Rows, Columns>& matrix) noexcept {
+  if constexpr (Rows < Columns) {
+    const Matrix<Scalar, Rows> gram = matrix.lazyProduct(matrix.transpose());
+    return norm_of_gram(gram);
+  } else {
+    const Matrix<Scalar, Columns> gram = matrix.transpose().lazyProduct(matrix);
+    return norm_of_gram(gram);
+  }
+}
+
 }  // namespace elliptude

@@ -68,7 +68,7 @@ template <typename Scalar>
 /// √ of the largest eigenvalue of a shape, or a little more: the ellipsoid lies in the ball of this radius.
 template <typename Scalar>
 [[nodiscard]] Scalar radius(const Matrix3<Scalar>& shape) noexcept {
-  return scalar::sqrt(norm(shape));
+  return scalar::sqrt(spectral_norm(shape));
 }
 
 }  // namespace tube
@@ -77,8 +77,9 @@ template <typename Scalar>
 /// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
 template <typename Scalar, typename Potential>
 class GuaranteedRigidBodyFlow {
-  static_assert(has_expansion<Potential, Scalar>,
-                "this potential offers no bounds of its torque: see torque_expansion.hpp for what a guaranteed flow needs");
+  static_assert(
+      has_expansion<Potential, Scalar>,
+      "this potential offers no bounds of its torque: see torque_expansion.hpp for what a guaranteed flow needs");
 
  public:
   using State = RigidBodyState<Scalar>;
@@ -144,7 +145,7 @@ class GuaranteedRigidBodyFlow {
     if (const Status status = tube.start(ellipsoid.shape); status != Status::ok) {
       return status;
     }
-    MotionSeries<Scalar, Potential> series(potential_);
+    MotionSeries<Scalar, Potential> series(body_, potential_);
     bool has_moved = false;
     for (long step = 0; step < steps; ++step) {
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
@@ -153,7 +154,7 @@ class GuaranteedRigidBodyFlow {
       }
       // What is of third order grows with the square of the time since the tube began: from time to time it is better to begin
       // again with an ellipsoid about all of it.
-      if (has_moved && tube.displacement() > scalar::constant<Scalar>(0.07L)) {
+      if (has_moved && tube.displacement() > scalar::constant<Scalar>(0.03L)) {
         if (tube.start(tube.shape()) != Status::ok) {
           return Status::unbounded;
         }
@@ -189,7 +190,7 @@ class GuaranteedRigidBodyFlow {
       return Status::ok;
     }
     const TorqueBounds<Scalar> bounds =
-        TorqueExpansion<Potential, Scalar, 1>(potential_).bounds();
+        TorqueExpansion<Potential, Scalar, 1>(potential_).bounds(Matrix3<Scalar>::Identity());
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
     const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
@@ -298,13 +299,12 @@ class GuaranteedGyroFlow {
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
     const Scalar acceleration = uncertainty_.angular_acceleration;
-    const Scalar wander =
-        (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
+    const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
     const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
     const Scalar noise = tube::radius(uncertainty_.noise) + scale;
     const Scalar drift = tube::radius(uncertainty_.drift);
-    const Scalar difference = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift +
-                              noise + wander;  // ≥ ‖δω‖
+    const Scalar difference = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) +
+                              h * drift + noise + wander;  // ≥ ‖δω‖
     const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
     // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
     const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;

@@ -35,7 +35,13 @@ struct MotionSeries {
   Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
   Scalar impulse_defect;  ///< N m s
 
-  explicit MotionSeries(const Potential& potential) noexcept : torque(potential) {}
+  TorqueBounds<Scalar> acceleration;  ///< of J⁻¹M, rad/s²
+  Scalar largest_torque;              ///< of ‖M‖, N m
+
+  MotionSeries(const RigidBody<Scalar>& body, const Potential& potential) noexcept
+      : torque(potential),
+        acceleration(torque.bounds(body.inertia_inverse())),
+        largest_torque(torque.bounds(Matrix3<Scalar>::Identity()).largest) {}
 
   /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|), by Cauchy's
   /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one is near the best.
@@ -116,16 +122,15 @@ struct MotionSeries {
         sum += rate_norms[i] * momentum_norms[j] * step_powers[i + j];
       }
     }
-    const TorqueBounds<Scalar> bounds = torque.bounds();
-    if (bounds.largest > Scalar(0)) {
-      sum += bounds.largest * tail(order, bounds.degree, bounds.turn_rate, h);
+    if (largest_torque > Scalar(0)) {
+      sum += largest_torque * tail(order, acceleration.degree, acceleration.turn_rate, h);
     }
     // Every term of it grows with the power `order` of time or a higher one.
     impulse_defect = sum * h / Scalar(order + 1);
     // Rounding of the coefficients, each a sum of a few products of that size, and of the angle of a potential that turns.
-    const Scalar angle = Scalar(1) + scalar::abs(Scalar(bounds.turn_rate * time));
+    const Scalar angle = Scalar(1) + scalar::abs(Scalar(acceleration.turn_rate * time));
     impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
-                      (momentum_norms[0] + (largest_rate * momentum_norms[0] + bounds.largest * angle) * h) *
+                      (momentum_norms[0] + (largest_rate * momentum_norms[0] + largest_torque * angle) * h) *
                       (body.principal_moments()(0) / body.principal_moments()(2));
   }
 

@@ -13,7 +13,8 @@
 ///     Vector3<Scalar> extend(k, rate);                      // coefficient k, from coefficients 0 … k − 1 of ω
 ///     Matrix3<Scalar> jacobian(k);                          // coefficient k of ∂M/∂ζ, for k extended before
 ///     void add_curvature(s, transform, forms);              // forms[i] += row i of transform times ½ ∂²M/∂γ² at time s
-///     TorqueBounds<Scalar> bounds() const;
+///     void add_cubic(s, transform, axes, forms);            // column i += the same of the terms of third order in γ = axes v
+///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
 
 #include "elliptude/potential.hpp"
 
@@ -22,10 +23,11 @@ namespace elliptude {
 /// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree, of at
 /// most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a motion that
 /// is continued to complex times z, its length is at most `largest` exp(degree (sup|ω| + turn_rate) |z|), and that of its
-/// Jacobian at most `degree` times as much.
+/// Jacobian at most `degree` times as much. In γ the terms of second order are at most ½ degree² ‖γ‖² times `largest`, those of
+/// third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖) (theory, section 17.3).
 template <typename Scalar>
 struct TorqueBounds {
-  Scalar largest;    ///< N m
+  Scalar largest;    ///< of the transformed torque; N m for the torque itself
   Scalar degree;     ///< 0 for no torque
   Scalar turn_rate;  ///< rad/s, at which the potential turns in the reference frame
 };
@@ -80,6 +82,29 @@ template <typename Scalar>
 template <typename Scalar>
 using Forms = std::array<Matrix3<Scalar>, 3>;
 
+/// Three cubic forms of γ, one a column, by the coefficients of their ten monomials: γᵢ³, γᵢ²γⱼ, γ₁γ₂γ₃, each divided by the root
+/// of how often the monomial stands in γ ⊗ γ ⊗ γ (1, 3, 6), so that a form's value is an inner product with a vector of length
+/// ‖γ‖³.
+template <typename Scalar>
+using CubicForms = Matrix<Scalar, 10, 3>;
+
+/// The form (lᵀγ)(γᵀQγ) for a symmetric Q.
+template <typename Scalar>
+[[nodiscard]] Vector<Scalar, 10> cubic_product(const Vector3<Scalar>& l, const Matrix3<Scalar>& q) noexcept {
+  const Scalar third = scalar::constant<Scalar>(0.57735026918962576450914878050195745565L);  // 1/√3
+  const Scalar sixth = scalar::constant<Scalar>(0.40824829046386301636621401245098189866L);  // 1/√6
+  Vector<Scalar, 10> form;
+  for (int i = 0; i < 3; ++i) {
+    form(i) = l(i) * q(i, i);
+    const int next = (i + 1) % 3;
+    const int last = (i + 2) % 3;
+    form(3 + 2 * i) = third * (l(next) * q(i, i) + Scalar(2) * l(i) * q(i, next));  // γᵢ² γ_next
+    form(4 + 2 * i) = third * (l(last) * q(i, i) + Scalar(2) * l(i) * q(i, last));  // γᵢ² γ_last
+  }
+  form(9) = Scalar(2) * sixth * (l(0) * q(1, 2) + l(1) * q(0, 2) + l(2) * q(0, 1));
+  return form;
+}
+
 }  // namespace expansion
 
 template <typename Scalar, int Terms>
@@ -96,7 +121,11 @@ class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
   [[nodiscard]] Matrix3<Scalar> jacobian(int /*k*/) const noexcept { return Matrix3<Scalar>::Zero(); }
   void add_curvature(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/,
                      expansion::Forms<Scalar>& /*forms*/) const noexcept {}
-  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept { return {Scalar(0), Scalar(0), Scalar(0)}; }
+  void add_cubic(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/, const Matrix3<Scalar>& /*axes*/,
+                 expansion::CubicForms<Scalar>& /*forms*/) const noexcept {}
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& /*transform*/) const noexcept {
+    return {Scalar(0), Scalar(0), Scalar(0)};
+  }
 };
 
 /// M = m g ρ × s with s = Cᵀe₃.
@@ -124,12 +153,22 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
     const Vector3<Scalar> down = expansion::value<Scalar, Terms>(down_, count_, s);
     const Matrix3<Scalar> n = transform.lazyProduct(hat(moment_));
     for (int i = 0; i < 3; ++i) {
-      forms[static_cast<std::size_t>(i)] +=
-          expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), down);
+      forms[static_cast<std::size_t>(i)] += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), down);
     }
   }
-  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
-    return {scalar::sqrt(Scalar(moment_.squaredNorm())), Scalar(1), Scalar(0)};
+  /// −¼‖γ‖² m × (s × γ).
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> down = expansion::value<Scalar, Terms>(down_, count_, s);
+    const Matrix3<Scalar> linear =
+        scalar::constant<Scalar>(-0.25L) * transform.lazyProduct(hat_product(moment_, down)).lazyProduct(axes);
+    const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
+    for (int i = 0; i < 3; ++i) {
+      forms.col(i) += expansion::cubic_product(Vector3<Scalar>(linear.row(i).transpose()), square);
+    }
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    return {spectral_norm(Matrix3<Scalar>(transform.lazyProduct(hat(moment_)))), Scalar(1), Scalar(0)};
   }
 
  private:
@@ -180,8 +219,7 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
                      expansion::Forms<Scalar>& forms) const noexcept {
     const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
-    const Matrix3<Scalar> n =
-        strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
+    const Matrix3<Scalar> n = strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
     // (S(b)γ) × (J S(b)γ): component a of it is the antisymmetric combination of rows of S(b) and J S(b).
     const Matrix3<Scalar> p = hat(b);
     const Matrix3<Scalar> q = inertia_.lazyProduct(p);
@@ -198,9 +236,58 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
       form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
     }
   }
-  /// b × Jb = b × (J − mI)b with m the middle of the largest and the smallest moment.
-  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
-    return {scalar::constant<Scalar>(0.5L) * strength() * spread_, Scalar(2), rate_};
+  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²): 3n² (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁).
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
+    const Matrix3<Scalar> b1 = hat(b).lazyProduct(axes);
+    const Matrix3<Scalar> jb1 = inertia_.lazyProduct(b1);
+    const Matrix3<Scalar> linear =
+        scalar::constant<Scalar>(-0.25L) * linear_part(b, Vector3<Scalar>(inertia_ * b)).lazyProduct(b1);
+    expansion::Forms<Scalar> b2;
+    expansion::Forms<Scalar> jb2;
+    const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
+    const auto on_axes = [&axes](const Matrix3<Scalar>& form) {
+      const Matrix3<Scalar> half = form.lazyProduct(axes);
+      return Matrix3<Scalar>(axes.transpose().lazyProduct(half));
+    };
+    for (int i = 0; i < 3; ++i) {
+      b2[static_cast<std::size_t>(i)] =
+          on_axes(expansion::second_order_form(Vector3<Scalar>(Vector3<Scalar>::Unit(i)), b));
+    }
+    for (int i = 0; i < 3; ++i) {
+      jb2[static_cast<std::size_t>(i)] = inertia_(i, 0) * b2[0] + inertia_(i, 1) * b2[1] + inertia_(i, 2) * b2[2];
+    }
+    const auto row = [](const Matrix3<Scalar>& matrix, int i) { return Vector3<Scalar>(matrix.row(i).transpose()); };
+    expansion::CubicForms<Scalar> torque;
+    for (int a = 0; a < 3; ++a) {
+      const int next = (a + 1) % 3;
+      const int last = (a + 2) % 3;
+      const auto at_next = static_cast<std::size_t>(next);
+      const auto at_last = static_cast<std::size_t>(last);
+      torque.col(a) =
+          expansion::cubic_product(row(linear, a), square) + expansion::cubic_product(row(b1, next), jb2[at_last]) -
+          expansion::cubic_product(row(b1, last), jb2[at_next]) +
+          expansion::cubic_product(row(jb1, last), b2[at_next]) - expansion::cubic_product(row(jb1, next), b2[at_last]);
+    }
+    forms += torque.lazyProduct(Matrix3<Scalar>(strength() * transform.transpose()));
+  }
+  /// Each component of b × Jb is a quadratic form of b; packed, they act on a vector of length ‖b‖², also of a complex b.
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    const Scalar root = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L);
+    Matrix<Scalar, 3, 6> forms;
+    for (int a = 0; a < 3; ++a) {
+      // b_next (Jb)_last − b_last (Jb)_next
+      const int next = (a + 1) % 3;
+      const int last = (a + 2) % 3;
+      forms(a, next) = inertia_(last, next);
+      forms(a, last) = -inertia_(next, last);
+      forms(a, a) = Scalar(0);
+      forms(a, 3 + a) = root * (inertia_(last, last) - inertia_(next, next));  // of b_next b_last
+      forms(a, 3 + next) = -root * inertia_(next, a);                          // of b_last b_a
+      forms(a, 3 + last) = root * inertia_(last, a);                           // of b_a b_next
+    }
+    return {strength() * spectral_norm(Matrix<Scalar, 3, 6>(transform.lazyProduct(forms))), Scalar(2), rate_};
   }
 
  private:
@@ -245,7 +332,11 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
                      expansion::Forms<Scalar>& forms) const noexcept {
     std::apply([&](const auto&... term) { (term.add_curvature(s, transform, forms), ...); }, terms_);
   }
-  [[nodiscard]] TorqueBounds<Scalar> bounds() const noexcept {
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    std::apply([&](const auto&... term) { (term.add_cubic(s, transform, axes, forms), ...); }, terms_);
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
     TorqueBounds<Scalar> sum{Scalar(0), Scalar(0), Scalar(0)};
     std::apply(
         [&](const auto&... term) {
@@ -254,7 +345,7 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
             sum.degree = one.degree > sum.degree ? one.degree : sum.degree;
             sum.turn_rate = one.turn_rate > sum.turn_rate ? one.turn_rate : sum.turn_rate;
           };
-          (add(term.bounds()), ...);
+          (add(term.bounds(transform)), ...);
         },
         terms_);
     return sum;
@@ -271,8 +362,8 @@ struct HasExpansion : std::false_type {};
 
 template <typename Potential, typename Scalar>
 struct HasExpansion<Potential, Scalar,
-                    std::void_t<decltype(std::declval<const TorqueExpansion<Potential, Scalar, 4>&>().bounds())>>
-    : std::true_type {};
+                    std::void_t<decltype(std::declval<const TorqueExpansion<Potential, Scalar, 4>&>().bounds(
+                        std::declval<const Matrix3<Scalar>&>()))>> : std::true_type {};
 
 }  // namespace concepts
 
