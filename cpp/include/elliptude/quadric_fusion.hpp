@@ -56,7 +56,7 @@ class ManyQuadrics {
     Scalar level;               ///< N = c + gᵀA⁻¹g
     Scalar rounding;            ///< what the inversion of A may add to it
     Scalar barrier;             ///< −log det A, or N log tr(W A⁻¹): F = level + barrier
-    Scalar size;                ///< N log level + barrier, which tells ellipsoids of different multipliers apart
+    Scalar size;                ///< N log level + barrier, which does not depend on the multipliers' scale
   };
 
   std::array<Constraint<Scalar, N>, most> constraints;
@@ -105,33 +105,38 @@ class ManyQuadrics {
     return Status::ok;
   }
 
-  /// ∇F and ∇²F (lower triangle), rows of length `most`.
-  void derivatives(const Iterate& it, Multipliers& gradient, Scalar* hessian) const noexcept {
+  /// V with ∇F = s − tr(V A): A⁻¹, or N A⁻¹WA⁻¹/tr(WA⁻¹).
+  void gradient(const Iterate& it, Matrix<Scalar, N>& v, Multipliers& result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
-    Matrix<Scalar, N> v = x;
-    if (!by_volume) {
-      v.noalias() = Matrix<Scalar, N>(x.lazyProduct(weight)).lazyProduct(x);
-      v *= Scalar(N) / x.cwiseProduct(weight).sum();
+    if (by_volume) {
+      v = x;
+    } else {
+      const Matrix<Scalar, N> half = x.lazyProduct(weight);
+      v.noalias() = (Scalar(N) / half.trace()) * half.lazyProduct(x);
     }
-    std::array<Matrix<Scalar, N>, most> z;  // dV/dμ with the sign changed: X A X, or X A V + V A X
-    std::array<Vector<Scalar, N>, most> t;
+    for (std::size_t k = 0; k < count; ++k) {
+      result[k] = it.slack[k] - (with_ball && k == 0 ? v.trace() : trace_product(k, v));
+    }
+  }
+
+  /// ∇²F, the lower triangle, in rows of length `most`: tr(A⁻¹AⱼA⁻¹Aₖ) + 2 rⱼᵀA⁻¹rₖ with rₖ = Aₖû + gₖ for the volume; for the trace
+  /// 2 tr(A⁻¹AⱼVAₖ) − tr(VAⱼ) tr(VAₖ)/N + 2 rⱼᵀA⁻¹rₖ.
+  void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient, Scalar* result) const noexcept {
+    const Matrix<Scalar, N>& x = it.inverse;
+    std::array<Matrix<Scalar, N>, most> z;  // A⁻¹AₖV
+    std::array<Vector<Scalar, N>, most> t;  // root rₖ
     for (std::size_t k = 0; k < count; ++k) {
       const Quadric<Scalar, N>& q = constraints[k].quadric;
       if (with_ball && k == 0) {
-        gradient[k] = it.slack[k] - v.trace();
         z[k].noalias() = x.lazyProduct(v);
-        t[k].noalias() = it.root.template triangularView<Eigen::Lower>() * it.center;
+        t[k].noalias() = it.root.lazyProduct(it.center);
       } else if (constraints[k].leading) {
-        const auto a = q.a.template topLeftCorner<lead, lead>();
-        const auto v3 = v.template topLeftCorner<lead, lead>();
-        gradient[k] = it.slack[k] - a.cwiseProduct(v3).sum();
+        const Matrix<Scalar, lead> a = q.a.template topLeftCorner<lead, lead>();
         const Matrix<Scalar, lead> half = x.template topLeftCorner<lead, lead>().lazyProduct(a);
-        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v3);
-        const Vector<Scalar, lead> r =
-            a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
-        t[k] = it.root.template leftCols<lead>().lazyProduct(r);
+        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v.template topLeftCorner<lead, lead>());
+        const Vector<Scalar, lead> r = a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
+        t[k].noalias() = it.root.template leftCols<lead>().lazyProduct(r);
       } else {
-        gradient[k] = it.slack[k] - q.a.cwiseProduct(v).sum();
         const Matrix<Scalar, N> half = x.lazyProduct(q.a);
         z[k].noalias() = half.lazyProduct(v);
         const Vector<Scalar, N> r = q.a.lazyProduct(it.center) + q.g;
@@ -144,7 +149,7 @@ class ManyQuadrics {
         if (!by_volume) {
           entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
         }
-        hessian[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
+        result[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
       }
     }
   }
@@ -333,12 +338,15 @@ template <typename Scalar, int N>
   using Problem = ManyQuadrics<Scalar, N>;
   using Multipliers = typename Problem::Multipliers;
   constexpr int most_steps = 20;
-  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * Scalar(64);
+  const Scalar log_dimension = Scalar(N) * scalar::log(Scalar(N));
+  // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
+  const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
   const std::size_t count = problem.count;
   typename Problem::Iterate it = start;
   best = start;
   Multipliers z;
   Multipliers gradient;
+  Matrix<Scalar, N> v;
   std::array<Scalar, Problem::most * Problem::most> hessian;
   for (int step = 0; step <= most_steps; ++step) {
     Scalar sum(0);
@@ -363,9 +371,9 @@ template <typename Scalar, int N>
     it.level *= t;
     it.inverse *= Scalar(1) / t;
     it.root *= Scalar(1) / scalar::sqrt(t);
-    it.barrier -= Scalar(N) * scalar::log(t);
+    it.barrier = it.size - log_dimension;
 
-    problem.derivatives(it, gradient, hessian.data());
+    problem.gradient(it, v, gradient);
     Scalar gap(0);
     Scalar defect(0);
     for (std::size_t k = 0; k < count; ++k) {
@@ -380,7 +388,9 @@ template <typename Scalar, int N>
       break;
     }
     const Scalar mean = (gap + defect) / Scalar(count);
-    const Scalar tau = mean * (mean < scalar::constant<Scalar>(0.1L) ? mean : scalar::constant<Scalar>(0.1L));
+    const Scalar fastest = scalar::constant<Scalar>(0.02L);
+    const Scalar tau = mean * (mean < fastest ? mean : fastest);
+    problem.hessian(it, v, gradient, hessian.data());
     Multipliers move;
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
@@ -409,19 +419,25 @@ template <typename Scalar, int N>
     }
     const Multipliers from = it.multipliers;
     const Scalar value = it.level + it.barrier;
+    const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>);
     constexpr int most_trials = 12;
     bool accepted = false;
     for (int trial = 0; trial < most_trials && !accepted; ++trial) {
       Multipliers next;
       Scalar ratios(0);
+      Scalar ratio(1);
       for (std::size_t k = 0; k < count; ++k) {
         next[k] = from[k] + primal * move[k];
-        ratios += scalar::log(Scalar(next[k] / from[k]));
+        ratio *= next[k] / from[k];
+        if (k % 8 == 7 || k + 1 == count) {  // the logarithm of a product that neither overflows nor vanishes
+          ratios += scalar::log(ratio);
+          ratio = Scalar(1);
+        }
       }
       Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
       if (problem.combine(next, it) == Status::ok) {
         const Scalar change = it.level + it.barrier - value - tau * ratios;
-        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + rounding * (Scalar(1) + scalar::abs(value));
         const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
         const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
         const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
