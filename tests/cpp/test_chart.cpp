@@ -66,12 +66,12 @@ TEST_CASE("the slack of a cone is the angle's, about any center") {
     const Matrix3<double> center = random.rotation();
     const Vector3<double> e = random.unit_vector<3>();
     // Every other direction lies near the predicted one.
-    const Vector3<double> b = trial % 2 == 0 ? random.unit_vector<3>()
-                                             : Vector3<double>(exp(Vector3<double>(r * random.in_ball<3>())) *
-                                                               (center.transpose() * e));
+    const Vector3<double> b =
+        trial % 2 == 0 ? random.unit_vector<3>()
+                       : Vector3<double>(exp(Vector3<double>(r * random.in_ball<3>())) * (center.transpose() * e));
     Quadric<double, 3> quadric;
-    REQUIRE(cone(center, Direction<double>::within(random.uniform(0.1, 9) * e, random.uniform(0.1, 9) * b, r), quadric) ==
-            Status::ok);
+    REQUIRE(cone(center, Direction<double>::within(random.uniform(0.1, 9) * e, random.uniform(0.1, 9) * b, r),
+                 quadric) == Status::ok);
     const Vector3<double> gamma = random.log_uniform(1e-3, 30) * random.unit_vector<3>();
     const Long3 seen = turn(gamma).transpose() * (center.transpose().cast<long double>() * e.cast<long double>());
     const long double angle = angle_between(seen, b.cast<long double>());
@@ -147,8 +147,7 @@ TEST_CASE("recentring contains the set, and is nearly as small as it can be") {
         REQUIRE(recentred(center, ellipsoid, result) == Status::ok);
         const Vector3<double> g = ellipsoid.center.head<3>() / 2;
         const Matrix3<double> b = (Matrix3<double>::Identity() - hat(g)) / (1 + g.squaredNorm());
-        const double e =
-            std::sqrt(g.dot(ellipsoid.shape.topLeftCorner<3, 3>() * g)) / (2 * (1 + g.squaredNorm()));
+        const double e = std::sqrt(g.dot(ellipsoid.shape.topLeftCorner<3, 3>() * g)) / (2 * (1 + g.squaredNorm()));
         Matrix6<double> t = Matrix6<double>::Identity();
         t.topLeftCorner<3, 3>() = b / (1 - e);
         const Matrix6<double> scaled = t * ellipsoid.shape * t.transpose();
@@ -185,7 +184,8 @@ TEST_CASE("the projective change of center is that of the rotations") {
     Gibbs result;
     REQUIRE(recentred(center, ellipsoid, result) == Status::ok);
     for (int sample = 0; sample < 10; ++sample) {
-      const Vector6<double> y = ellipsoid.center + (1 - 1e-9) * boundary_point(random, ellipsoid.shape, sample % 2 == 0);
+      const Vector6<double> y =
+          ellipsoid.center + (1 - 1e-9) * boundary_point(random, ellipsoid.shape, sample % 2 == 0);
       const State state = retract<GibbsChart>(center, y);
       double value;
       REQUIRE(quadratic_form(result, state, value) == Status::ok);
@@ -251,14 +251,16 @@ TEST_CASE("conversion between charts contains the set, where ignoring the differ
   CHECK(ignored > 1.02);
   CHECK(scaled > 1.5);
   Gibbs gibbs;
-  CHECK(converted(Exponential{{Matrix3<double>::Identity(), Vector3<double>::Zero()}, 9.9 * Matrix6<double>::Identity()},
-                  gibbs) == Status::unbounded);
+  CHECK(
+      converted(Exponential{{Matrix3<double>::Identity(), Vector3<double>::Zero()}, 9.9 * Matrix6<double>::Identity()},
+                gibbs) == Status::unbounded);
 }
 
 TEST_CASE("the extent of a Gibbs ellipsoid is in angles") {
   Random random(7);
   for (int trial = 0; trial < 100; ++trial) {
-    const Gibbs gibbs{{random.rotation(), random.normal_matrix<3>()}, correlated_shape(random, random.uniform(0.1, 6), 100)};
+    const Gibbs gibbs{{random.rotation(), random.normal_matrix<3>()},
+                      correlated_shape(random, random.uniform(0.1, 6), 100)};
     Extent<double> size;
     REQUIRE(extent(gibbs, size) == Status::ok);
     double largest = 0;

@@ -37,9 +37,8 @@ long double slack_of(const Quadric<Scalar, 6>& quadric, const LongVector6& y) {
 
 long double size_of(const Matrix6<double>& shape, const Criterion& criterion) {
   const LongMatrix6 p = shape.cast<long double>();
-  return criterion.kind == Criterion::Kind::volume
-             ? std::log(Eigen::PartialPivLU<LongMatrix6>(p).determinant())
-             : 6 * std::log((criterion.weight.cast<long double>() * p).trace());
+  return criterion.kind == Criterion::Kind::volume ? std::log(Eigen::PartialPivLU<LongMatrix6>(p).determinant())
+                                                   : 6 * std::log((criterion.weight.cast<long double>() * p).trace());
 }
 
 // A predicted ellipsoid, three cones and a rate, all of which hold for `truth`: on the boundary of a cone, or of the
@@ -76,10 +75,11 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
   }
   const Vector3<double> offset = (1 - 1e-12) * (kind % 5 < 2 ? random.unit_vector<3>() : random.in_ball<3>());
   Quadric<double, 3> quadric;
-  REQUIRE(to_quadric(rate,
-                     AngularVelocity<double>{rate + (scene.truth.tail<3>() + r * offset.cast<long double>()).cast<double>(),
-                                             (1 + 1e-12) * r * r * Matrix3<double>::Identity()},
-                     quadric) == Status::ok);
+  REQUIRE(
+      to_quadric(rate,
+                 AngularVelocity<double>{rate + (scene.truth.tail<3>() + r * offset.cast<long double>()).cast<double>(),
+                                         (1 + 1e-12) * r * r * Matrix3<double>::Identity()},
+                 quadric) == Status::ok);
   scene.quadrics[3] = of_vector(quadric);
   return scene;
 }
@@ -208,7 +208,8 @@ TEST_CASE("fusion finds the smallest ellipsoid of the family") {
       Fusion6 result;
       REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, criterion, result) == Status::ok);
       std::vector<long double> mu(5, 1.2L);
-      const long double best = std::min(smallest_by_descent(all, criterion, mu), size_of(scene.predicted.shape, criterion));
+      const long double best =
+          std::min(smallest_by_descent(all, criterion, mu), size_of(scene.predicted.shape, criterion));
       worst = std::max(worst, size_of(result.set.shape, criterion) - best);
       CHECK(size_of(result.set.shape, criterion) - best <= 1e-3L);
       CHECK(size_of(result.set.shape, criterion) - best >= -1e-7L);
@@ -347,7 +348,8 @@ TEST_CASE("forty quadrics are fused") {
       all.emplace_back();
       REQUIRE(to_quadric(scene.predicted, all.back()) == Status::ok);
       std::vector<long double> mu(all.size(), 0.15L);
-      CHECK(size_of(result.set.shape, Criterion::volume()) - smallest_by_descent(all, Criterion::volume(), mu) <= 1e-3L);
+      CHECK(size_of(result.set.shape, Criterion::volume()) - smallest_by_descent(all, Criterion::volume(), mu) <=
+            1e-3L);
     }
     quadrics.push_back(quadrics.front());
     CHECK(minimal_intersection(&scene.predicted, quadrics.data(), quadrics.size(), Criterion::volume(), result) ==
@@ -395,10 +397,10 @@ TEST_CASE("the gradient and the Hessian are those of F") {
       Problem::Multipliers slope_down{};
       moved(h, up, slope_up);
       moved(-h, down, slope_down);
-      CHECK(gradient[j] == doctest::Approx((up.level + up.barrier - down.level - down.barrier) / (2 * h)).epsilon(1e-7));
+      CHECK(gradient[j] ==
+            doctest::Approx((up.level + up.barrier - down.level - down.barrier) / (2 * h)).epsilon(1e-7));
       for (std::size_t k = 0; k <= j; ++k) {
-        CHECK(hessian[j * Problem::most + k] ==
-              doctest::Approx((slope_up[k] - slope_down[k]) / (2 * h)).epsilon(1e-6));
+        CHECK(hessian[j * Problem::most + k] == doctest::Approx((slope_up[k] - slope_down[k]) / (2 * h)).epsilon(1e-6));
       }
     }
   }
@@ -460,6 +462,7 @@ TEST_CASE("bad input to the fusion is refused and changes nothing") {
   CHECK(fuse() == Status::not_finite);
   scene = good;
   CHECK(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4,
-                             Criterion::weighted_trace(Matrix6<double>::Zero()), result) == Status::not_positive_definite);
+                             Criterion::weighted_trace(Matrix6<double>::Zero()),
+                             result) == Status::not_positive_definite);
   CHECK(result.margin == 3);
 }

@@ -24,8 +24,9 @@ struct QuadricFusion {
   /// The least N(μ) with Σμ = 1 that was met. No state satisfies all constraints with more slack than this; negative, it proves
   /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
   Scalar margin;
-  bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
-  std::size_t contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
+  bool prediction_alone;  ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
+  std::size_t
+      contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
 };
 
 namespace fusion {
@@ -89,16 +90,33 @@ class ManyQuadrics {
     it.multipliers = multipliers;
     it.root = lower_inverse(l);
     it.inverse.noalias() = it.root.transpose().lazyProduct(it.root);
-    it.center.noalias() = -it.inverse.lazyProduct(g);
+    // By substitution, whose residual is of the size of A û: the product A⁻¹g would have one of ‖A‖ ‖A⁻¹‖ ‖g‖.
+    Vector<Scalar, N>& u = it.center;
+    for (int i = 0; i < N; ++i) {
+      Scalar sum = -g(i);
+      for (int k = 0; k < i; ++k) {
+        sum -= l(i, k) * u(k);
+      }
+      u(i) = sum * it.root(i, i);
+    }
+    for (int i = N - 1; i >= 0; --i) {
+      Scalar sum = u(i);
+      for (int k = i + 1; k < N; ++k) {
+        sum -= l(k, i) * u(k);
+      }
+      u(i) = sum * it.root(i, i);
+    }
     it.level = Scalar(0);
     for (std::size_t k = 0; k < count; ++k) {
       it.slack[k] = slack_at(k, it.center);
       it.level += multipliers[k] * it.slack[k];
     }
-    const Scalar reach = Scalar(1) + it.center.squaredNorm();
+    // The distance from û of what is to be contained is at most 1 + ‖û‖ in the ball, and √(N tr A⁻¹) in the result.
     const Scalar positive = it.level > Scalar(0) ? it.level : Scalar(0);
+    const Scalar spread = positive * it.inverse.trace();
+    const Scalar reach = Scalar(1) + it.center.squaredNorm() + (with_ball ? Scalar(0) : spread);
     it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
-                  (reach + scalar::sqrt(Scalar(reach * positive * it.inverse.trace())));
+                  (reach + scalar::sqrt(Scalar(reach * spread)));
     it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
                            : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
     it.size = Scalar(N) * scalar::log(Scalar(positive + it.rounding)) + it.barrier;
@@ -121,7 +139,8 @@ class ManyQuadrics {
 
   /// ∇²F, the lower triangle, in rows of length `most`: tr(A⁻¹AⱼA⁻¹Aₖ) + 2 rⱼᵀA⁻¹rₖ with rₖ = Aₖû + gₖ for the volume; for the trace
   /// 2 tr(A⁻¹AⱼVAₖ) − tr(VAⱼ) tr(VAₖ)/N + 2 rⱼᵀA⁻¹rₖ.
-  void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient, Scalar* result) const noexcept {
+  void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient,
+               Scalar* result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
     std::array<Matrix<Scalar, N>, most> z;  // A⁻¹AₖV
     std::array<Vector<Scalar, N>, most> t;  // root rₖ
@@ -169,7 +188,8 @@ class ManyQuadrics {
   }
 
  private:
-  [[nodiscard]] Scalar product(std::size_t j, std::size_t k, const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
+  [[nodiscard]] Scalar product(std::size_t j, std::size_t k,
+                               const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
     if (with_ball && k == 0) {
       return j == 0 ? z[0].trace() : trace_product(j, z[0]);
     }
@@ -332,7 +352,8 @@ template <typename Scalar, int N>
 /// \param least_level the least N/Σμ/scale met.
 /// \return `empty_intersection` with `best` the proof.
 template <typename Scalar, int N>
-[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem, const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
+[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem,
+                              const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
                               const typename ManyQuadrics<Scalar, N>::Iterate& start,
                               typename ManyQuadrics<Scalar, N>::Iterate& best, Scalar& margin) noexcept {
   using Problem = ManyQuadrics<Scalar, N>;
@@ -369,6 +390,7 @@ template <typename Scalar, int N>
       z[k] /= t;
     }
     it.level *= t;
+    it.rounding *= t;
     it.inverse *= Scalar(1) / t;
     it.root *= Scalar(1) / scalar::sqrt(t);
     it.barrier = it.size - log_dimension;
@@ -384,7 +406,7 @@ template <typename Scalar, int N>
       gap += it.multipliers[k] * z[k];
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
     }
-    if (gap + defect <= tolerance) {
+    if (gap + defect <= tolerance + it.rounding) {
       break;
     }
     const Scalar mean = (gap + defect) / Scalar(count);
@@ -419,7 +441,7 @@ template <typename Scalar, int N>
     }
     const Multipliers from = it.multipliers;
     const Scalar value = it.level + it.barrier;
-    const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+    const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     constexpr int most_trials = 12;
     bool accepted = false;
     for (int trial = 0; trial < most_trials && !accepted; ++trial) {
@@ -437,7 +459,7 @@ template <typename Scalar, int N>
       Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
       if (problem.combine(next, it) == Status::ok) {
         const Scalar change = it.level + it.barrier - value - tau * ratios;
-        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + rounding * (Scalar(1) + scalar::abs(value));
+        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + noise;
         const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
         const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
         const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
@@ -525,8 +547,7 @@ template <typename Scalar, int N>
     }
   }
   if (!problem.by_volume) {
-    problem.weight.noalias() =
-        factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    problem.weight.noalias() = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
     problem.weight *= Scalar(N) / problem.weight.trace();
   }
 
