@@ -10,6 +10,8 @@
 #include <cstdlib>
 #include <elliptude/intersection.hpp>
 #include <elliptude/linearization.hpp>
+#include <elliptude/measurement.hpp>
+#include <elliptude/quadric_fusion.hpp>
 #include <elliptude/wahba.hpp>
 #include <random>
 
@@ -187,6 +189,59 @@ double fuse(long count) {
   return sum;
 }
 
+/// A prediction about as wide as the measurements: three directions and the angular velocity, all about the predicted center.
+struct Gathered {
+  Ellipsoid6 predicted;
+  std::array<Quadric<double, 6>, 4> quadrics;
+};
+
+inline std::array<Gathered, pair_count> typical_quadrics() {
+  Random random;
+  std::array<Gathered, pair_count> result;
+  for (Gathered& gathered : result) {
+    const double bound = 0.02;
+    Matrix6<double> root = Matrix6<double>::Identity();
+    for (double& entry : root.reshaped()) {
+      entry += random.uniform(-0.3, 0.3);
+    }
+    root *= bound * random.uniform(0.5, 2);
+    gathered.predicted = {Vector6<double>::Zero(), root * root.transpose()};
+    const Matrix3d center = exp(random.in_cube(1.8));
+    Vector6<double> u;
+    u << random.in_cube(0.4), random.in_cube(0.4);
+    const Vector6<double> truth = root * u;
+    const Matrix3d attitude = GibbsChart::retract(center, Vector3d(truth.head<3>()));
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d e = (random.in_cube(0.3) + Vector3d::Unit(k)).normalized();
+      const Vector3d b = exp(random.in_cube(0.5 * bound)) * (attitude.transpose() * e);
+      Quadric<double, 3> quadric;
+      expect_ok(cone(center, Direction<double>::within(e, b, bound), quadric));
+      gathered.quadrics[static_cast<std::size_t>(k)] = of_attitude(quadric);
+    }
+    const Vector3d rate = truth.tail<3>() + random.in_cube(0.5 * bound);
+    Quadric<double, 3> quadric;
+    expect_ok(
+        to_quadric(Vector3d(0, 0, 0), AngularVelocity<double>{rate, bound * bound * Matrix3d::Identity()}, quadric));
+    gathered.quadrics[3] = of_vector(quadric);
+  }
+  return result;
+}
+
+template <SizeCriterion<double, 6>::Kind kind>
+double fuse_quadrics(long count) {
+  static const std::array<Gathered, pair_count> inputs = typical_quadrics();
+  const auto criterion = kind == SizeCriterion<double, 6>::Kind::trace ? SizeCriterion<double, 6>::trace()
+                                                                       : SizeCriterion<double, 6>::volume();
+  QuadricFusion<double, 6> result;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const Gathered& input = inputs[static_cast<std::size_t>(i) % pair_count];
+    expect_ok(minimal_intersection(&input.predicted, input.quadrics.data(), input.quadrics.size(), criterion, result));
+    sum += result.set.shape.trace() + result.set.center.sum();
+  }
+  return sum;
+}
+
 // --- attitude from directions ------------------------------------------------------------------------------------------
 
 template <WahbaMethod method, int directions>
@@ -280,7 +335,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 25> all{{
+inline constexpr std::array<Operation, 27> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -297,6 +352,8 @@ inline constexpr std::array<Operation, 25> all{{
     {"step_with_ellipsoid_pendulum_order_4", step_with_ellipsoid<pendulum_motion, 4>},
     {"fuse_trace", fuse<Kind::trace>},
     {"fuse_volume", fuse<Kind::volume>},
+    {"fuse_3_cones_and_rate_trace", fuse_quadrics<Kind::trace>},
+    {"fuse_3_cones_and_rate_volume", fuse_quadrics<Kind::volume>},
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
     {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
     {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},

@@ -292,6 +292,57 @@ void use_filters(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(velocity.shape);
 }
 
+/// Fusion without linearization.
+template <typename Scalar>
+void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
+  using State = RigidBodyState<Scalar>;
+  using Gibbs = StateEllipsoid<State, GibbsChart>;
+  const State center{exp(seeds.zeta), seeds.rate};
+  const Scalar small = scalar::constant<Scalar>(0.01L);
+  const StateEllipsoid<State> exponential{center, small * Matrix6<Scalar>::Identity()};
+  Gibbs predicted;
+  tally.add(converted(exponential, predicted));
+  tally.add(gibbs_stretch(small));
+  tally.add(ExponentialChart::angle(small) + GibbsChart::angle(small));
+  const Matrix3<Scalar> bound = small * small * Matrix3<Scalar>::Identity();
+  std::array<Quadric<Scalar, 6>, 4> quadrics;
+  Quadric<Scalar, 3> three;
+  const Vector3<Scalar> e = Vector3<Scalar>::UnitX();
+  const auto direction = Direction<Scalar>::within(e, center.attitude.transpose() * e, small);
+  Scalar angle;
+  tally.add(angle_bound(direction, angle));
+  tally.add(angle);
+  tally.add(cone(center.attitude, direction, three));
+  quadrics[0] = of_attitude(three);
+  tally.add(to_quadric(center.attitude, MeasuredAttitude<Scalar>{center.attitude, bound}, three));
+  quadrics[1] = of_attitude(three);
+  const AngularVelocity<Scalar> rate{center.angular_velocity, bound};
+  tally.add(to_quadric(center.angular_velocity, rate, three));
+  quadrics[2] = of_vector(three);
+  tally.add(to_quadric(linear_angular_velocity(center.angular_velocity, rate), predicted, quadrics[3]));
+  const Ellipsoid<Scalar, 6> set = predicted.in_coordinates();
+  QuadricFusion<Scalar, 6> fusion;
+  for (const auto& criterion : {SizeCriterion<Scalar, 6>::trace(), SizeCriterion<Scalar, 6>::volume()}) {
+    tally.add(minimal_intersection(&set, quadrics.data(), quadrics.size(), criterion, fusion));
+    tally.add(fusion.set.shape);
+    tally.add(minimal_intersection<Scalar, 6>(nullptr, quadrics.data(), quadrics.size(), criterion, fusion));
+    tally.add(fusion.set.shape);
+  }
+  Gibbs result;
+  tally.add(recentred(center, fusion.set, result));
+  tally.add(validate(result));
+  Scalar value;
+  tally.add(quadratic_form(result, center, value));
+  tally.add(largest_attitude_error(result, value));
+  Extent<Scalar> size;
+  tally.add(extent(result, size));
+  tally.add(size.half_widths_body);
+  StateEllipsoid<State> back;
+  tally.add(converted(result, back));
+  tally.add(back.shape);
+  tally.add(retract<GibbsChart>(center, state_error<GibbsChart>(center, center)).attitude);
+}
+
 template <typename Scalar>
 [[nodiscard]] Tally<Scalar> use_every_function(const Seeds<Scalar>& seeds) noexcept {
   Tally<Scalar> tally;
@@ -304,6 +355,7 @@ template <typename Scalar>
   use_wahba(seeds, tally);
   use_filters<Scalar, PaperEstimator>(seeds, tally);
   use_filters<Scalar, FirstOrderEstimator>(seeds, tally);
+  use_guaranteed_fusion(seeds, tally);
   tally.add(message(tally.failures == 0 ? Status::ok : Status::out_of_range)[0] == 'o');
   return tally;
 }

@@ -343,8 +343,9 @@ template <typename Scalar>
   a.diagonal().array() += (Scalar(1) - versine) + predicted.dot(body) - Scalar(32) * epsilon;
   quadric.a = (scalar::constant<Scalar>(0.25L) * inverse) * a;
   quadric.g = (scalar::constant<Scalar>(-0.5L) * inverse) * d;
-  quadric.c = Scalar(1) + Scalar(8) * epsilon -
-              (scalar::constant<Scalar>(0.5L) * (Scalar(1) - Scalar(32) * epsilon) * inverse) * difference.squaredNorm();
+  quadric.c =
+      Scalar(1) + Scalar(8) * epsilon -
+      (scalar::constant<Scalar>(0.5L) * (Scalar(1) - Scalar(32) * epsilon) * inverse) * difference.squaredNorm();
   return Status::ok;
 }
 

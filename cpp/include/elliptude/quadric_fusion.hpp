@@ -24,8 +24,9 @@ struct QuadricFusion {
   /// The least N(μ) with Σμ = 1 that was met. No state satisfies all constraints with more slack than this; negative, it proves
   /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
   Scalar margin;
-  bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
-  std::size_t contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
+  bool prediction_alone;  ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
+  std::size_t
+      contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
 };
 
 namespace fusion {
@@ -56,7 +57,7 @@ class ManyQuadrics {
     Scalar level;               ///< N = c + gᵀA⁻¹g
     Scalar rounding;            ///< what the inversion of A may add to it
     Scalar barrier;             ///< −log det A, or N log tr(W A⁻¹): F = level + barrier
-    Scalar size;                ///< N log level + barrier, which tells ellipsoids of different multipliers apart
+    Scalar size;                ///< N log level + barrier, which does not depend on the multipliers' scale
   };
 
   std::array<Constraint<Scalar, N>, most> constraints;
@@ -89,49 +90,72 @@ class ManyQuadrics {
     it.multipliers = multipliers;
     it.root = lower_inverse(l);
     it.inverse.noalias() = it.root.transpose().lazyProduct(it.root);
-    it.center.noalias() = -it.inverse.lazyProduct(g);
+    // By substitution, whose residual is of the size of A û: the product A⁻¹g would have one of ‖A‖ ‖A⁻¹‖ ‖g‖.
+    Vector<Scalar, N>& u = it.center;
+    for (int i = 0; i < N; ++i) {
+      Scalar sum = -g(i);
+      for (int k = 0; k < i; ++k) {
+        sum -= l(i, k) * u(k);
+      }
+      u(i) = sum * it.root(i, i);
+    }
+    for (int i = N - 1; i >= 0; --i) {
+      Scalar sum = u(i);
+      for (int k = i + 1; k < N; ++k) {
+        sum -= l(k, i) * u(k);
+      }
+      u(i) = sum * it.root(i, i);
+    }
     it.level = Scalar(0);
     for (std::size_t k = 0; k < count; ++k) {
       it.slack[k] = slack_at(k, it.center);
       it.level += multipliers[k] * it.slack[k];
     }
-    const Scalar reach = Scalar(1) + it.center.squaredNorm();
+    // The distance from û of what is to be contained is at most 1 + ‖û‖ in the ball, and √(N tr A⁻¹) in the result.
     const Scalar positive = it.level > Scalar(0) ? it.level : Scalar(0);
+    const Scalar spread = positive * it.inverse.trace();
+    const Scalar reach = Scalar(1) + it.center.squaredNorm() + (with_ball ? Scalar(0) : spread);
     it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
-                  (reach + scalar::sqrt(Scalar(reach * positive * it.inverse.trace())));
+                  (reach + scalar::sqrt(Scalar(reach * spread)));
     it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
                            : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
     it.size = Scalar(N) * scalar::log(Scalar(positive + it.rounding)) + it.barrier;
     return Status::ok;
   }
 
-  /// ∇F and ∇²F (lower triangle), rows of length `most`.
-  void derivatives(const Iterate& it, Multipliers& gradient, Scalar* hessian) const noexcept {
+  /// V with ∇F = s − tr(V A): A⁻¹, or N A⁻¹WA⁻¹/tr(WA⁻¹).
+  void gradient(const Iterate& it, Matrix<Scalar, N>& v, Multipliers& result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
-    Matrix<Scalar, N> v = x;
-    if (!by_volume) {
-      v.noalias() = Matrix<Scalar, N>(x.lazyProduct(weight)).lazyProduct(x);
-      v *= Scalar(N) / x.cwiseProduct(weight).sum();
+    if (by_volume) {
+      v = x;
+    } else {
+      const Matrix<Scalar, N> half = x.lazyProduct(weight);
+      v.noalias() = (Scalar(N) / half.trace()) * half.lazyProduct(x);
     }
-    std::array<Matrix<Scalar, N>, most> z;  // dV/dμ with the sign changed: X A X, or X A V + V A X
-    std::array<Vector<Scalar, N>, most> t;
+    for (std::size_t k = 0; k < count; ++k) {
+      result[k] = it.slack[k] - (with_ball && k == 0 ? v.trace() : trace_product(k, v));
+    }
+  }
+
+  /// ∇²F, the lower triangle, in rows of length `most`: tr(A⁻¹AⱼA⁻¹Aₖ) + 2 rⱼᵀA⁻¹rₖ with rₖ = Aₖû + gₖ for the volume; for the trace
+  /// 2 tr(A⁻¹AⱼVAₖ) − tr(VAⱼ) tr(VAₖ)/N + 2 rⱼᵀA⁻¹rₖ.
+  void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient,
+               Scalar* result) const noexcept {
+    const Matrix<Scalar, N>& x = it.inverse;
+    std::array<Matrix<Scalar, N>, most> z;  // A⁻¹AₖV
+    std::array<Vector<Scalar, N>, most> t;  // root rₖ
     for (std::size_t k = 0; k < count; ++k) {
       const Quadric<Scalar, N>& q = constraints[k].quadric;
       if (with_ball && k == 0) {
-        gradient[k] = it.slack[k] - v.trace();
         z[k].noalias() = x.lazyProduct(v);
-        t[k].noalias() = it.root.template triangularView<Eigen::Lower>() * it.center;
+        t[k].noalias() = it.root.lazyProduct(it.center);
       } else if (constraints[k].leading) {
-        const auto a = q.a.template topLeftCorner<lead, lead>();
-        const auto v3 = v.template topLeftCorner<lead, lead>();
-        gradient[k] = it.slack[k] - a.cwiseProduct(v3).sum();
+        const Matrix<Scalar, lead> a = q.a.template topLeftCorner<lead, lead>();
         const Matrix<Scalar, lead> half = x.template topLeftCorner<lead, lead>().lazyProduct(a);
-        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v3);
-        const Vector<Scalar, lead> r =
-            a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
-        t[k] = it.root.template leftCols<lead>().lazyProduct(r);
+        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v.template topLeftCorner<lead, lead>());
+        const Vector<Scalar, lead> r = a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
+        t[k].noalias() = it.root.template leftCols<lead>().lazyProduct(r);
       } else {
-        gradient[k] = it.slack[k] - q.a.cwiseProduct(v).sum();
         const Matrix<Scalar, N> half = x.lazyProduct(q.a);
         z[k].noalias() = half.lazyProduct(v);
         const Vector<Scalar, N> r = q.a.lazyProduct(it.center) + q.g;
@@ -144,7 +168,7 @@ class ManyQuadrics {
         if (!by_volume) {
           entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
         }
-        hessian[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
+        result[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
       }
     }
   }
@@ -164,7 +188,8 @@ class ManyQuadrics {
   }
 
  private:
-  [[nodiscard]] Scalar product(std::size_t j, std::size_t k, const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
+  [[nodiscard]] Scalar product(std::size_t j, std::size_t k,
+                               const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
     if (with_ball && k == 0) {
       return j == 0 ? z[0].trace() : trace_product(j, z[0]);
     }
@@ -327,18 +352,22 @@ template <typename Scalar, int N>
 /// \param least_level the least N/Σμ/scale met.
 /// \return `empty_intersection` with `best` the proof.
 template <typename Scalar, int N>
-[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem, const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
+[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem,
+                              const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
                               const typename ManyQuadrics<Scalar, N>::Iterate& start,
                               typename ManyQuadrics<Scalar, N>::Iterate& best, Scalar& margin) noexcept {
   using Problem = ManyQuadrics<Scalar, N>;
   using Multipliers = typename Problem::Multipliers;
   constexpr int most_steps = 20;
-  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * Scalar(64);
+  const Scalar log_dimension = Scalar(N) * scalar::log(Scalar(N));
+  // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
+  const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
   const std::size_t count = problem.count;
   typename Problem::Iterate it = start;
   best = start;
   Multipliers z;
   Multipliers gradient;
+  Matrix<Scalar, N> v;
   std::array<Scalar, Problem::most * Problem::most> hessian;
   for (int step = 0; step <= most_steps; ++step) {
     Scalar sum(0);
@@ -361,11 +390,12 @@ template <typename Scalar, int N>
       z[k] /= t;
     }
     it.level *= t;
+    it.rounding *= t;
     it.inverse *= Scalar(1) / t;
     it.root *= Scalar(1) / scalar::sqrt(t);
-    it.barrier -= Scalar(N) * scalar::log(t);
+    it.barrier = it.size - log_dimension;
 
-    problem.derivatives(it, gradient, hessian.data());
+    problem.gradient(it, v, gradient);
     Scalar gap(0);
     Scalar defect(0);
     for (std::size_t k = 0; k < count; ++k) {
@@ -376,11 +406,13 @@ template <typename Scalar, int N>
       gap += it.multipliers[k] * z[k];
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
     }
-    if (gap + defect <= tolerance) {
+    if (gap + defect <= tolerance + it.rounding) {
       break;
     }
     const Scalar mean = (gap + defect) / Scalar(count);
-    const Scalar tau = mean * (mean < scalar::constant<Scalar>(0.1L) ? mean : scalar::constant<Scalar>(0.1L));
+    const Scalar fastest = scalar::constant<Scalar>(0.02L);
+    const Scalar tau = mean * (mean < fastest ? mean : fastest);
+    problem.hessian(it, v, gradient, hessian.data());
     Multipliers move;
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
@@ -409,19 +441,25 @@ template <typename Scalar, int N>
     }
     const Multipliers from = it.multipliers;
     const Scalar value = it.level + it.barrier;
+    const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     constexpr int most_trials = 12;
     bool accepted = false;
     for (int trial = 0; trial < most_trials && !accepted; ++trial) {
       Multipliers next;
       Scalar ratios(0);
+      Scalar ratio(1);
       for (std::size_t k = 0; k < count; ++k) {
         next[k] = from[k] + primal * move[k];
-        ratios += scalar::log(Scalar(next[k] / from[k]));
+        ratio *= next[k] / from[k];
+        if (k % 8 == 7 || k + 1 == count) {  // the logarithm of a product that neither overflows nor vanishes
+          ratios += scalar::log(ratio);
+          ratio = Scalar(1);
+        }
       }
       Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
       if (problem.combine(next, it) == Status::ok) {
         const Scalar change = it.level + it.barrier - value - tau * ratios;
-        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + noise;
         const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
         const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
         const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
@@ -509,8 +547,7 @@ template <typename Scalar, int N>
     }
   }
   if (!problem.by_volume) {
-    problem.weight.noalias() =
-        factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    problem.weight.noalias() = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
     problem.weight *= Scalar(N) / problem.weight.trace();
   }
 

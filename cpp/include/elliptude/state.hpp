@@ -102,7 +102,8 @@ struct Extent {
 
 /// \return `not_finite`, `not_converged`.
 template <typename State, typename Chart>
-[[nodiscard]] Status extent(const StateEllipsoid<State, Chart>& ellipsoid, Extent<StateScalar<State>>& result) noexcept {
+[[nodiscard]] Status extent(const StateEllipsoid<State, Chart>& ellipsoid,
+                            Extent<StateScalar<State>>& result) noexcept {
   using Scalar = StateScalar<State>;
   Extent<Scalar> extent;
   extent.half_widths_body = half_widths(ellipsoid.in_coordinates());

@@ -1,0 +1,468 @@
+// The fusion of many quadrics: containment in long double at extreme ratios, the optimum against coordinate descent in long
+// double, derivatives against differences, emptiness against the overlap of two ellipsoids.
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "elliptude/measurement.hpp"
+#include "elliptude/quadric_fusion.hpp"
+#include "random.hpp"
+#include "search.hpp"
+
+using namespace elliptude;
+using elliptude::testing::Random;
+
+namespace {
+
+using LongMatrix6 = Eigen::Matrix<long double, 6, 6>;
+using LongVector6 = Eigen::Matrix<long double, 6, 1>;
+using Long3 = Eigen::Matrix<long double, 3, 1>;
+using Ellipsoid6 = Ellipsoid<double, 6>;
+using Criterion = SizeCriterion<double, 6>;
+using Fusion6 = QuadricFusion<double, 6>;
+
+template <typename Scalar>
+long double form(const Ellipsoid<Scalar, 6>& ellipsoid, const LongVector6& y) {
+  const LongVector6 x = y - ellipsoid.center.template cast<long double>();
+  return x.dot(Eigen::LLT<LongMatrix6>(ellipsoid.shape.template cast<long double>()).solve(x));
+}
+
+template <typename Scalar>
+long double slack_of(const Quadric<Scalar, 6>& quadric, const LongVector6& y) {
+  return static_cast<long double>(quadric.c) - y.dot(quadric.a.template cast<long double>() * y) -
+         2 * y.dot(quadric.g.template cast<long double>());
+}
+
+long double size_of(const Matrix6<double>& shape, const Criterion& criterion) {
+  const LongMatrix6 p = shape.cast<long double>();
+  return criterion.kind == Criterion::Kind::volume ? std::log(Eigen::PartialPivLU<LongMatrix6>(p).determinant())
+                                                   : 6 * std::log((criterion.weight.cast<long double>() * p).trace());
+}
+
+// A predicted ellipsoid, three cones and a rate, all of which hold for `truth`: on the boundary of a cone, or of the
+// prediction, or inside.
+struct Scene {
+  Ellipsoid6 predicted;
+  std::array<Quadric<double, 6>, 4> quadrics;
+  LongVector6 truth;
+};
+
+Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
+  Scene scene;
+  const Matrix3<double> center = random.rotation();
+  const Vector3<double> rate = r * random.normal_matrix<3>();
+  scene.predicted.shape = random.positive_definite<6>(kind % 2 == 0 ? 10.0 : 1000.0);
+  scene.predicted.shape *= predicted_radius * predicted_radius / scene.predicted.shape.diagonal().maxCoeff();
+  scene.predicted.center.setZero();
+  const LongMatrix6 l = Eigen::LLT<LongMatrix6>(scene.predicted.shape.cast<long double>()).matrixL();
+  const Vector6<double> u = kind % 3 == 0 ? random.unit_vector<6>() : random.in_ball<6>();
+  scene.truth = l * u.normalized().cast<long double>() * (static_cast<long double>(u.norm()) * (1 - 1e-15L));
+  const Long3 g = scene.truth.head<3>() / 2;
+  const Eigen::Matrix<long double, 3, 3> turn =
+      Eigen::Quaternion<long double>(1, g.x(), g.y(), g.z()).normalized().toRotationMatrix();
+  const Matrix3<double> axes = random.orthogonal<3>();
+  for (int k = 0; k < 3; ++k) {
+    const Vector3<double> e = kind % 4 == 0 ? Vector3<double>(axes.col(k)) : random.unit_vector<3>();
+    const Long3 b = turn.transpose() * (center.transpose().cast<long double>() * e.cast<long double>()).normalized();
+    const Long3 across = b.cross(random.unit_vector<3>().cast<long double>()).normalized();
+    const long double angle = (kind % 5 < 2 ? 1.0L : static_cast<long double>(random.uniform(0, 1))) * r;
+    const Long3 measured = std::cos(angle) * b + std::sin(angle) * across;
+    Quadric<double, 3> quadric;
+    REQUIRE(cone(center, Direction<double>::within(e, measured.cast<double>(), r), quadric) == Status::ok);
+    scene.quadrics[static_cast<std::size_t>(k)] = of_attitude(quadric);
+  }
+  const Vector3<double> offset = (1 - 1e-12) * (kind % 5 < 2 ? random.unit_vector<3>() : random.in_ball<3>());
+  Quadric<double, 3> quadric;
+  REQUIRE(
+      to_quadric(rate,
+                 AngularVelocity<double>{rate + (scene.truth.tail<3>() + r * offset.cast<long double>()).cast<double>(),
+                                         (1 + 1e-12) * r * r * Matrix3<double>::Identity()},
+                 quadric) == Status::ok);
+  scene.quadrics[3] = of_vector(quadric);
+  return scene;
+}
+
+// The least size by coordinate descent: F = N − log det A or N + n log tr(W A⁻¹) is convex in μ ≥ 0 (theory, section 16).
+long double smallest_by_descent(const std::vector<Quadric<double, 6>>& constraints, const Criterion& criterion,
+                                std::vector<long double>& mu) {
+  const std::size_t count = constraints.size();
+  const auto value = [&](const std::vector<long double>& m) {
+    LongMatrix6 a = LongMatrix6::Zero();
+    LongVector6 g = LongVector6::Zero();
+    long double c = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      a += m[k] * constraints[k].a.cast<long double>();
+      g += m[k] * constraints[k].g.cast<long double>();
+      c += m[k] * static_cast<long double>(constraints[k].c);
+    }
+    const Eigen::LLT<LongMatrix6> factor(a);
+    if (factor.info() != Eigen::Success) {
+      return HUGE_VALL;
+    }
+    const long double level = c + g.dot(factor.solve(g));
+    if (criterion.kind == Criterion::Kind::volume) {
+      return level - 2 * factor.matrixLLT().diagonal().array().log().sum();
+    }
+    const LongMatrix6 inverse = factor.solve(LongMatrix6::Identity());
+    return level + 6 * std::log((criterion.weight.cast<long double>() * inverse).trace());
+  };
+  long double best = value(mu);
+  for (int sweep = 0; sweep < 200; ++sweep) {
+    const long double before = best;
+    for (std::size_t k = 0; k < count; ++k) {
+      const long double log_mu = std::log(mu[k]);
+      long double low = log_mu - (sweep < 3 ? 12.0L : 1.0L);
+      long double high = log_mu + (sweep < 3 ? 12.0L : 1.0L);
+      const auto along = [&](long double x) {
+        std::vector<long double> trial = mu;
+        trial[k] = std::exp(x);
+        return value(trial);
+      };
+      const long double golden = (std::sqrt(5.0L) - 1) / 2;
+      for (int i = 0; i < 45; ++i) {
+        const long double left = high - golden * (high - low);
+        const long double right = low + golden * (high - low);
+        if (along(left) < along(right)) {
+          high = right;
+        } else {
+          low = left;
+        }
+      }
+      const long double found = along((low + high) / 2);
+      if (found < best) {
+        best = found;
+        mu[k] = std::exp((low + high) / 2);
+      }
+    }
+    if (before - best < 1e-9L) {
+      break;
+    }
+  }
+  // N = n at the best scale: the logarithm of the volume's square, or 6 times that of the trace.
+  return best - 6 + 6 * std::log(6.0L);
+}
+
+}  // namespace
+
+TEST_CASE("fusion never loses what satisfies every constraint") {
+  Random random(1);
+  for (const double ratio : {1e-9, 1e-6, 1e-3, 0.3, 3.0, 1e3, 1e6, 1e9, 1e12}) {
+    long double worst = 0;
+    int smaller = 0;
+    for (int trial = 0; trial < 400; ++trial) {
+      const double r = ratio > 1 ? 0.5 / ratio : 0.05;
+      const Scene scene = make_scene(random, r * ratio, r, trial);
+      for (const Criterion& criterion : {Criterion::volume(), Criterion::trace()}) {
+        Fusion6 result;
+        REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, criterion, result) == Status::ok);
+        CHECK(size_of(result.set.shape, criterion) <= size_of(scene.predicted.shape, criterion));
+        worst = std::max(worst, form(result.set, scene.truth));
+        smaller += result.prediction_alone ? 0 : 1;
+      }
+    }
+    INFO("ratio " << ratio);
+    CHECK(worst <= 1);
+    CHECK(smaller >= (ratio >= 3 ? 790 : 0));
+  }
+}
+
+TEST_CASE("fusion in float never loses what satisfies every constraint") {
+  Random random(2);
+  for (const double ratio : {1e-3, 1.0, 30.0, 1e3, 1e5}) {
+    for (int trial = 0; trial < 200; ++trial) {
+      const double r = ratio > 1 ? 0.5 / ratio : 0.05;
+      const Scene scene = make_scene(random, r * ratio, r, trial);
+      const Ellipsoid<float, 6> predicted{scene.predicted.center.cast<float>(),
+                                          scene.predicted.shape.cast<float>() * 1.00001F};
+      std::array<Quadric<float, 6>, 4> quadrics;
+      bool consistent = form(predicted, scene.truth) <= 1;
+      for (std::size_t k = 0; k < 4; ++k) {
+        const Quadric<double, 6>& q = scene.quadrics[k];
+        quadrics[k] = {q.a.cast<float>(), q.g.cast<float>(), static_cast<float>(q.c)};
+        consistent = consistent && slack_of(quadrics[k], scene.truth) >= 0;  // also as the rounded input says
+      }
+      QuadricFusion<float, 6> result;
+      if (consistent) {
+        REQUIRE(minimal_intersection(&predicted, quadrics.data(), 4, SizeCriterion<float, 6>::volume(), result) ==
+                Status::ok);
+        CHECK(form(result.set, scene.truth) <= 1);
+      }
+    }
+  }
+}
+
+TEST_CASE("fusion finds the smallest ellipsoid of the family") {
+  Random random(3);
+  long double worst = 0;
+  for (int trial = 0; trial < 24; ++trial) {
+    const double r = random.log_uniform(1e-3, 0.1);
+    const Scene scene = make_scene(random, r * random.log_uniform(0.3, 30), r, trial);
+    std::vector<Quadric<double, 6>> all(1);
+    REQUIRE(to_quadric(scene.predicted, all[0]) == Status::ok);
+    all.insert(all.end(), scene.quadrics.begin(), scene.quadrics.end());
+    Matrix6<double> weight = Matrix6<double>::Identity();
+    weight.bottomRightCorner<3, 3>() *= 30;
+    for (const Criterion& criterion : {Criterion::volume(), Criterion::trace(), Criterion::weighted_trace(weight)}) {
+      Fusion6 result;
+      REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, criterion, result) == Status::ok);
+      std::vector<long double> mu(5, 1.2L);
+      const long double best =
+          std::min(smallest_by_descent(all, criterion, mu), size_of(scene.predicted.shape, criterion));
+      worst = std::max(worst, size_of(result.set.shape, criterion) - best);
+      CHECK(size_of(result.set.shape, criterion) - best <= 1e-3L);
+      CHECK(size_of(result.set.shape, criterion) - best >= -1e-7L);
+    }
+  }
+  MESSAGE("worst excess of the logarithm: " << static_cast<double>(worst));
+}
+
+TEST_CASE("fusion of two ellipsoids is that of two sets") {
+  Random random(4);
+  int empty = 0;
+  for (int trial = 0; trial < 1000; ++trial) {
+    const Criterion criterion = trial % 2 == 0 ? Criterion::volume() : Criterion::trace();
+    const Ellipsoid6 first{Vector6<double>::Zero(), random.positive_definite<6>(1e4)};
+    const Ellipsoid6 second{random.uniform(0, 0.5) * random.normal_matrix<6>(), random.positive_definite<6>(1e4)};
+    Quadric<double, 6> quadric;
+    REQUIRE(to_quadric(second, quadric) == Status::ok);
+    Intersection<double, 6> two;
+    Fusion6 many;
+    const Status status = minimal_intersection(first, second, criterion, two);
+    REQUIRE(minimal_intersection(&first, &quadric, 1, criterion, many) == status);
+    if (status == Status::ok) {
+      const long double excess = size_of(many.set.shape, criterion) - size_of(two.set.shape, criterion);
+      CHECK(excess <= 1e-3L);
+      CHECK(excess >= -1e-5L);
+    } else {
+      ++empty;
+      CHECK(many.margin < 0);
+    }
+  }
+  CHECK(empty > 20);
+}
+
+TEST_CASE("emptiness is proved where two ellipsoids do not overlap and nowhere else") {
+  Random random(5);
+  int proved = 0;
+  for (int trial = 0; trial < 600; ++trial) {
+    const Ellipsoid6 first{Vector6<double>::Zero(), random.positive_definite<6>(100.0)};
+    Ellipsoid6 second{random.unit_vector<6>(), random.positive_definite<6>(100.0)};
+    // 1 − margin grows with the square of the distance.
+    double margin;
+    REQUIRE(overlap_margin(first, second, margin) == Status::ok);
+    const double wanted = random.log_uniform(1e-7, 1) * (trial % 2 == 0 ? 1 : -1);
+    second.center *= std::sqrt((1 - wanted) / (1 - margin));
+    REQUIRE(overlap_margin(first, second, margin) == Status::ok);
+    Quadric<double, 6> quadric;
+    REQUIRE(to_quadric(second, quadric) == Status::ok);
+    Fusion6 result;
+    result.margin = 7;
+    const Status status = minimal_intersection(&first, &quadric, 1, Criterion::volume(), result);
+    if (margin > 0) {
+      CHECK(status == Status::ok);
+      CHECK(result.margin >= margin * (1 - 1e-6) - 1e-12);
+    } else if (status == Status::empty_intersection) {
+      ++proved;
+      CHECK(result.margin < 0);
+      CHECK(result.margin >= margin * (1 + 1e-6) - 1e-12);
+    } else {
+      CHECK(margin > -1e-5);  // so close that a proof may be missed, but never made where there is none
+    }
+  }
+  MESSAGE("proved empty: " << proved << " of 300");
+  CHECK(proved >= 290);
+}
+
+TEST_CASE("a contradicting sensor is named") {
+  Random random(6);
+  int named = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Scene scene = make_scene(random, 0.05, 0.02, trial);
+    const std::size_t wrong = static_cast<std::size_t>(trial % 3);
+    const Matrix3<double> center = Matrix3<double>::Identity();
+    const Vector3<double> e = random.unit_vector<3>();
+    Quadric<double, 3> quadric;
+    const Vector3<double> turned = exp(Vector3<double>(0.5 * e.cross(random.unit_vector<3>()).normalized())) * e;
+    REQUIRE(cone(center, Direction<double>::within(e, turned, 0.02), quadric) == Status::ok);
+    scene.quadrics[wrong] = of_attitude(quadric);
+    Fusion6 result;
+    result.prediction_alone = true;
+    REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, Criterion::volume(), result) ==
+            Status::empty_intersection);
+    CHECK(result.margin < 0);
+    named += result.contradiction == wrong ? 1 : 0;
+  }
+  CHECK(named >= 190);
+}
+
+TEST_CASE("quadrics alone are fused where they bound a set") {
+  Random random(7);
+  for (int trial = 0; trial < 300; ++trial) {
+    const double r = random.log_uniform(1e-4, 0.3);
+    const Scene scene = make_scene(random, r, r, 4 * trial);  // three orthogonal directions
+    for (const Criterion& criterion : {Criterion::volume(), Criterion::trace()}) {
+      Fusion6 result;
+      REQUIRE(minimal_intersection<double, 6>(nullptr, scene.quadrics.data(), 4, criterion, result) == Status::ok);
+      CHECK(form(result.set, scene.truth) <= 1);
+      CHECK(result.predicted_multiplier == 0);
+      if (trial < 10) {
+        const std::vector<Quadric<double, 6>> all(scene.quadrics.begin(), scene.quadrics.end());
+        std::vector<long double> mu(4, 1.5L);
+        const long double excess = size_of(result.set.shape, criterion) - smallest_by_descent(all, criterion, mu);
+        CHECK(excess <= 1e-3L);
+        CHECK(excess >= -1e-7L);
+      }
+    }
+    Fusion6 result;
+    CHECK(minimal_intersection<double, 6>(nullptr, scene.quadrics.data(), 3, Criterion::volume(), result) ==
+          Status::unbounded);  // nothing is said of the rate
+    QuadricFusion<double, 3> attitude;
+    const Quadric<double, 3> one{scene.quadrics[0].a.topLeftCorner<3, 3>(), scene.quadrics[0].g.head<3>(),
+                                 scene.quadrics[0].c};
+    CHECK(minimal_intersection<double, 3>(nullptr, &one, 1, SizeCriterion<double, 3>::volume(), attitude) ==
+          Status::unbounded);
+  }
+}
+
+TEST_CASE("forty quadrics are fused") {
+  Random random(8);
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<Quadric<double, 6>> quadrics;
+    const Scene scene = make_scene(random, 0.1, 0.05, 1);
+    for (std::size_t k = 0; k < most_quadrics; ++k) {  // ellipsoids that hold the truth
+      Ellipsoid6 ellipsoid{Vector6<double>::Zero(), 0.01 * random.positive_definite<6>(100.0)};
+      const Matrix6<double> l = Eigen::LLT<Matrix6<double>>(ellipsoid.shape).matrixL();
+      ellipsoid.center = scene.truth.cast<double>() + (1 - 1e-9) * l * random.in_ball<6>();
+      Quadric<double, 6> quadric;
+      REQUIRE(to_quadric(ellipsoid, quadric) == Status::ok);
+      quadrics.push_back(quadric);
+    }
+    Fusion6 result;
+    REQUIRE(minimal_intersection(&scene.predicted, quadrics.data(), quadrics.size(), Criterion::volume(), result) ==
+            Status::ok);
+    CHECK(form(result.set, scene.truth) <= 1);
+    if (trial < 2) {
+      std::vector<Quadric<double, 6>> all = quadrics;
+      all.emplace_back();
+      REQUIRE(to_quadric(scene.predicted, all.back()) == Status::ok);
+      std::vector<long double> mu(all.size(), 0.15L);
+      CHECK(size_of(result.set.shape, Criterion::volume()) - smallest_by_descent(all, Criterion::volume(), mu) <=
+            1e-3L);
+    }
+    quadrics.push_back(quadrics.front());
+    CHECK(minimal_intersection(&scene.predicted, quadrics.data(), quadrics.size(), Criterion::volume(), result) ==
+          Status::out_of_range);
+  }
+}
+
+TEST_CASE("the gradient and the Hessian are those of F") {
+  Random random(9);
+  using Problem = fusion::ManyQuadrics<double, 6>;
+  for (int trial = 0; trial < 20; ++trial) {
+    const Scene scene = make_scene(random, 1.0, 1.0, trial);
+    Problem problem;
+    problem.with_ball = true;
+    problem.by_volume = trial % 2 == 0;
+    problem.weight = random.positive_definite<6>(10.0);
+    problem.count = 5;
+    problem.constraints[0] = {{Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0}, false};
+    for (std::size_t k = 0; k < 4; ++k) {
+      problem.constraints[k + 1] = {scene.quadrics[k], k < 3};
+    }
+    Problem::Multipliers mu{};
+    for (std::size_t k = 0; k < 5; ++k) {
+      mu[k] = random.uniform(0.5, 2) * (k == 0 ? 5 : 1);
+    }
+    Problem::Iterate at;
+    REQUIRE(problem.combine(mu, at) == Status::ok);
+    Problem::Multipliers gradient{};
+    Matrix6<double> v;
+    problem.gradient(at, v, gradient);
+    std::array<double, Problem::most * Problem::most> hessian{};
+    problem.hessian(at, v, gradient, hessian.data());
+    const double h = 1e-5;
+    for (std::size_t j = 0; j < 5; ++j) {
+      const auto moved = [&](double by, Problem::Iterate& it, Problem::Multipliers& slope) {
+        Problem::Multipliers other = mu;
+        other[j] += by;
+        REQUIRE(problem.combine(other, it) == Status::ok);
+        Matrix6<double> w;
+        problem.gradient(it, w, slope);
+      };
+      Problem::Iterate up;
+      Problem::Iterate down;
+      Problem::Multipliers slope_up{};
+      Problem::Multipliers slope_down{};
+      moved(h, up, slope_up);
+      moved(-h, down, slope_down);
+      CHECK(gradient[j] ==
+            doctest::Approx((up.level + up.barrier - down.level - down.barrier) / (2 * h)).epsilon(1e-7));
+      for (std::size_t k = 0; k <= j; ++k) {
+        CHECK(hessian[j * Problem::most + k] == doctest::Approx((slope_up[k] - slope_down[k]) / (2 * h)).epsilon(1e-6));
+      }
+    }
+  }
+}
+
+TEST_CASE("a prediction that nothing improves is returned unchanged") {
+  Random random(10);
+  const Scene scene = make_scene(random, 0.001, 2.0, 4);
+  Fusion6 result;
+  REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, Criterion::volume(), result) == Status::ok);
+  CHECK(result.prediction_alone);
+  CHECK(result.set.shape == scene.predicted.shape);
+  CHECK(result.set.center == scene.predicted.center);
+  CHECK(result.predicted_multiplier == 1);
+  REQUIRE(minimal_intersection<double, 6>(&scene.predicted, nullptr, 0, Criterion::trace(), result) == Status::ok);
+  CHECK(result.prediction_alone);
+  CHECK(result.contradiction == Fusion6::none);
+}
+
+TEST_CASE("the scale of a quadric does not matter and a multiplier may be zero") {
+  Random random(11);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Scene scene = make_scene(random, 0.1, 0.05, trial);
+    std::array<Quadric<double, 6>, 4> scaled = scene.quadrics;
+    for (Quadric<double, 6>& q : scaled) {
+      const double factor = random.log_uniform(1e-12, 1e12);
+      q.a *= factor;
+      q.g *= factor;
+      q.c *= factor;
+    }
+    Fusion6 plain;
+    Fusion6 other;
+    REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, Criterion::volume(), plain) == Status::ok);
+    REQUIRE(minimal_intersection(&scene.predicted, scaled.data(), 4, Criterion::volume(), other) == Status::ok);
+    CHECK(size_of(plain.set.shape, Criterion::volume()) ==
+          doctest::Approx(static_cast<double>(size_of(other.set.shape, Criterion::volume()))).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("bad input to the fusion is refused and changes nothing") {
+  Random random(12);
+  Scene scene = make_scene(random, 0.1, 0.05, 0);
+  Fusion6 result;
+  result.margin = 3;
+  const auto fuse = [&]() {
+    return minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, Criterion::volume(), result);
+  };
+  const Scene good = scene;
+  scene.quadrics[2].c = std::nan("");
+  CHECK(fuse() == Status::not_finite);
+  scene = good;
+  scene.quadrics[1].a(0, 1) += 1;
+  CHECK(fuse() == Status::not_symmetric);
+  scene = good;
+  scene.predicted.shape.setZero();
+  CHECK(fuse() == Status::not_positive_definite);
+  scene = good;
+  scene.predicted.center(3) = std::nan("");
+  CHECK(fuse() == Status::not_finite);
+  scene = good;
+  CHECK(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4,
+                             Criterion::weighted_trace(Matrix6<double>::Zero()),
+                             result) == Status::not_positive_definite);
+  CHECK(result.margin == 3);
+}
