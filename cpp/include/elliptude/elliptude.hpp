@@ -20,6 +20,7 @@
 #include "elliptude/state.hpp"
 #include "elliptude/flow.hpp"
 #include "elliptude/wahba.hpp"
+#include "elliptude/wahba_set.hpp"
 #include "elliptude/measurement.hpp"
 #include "elliptude/fusion.hpp"
 #include "elliptude/convergence.hpp"
