@@ -342,8 +342,8 @@ Returns
 -------
 WahbaSet
     With ``attitude``, shape (..., 3, 3), the Wahba solution for the weights; ``shape``, shape (..., 3, 3), of the ellipsoid of
-    errors about it; ``chart``; ``margin``, shape (...), 1 for directions that fit exactly, negative if and only if the weights prove
-    the data contradictory (never returned); and ``weights``, shape (..., m).
+    errors about it; ``chart``; ``margin``, shape (...), 1 for directions that fit exactly, 0 where a single attitude is left; and
+    ``weights``, shape (..., m).
 
 Raises
 ------
@@ -366,7 +366,7 @@ Examples
 >>> bool(found.contains(truth))
 True
 >>> float(np.degrees(found.largest_angle()).round(2))
-2.0
+2.42
 )");
 
   module.def("add_cross_product", &complete, py::arg("reference"), py::arg("body"),

@@ -200,7 +200,7 @@ class DirectionCones {
     }
     result.curvature.diagonal().array() -= rounding() * total;
     result.level = (Scalar(1) + rounding()) * width - (Scalar(1) - rounding()) * misfit;
-    result.margin = result.level / width;
+    result.margin = (width - misfit) / width;
     sum = result;
     return Status::ok;
   }
@@ -233,7 +233,7 @@ class DirectionCones {
 
   /// A bound of the relative rounding of the sums in `add_up`, and of all that follows from them.
   [[nodiscard]] Scalar rounding() const noexcept {
-    return Scalar(static_cast<int>(4 * count_ + 80)) * Scalar(scalar::epsilon<Scalar>);
+    return Scalar(static_cast<int>(4 * count_ + 160)) * Scalar(scalar::epsilon<Scalar>);
   }
 
   std::array<Vector3<Scalar>, most_directions> reference_;
