@@ -12,7 +12,7 @@
 #include <elliptude/linearization.hpp>
 #include <elliptude/measurement.hpp>
 #include <elliptude/quadric_fusion.hpp>
-#include <elliptude/wahba.hpp>
+#include <elliptude/wahba_set.hpp>
 #include <random>
 
 namespace elliptude::operations {
@@ -244,33 +244,59 @@ double fuse_quadrics(long count) {
 
 // --- attitude from directions ------------------------------------------------------------------------------------------
 
+constexpr std::size_t wahba_samples = 64;
+
+template <int directions>
+struct WahbaSample {
+  Matrix<double, 3, directions> reference;
+  Matrix<double, 3, directions> body;  // wrong by up to 0.174, about 10 degrees
+};
+
+template <int directions>
+std::array<WahbaSample<directions>, wahba_samples> make_wahba_samples() {
+  Random random;
+  std::array<WahbaSample<directions>, wahba_samples> result;
+  for (WahbaSample<directions>& sample : result) {
+    const Matrix3d attitude = exp(random.in_cube(1.8));
+    for (int i = 0; i < directions; ++i) {
+      sample.reference.col(i) = (random.in_cube(0.7) + Vector3d::Unit(i % 3)).normalized();
+      sample.body.col(i) = exp(random.in_cube(0.1)) * attitude.transpose() * sample.reference.col(i);
+    }
+  }
+  return result;
+}
+
 template <WahbaMethod method, int directions>
 double wahba(long count) {
-  constexpr std::size_t samples = 64;
-  using Directions = Matrix<double, 3, directions>;
-  struct Sample {
-    Directions reference;
-    Directions body;
-  };
-  static const std::array<Sample, samples> inputs = [] {
-    Random random;
-    std::array<Sample, samples> result;
-    for (Sample& sample : result) {
-      const Matrix3d attitude = exp(random.in_cube(1.8));
-      for (int i = 0; i < directions; ++i) {
-        sample.reference.col(i) = (random.in_cube(0.7) + Vector3d::Unit(i % 3)).normalized();
-        sample.body.col(i) = exp(random.in_cube(0.1)) * attitude.transpose() * sample.reference.col(i);
-      }
-    }
-    return result;
-  }();
+  static const auto inputs = make_wahba_samples<directions>();
   const Vector<double, directions> weights = Vector<double, directions>::Ones();
   WahbaSolution<double> solution;
   double sum = 0;
   for (long i = 0; i < count; ++i) {
-    const Sample& sample = inputs[static_cast<std::size_t>(i) % samples];
+    const auto& sample = inputs[static_cast<std::size_t>(i) % wahba_samples];
     expect_ok(solve_wahba(sample.reference, sample.body, weights, method, solution));
     sum += solution.attitude.sum();
+  }
+  return sum;
+}
+
+enum class SetWeights : std::uint8_t { given, found };
+
+template <typename Chart, SetWeights choice, int directions>
+double set_of_directions(long count) {
+  static const auto inputs = make_wahba_samples<directions>();
+  const auto bounds = Vector<double, directions>::Constant(0.18);
+  Vector<double, directions> weights = Vector<double, directions>::Ones();
+  WahbaSet<double> set;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const auto& sample = inputs[static_cast<std::size_t>(i) % wahba_samples];
+    if constexpr (choice == SetWeights::given) {
+      expect_ok(wahba_set<Chart>(sample.reference, sample.body, bounds, weights, set));
+    } else {
+      expect_ok(minimal_wahba_set<Chart>(sample.reference, sample.body, bounds, WahbaCriterion::trace, weights, set));
+    }
+    sum += set.error.shape.trace() + set.attitude.sum();
   }
   return sum;
 }
@@ -335,7 +361,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 27> all{{
+inline constexpr std::array<Operation, 32> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -357,6 +383,11 @@ inline constexpr std::array<Operation, 27> all{{
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
     {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
     {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},
+    {"wahba_set_3_directions", set_of_directions<ExponentialChart, SetWeights::given, 3>},
+    {"wahba_set_5_directions", set_of_directions<ExponentialChart, SetWeights::given, 5>},
+    {"wahba_set_gibbs_3_directions", set_of_directions<GibbsChart, SetWeights::given, 3>},
+    {"minimal_wahba_set_3_directions", set_of_directions<ExponentialChart, SetWeights::found, 3>},
+    {"minimal_wahba_set_5_directions", set_of_directions<ExponentialChart, SetWeights::found, 5>},
     {"exp", rotation<Exponential, 1800>},
     {"exp_of_small_angle", rotation<Exponential, 100>},
     {"cayley", rotation<Cayley, 100>},

@@ -47,6 +47,7 @@ from elliptude._core import (
     rotation_from_quaternion,
     vee,
     wahba,
+    wahba_set,
 )
 from elliptude._scipy import to_scipy
 from elliptude.errors import InconsistentMeasurement
@@ -60,6 +61,7 @@ from elliptude.results import (
     PrincipalAxes,
     Trajectory,
     Update,
+    WahbaSet,
     WahbaSolution,
 )
 
@@ -87,6 +89,7 @@ __all__ = [
     "Trajectory",
     "UniformGravity",
     "Update",
+    "WahbaSet",
     "WahbaSolution",
     "__version__",
     "add_cross_product",
@@ -113,4 +116,5 @@ __all__ = [
     "to_scipy",
     "vee",
     "wahba",
+    "wahba_set",
 ]

@@ -12,6 +12,7 @@ from elliptude.results import (
     PrincipalAxes,
     Trajectory,
     Update,
+    WahbaSet,
     WahbaSolution,
 )
 from elliptude.typing import AttitudeLike, PotentialLike
@@ -203,6 +204,14 @@ def wahba(
     weights: ArrayLike | None = None,
     method: Literal["svd", "davenport", "qr"] = "svd",
 ) -> WahbaSolution: ...
+def wahba_set(
+    reference: ArrayLike,
+    body: ArrayLike,
+    bounds: ArrayLike,
+    weights: ArrayLike | None = None,
+    chart: Literal["exponential", "gibbs"] = "exponential",
+    criterion: _Criterion = "trace",
+) -> WahbaSet: ...
 def add_cross_product(reference: ArrayLike, body: ArrayLike) -> tuple[_Floats, _Floats]: ...
 
 @final

@@ -1,12 +1,13 @@
 """What functions return that return more than one thing."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude._core import Ellipsoid
+from elliptude._core import Ellipsoid, cayley_inverse, log
+from elliptude.typing import AttitudeLike, SupportsAsMatrix
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -64,6 +65,40 @@ class WahbaSolution(NamedTuple):
     """½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² of unit directions, shape (...)."""
     condition: np.float64 | FloatArray
     """Largest over smallest curvature of the cost, shape (...)."""
+
+
+@dataclass(frozen=True)
+class WahbaSet:
+    """Ellipsoids of attitude errors that contain the truth, about the attitudes that fit directions best.
+
+    The errors are coordinates of Ĉᵀ C, and the ellipsoids' centers are zero.
+    """
+
+    attitude: FloatArray
+    """Ĉ, the Wahba solution for the weights, from body to reference axes, shape (..., 3, 3)."""
+    shape: FloatArray
+    """P in rad² of {x : xᵀ P⁻¹ x ≤ 1}, shape (..., 3, 3)."""
+    chart: Literal["exponential", "gibbs"]
+    """Whether x is ζ, with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
+    margin: np.float64 | FloatArray
+    """The share of the bounds that is left: 1 for directions that fit exactly, shape (...)."""
+    weights: FloatArray
+    """Of the directions, given or found, shape (..., m)."""
+
+    def largest_angle(self) -> np.float64 | FloatArray:
+        """The largest attitude error in each set, rad, shape (...)."""
+        longest = np.sqrt(np.linalg.eigvalsh(self.shape)[..., -1])
+        angle: np.float64 | FloatArray = longest if self.chart == "exponential" else 2.0 * np.arctan(0.5 * longest)
+        return angle
+
+    def contains(self, attitude: AttitudeLike) -> np.bool_ | NDArray[np.bool_]:
+        """Whether each attitude C, from body to reference axes, is in its set, shape (...)."""
+        matrices = np.asarray(attitude.as_matrix() if isinstance(attitude, SupportsAsMatrix) else attitude)
+        turn = np.swapaxes(self.attitude, -1, -2) @ matrices
+        error = log(turn) if self.chart == "exponential" else 2.0 * cayley_inverse(turn)
+        form = np.sum(error * np.linalg.solve(self.shape, error[..., None])[..., 0], axis=-1)
+        inside: np.bool_ | NDArray[np.bool_] = form <= 1.0
+        return inside
 
 
 class Extent(NamedTuple):

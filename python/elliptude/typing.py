@@ -1,11 +1,12 @@
 """Types of arguments, for annotations."""
 
-from typing import Protocol, SupportsFloat, TypeAlias
+from typing import Protocol, SupportsFloat, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
+@runtime_checkable
 class SupportsAsMatrix(Protocol):
     """What has its matrix, such as SciPy's ``Rotation``."""
 

@@ -231,6 +231,29 @@ void use_wahba(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
                         weights.head(2 + tally.calls % 2), WahbaMethod::svd, solution));
 }
 
+template <typename Chart, typename Scalar>
+void use_wahba_set(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
+  const Matrix3<Scalar> reference = Matrix3<Scalar>::Identity();
+  Matrix3<Scalar> body = exp(seeds.zeta).transpose();
+  body.col(0) += scalar::constant<Scalar>(0.1L) * seeds.rate;
+  const Vector3<Scalar> bounds = Vector3<Scalar>::Constant(scalar::constant<Scalar>(0.1L));
+  Vector3<Scalar> weights = Vector3<Scalar>::Ones();
+  ConeSum<Scalar> sum;
+  tally.add(cone_sum(reference, body, bounds, weights, sum));
+  tally.add(sum.curvature);
+  Ellipsoid<Scalar, 3> error;
+  tally.add(bounding_ellipsoid<Chart>(sum, error));
+  tally.add(error.shape);
+  WahbaSet<Scalar> set;
+  tally.add(wahba_set<Chart>(reference, body, bounds, weights, set));
+  tally.add(set.attitude);
+  for (const WahbaCriterion criterion : {WahbaCriterion::trace, WahbaCriterion::volume}) {
+    tally.add(minimal_wahba_set<Chart>(reference, body, bounds, criterion, weights, set));
+    tally.add(set.error.shape);
+    tally.add(weights);
+  }
+}
+
 template <typename Scalar, typename Estimator>
 void use_filters(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   using BodyState = RigidBodyState<Scalar>;
@@ -353,6 +376,8 @@ template <typename Scalar>
   use_ellipsoid<Scalar, 6>(shape, tally);
   use_dynamics(seeds, tally);
   use_wahba(seeds, tally);
+  use_wahba_set<ExponentialChart>(seeds, tally);
+  use_wahba_set<GibbsChart>(seeds, tally);
   use_filters<Scalar, PaperEstimator>(seeds, tally);
   use_filters<Scalar, FirstOrderEstimator>(seeds, tally);
   use_guaranteed_fusion(seeds, tally);

@@ -331,6 +331,22 @@ TEST_CASE("rotation_svd agrees with Eigen for either sign of the determinant and
   check_svd(Matrix3<double>::Ones());
 }
 
+TEST_CASE("rotation_svd converges where rounding keeps nearly equal columns from being orthogonal to the last bit") {
+  Matrix3<double> a;
+  a << 0.59263603819883792, 0.43705305050473409, 0.6765849224395204,    //
+      -0.52680384970296079, -0.60341481567228061, 0.59863867580146202,  //
+      0.61073865826909424, -0.70378788730322928, -0.36287863119908775;
+  RotationSvd<double> svd;
+  REQUIRE(rotation_svd(a, svd) == Status::ok);
+  CHECK((svd.u * svd.values.asDiagonal() * svd.v.transpose() - a).norm() <= 4e-15);
+  Random random(18);
+  for (int trial = 0; trial < 100000; ++trial) {
+    a = random.rotation() + random.log_uniform(1e-16, 0.3) * random.normal_matrix<3, 3>();
+    REQUIRE(rotation_svd(a, svd) == Status::ok);
+    REQUIRE((svd.u * svd.values.asDiagonal() * svd.v.transpose() - a).norm() <= 1e-14);
+  }
+}
+
 TEST_CASE("rotation_svd keeps U a rotation when the second singular value all but vanishes") {
   for (const double tiny : {1e-16, 1e-30, 3e-31, 1e-31, 6e-32, 1e-32, 1e-100, 1e-300}) {
     Matrix3<double> a = Matrix3<double>::Zero();

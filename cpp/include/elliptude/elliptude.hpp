@@ -25,6 +25,7 @@
 #include "elliptude/error_tube.hpp"
 #include "elliptude/guaranteed_flow.hpp"
 #include "elliptude/wahba.hpp"
+#include "elliptude/wahba_set.hpp"
 #include "elliptude/measurement.hpp"
 #include "elliptude/fusion.hpp"
 #include "elliptude/convergence.hpp"

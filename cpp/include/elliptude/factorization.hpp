@@ -347,8 +347,10 @@ template <typename Scalar>
         const Scalar pp = columns.col(p).squaredNorm();
         const Scalar qq = columns.col(q).squaredNorm();
         const Scalar pq = columns.col(p).dot(columns.col(q));
-        // Columns at right angles to rounding, or so short that their angle is rounding.
-        if (scalar::abs(pq) <= epsilon * scalar::sqrt(Scalar(pp * qq)) || scalar::abs(pq) <= epsilon * epsilon) {
+        // Columns at right angles to rounding, of which a product of three terms takes some, or so short that their angle is
+        // rounding.
+        if (scalar::abs(pq) <= Scalar(4) * epsilon * scalar::sqrt(Scalar(pp * qq)) ||
+            scalar::abs(pq) <= epsilon * epsilon) {
           continue;
         }
         converged = false;

@@ -40,6 +40,18 @@ def ellipsoids(rng: np.random.Generator) -> None:
     assert_type(ball.sample(10, rng, surface=True), Floats)
 
 
+def sets_of_attitudes() -> None:
+    found = elliptude.wahba_set(np.eye(3), np.eye(3), 0.1, chart="gibbs")
+    assert_type(found, elliptude.WahbaSet)
+    assert_type(found.shape, Floats)
+    assert_type(found.largest_angle(), np.float64 | Floats)
+    assert_type(found.contains(Rotation.identity()), np.bool_ | NDArray[np.bool_])
+    elliptude.wahba_set(np.eye(3), np.eye(3), [0.1, 0.1, 0.2], weights=np.ones(3), criterion="volume")
+    elliptude.wahba_set(np.eye(3), np.eye(3))  # type: ignore[call-arg]
+    elliptude.wahba_set(np.eye(3), np.eye(3), 0.1, chart="quaternion")  # type: ignore[arg-type]
+    found.margin = np.float64(0.5)  # type: ignore[misc]
+
+
 class Spring:
     """A potential of one's own."""
 
