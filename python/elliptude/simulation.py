@@ -167,7 +167,7 @@ def measure(
     reference = np.array(scenario.directions[name])
     true_directions = np.einsum("nji,mj->nmi", attitudes[1 - first :], reference)
     streams = np.random.SeedSequence(seed, spawn_key=tuple(scenario.name.encode())).spawn(2)
-    direction_errors, rate_errors = _unit_errors(noise, true_directions, *map(np.random.default_rng, streams))
+    direction_errors, rate_errors = unit_errors(noise, true_directions, *map(np.random.default_rng, streams))
     turned_back = Rotation.from_rotvec(-bound * direction_errors.reshape(-1, 3))
     measured_directions = np.full((len(times), *reference.shape), np.nan)
     measured_directions[1 - first :] = turned_back.apply(true_directions.reshape(-1, 3)).reshape(true_directions.shape)
@@ -247,20 +247,34 @@ def _torque(potential: scenarios.Potential, inertia: FloatArray) -> _Torque:
 # --- the errors -------------------------------------------------------------------------------------------------------
 
 
-def _unit_errors(
+def unit_errors(
     noise: Noise, directions: FloatArray, direction_draws: np.random.Generator, rate_draws: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Errors ν of true directions (N, m, 3) and v (N, 3), both for bounds of 1."""
+    """Errors of directions and rates, both for bounds of 1.
+
+    Parameters
+    ----------
+    noise : {"inside", "perpendicular", "common"}
+        See `Noise`.
+    directions : (N, m, 3) array
+        True ones, body axes.
+    direction_draws, rate_draws : numpy.random.Generator
+
+    Returns
+    -------
+    nu : (N, m, 3) array
+    v : (N, 3) array
+    """
     count, sensors, _ = directions.shape
     match noise:
         case "inside":
-            return _in_ball(direction_draws, (count, sensors)), _in_ball(rate_draws, (count,))
+            return in_ball(direction_draws, (count, sensors)), in_ball(rate_draws, (count,))
         case "perpendicular":
-            around = np.cross(directions, _on_sphere(direction_draws, (count, sensors)))
-            return _normalized(around), _on_sphere(rate_draws, (count,))
+            around = np.cross(directions, on_sphere(direction_draws, (count, sensors)))
+            return _normalized(around), on_sphere(rate_draws, (count,))
         case "common":
-            shared = _on_sphere(direction_draws, (count, 1))
-            return np.broadcast_to(shared, directions.shape), _on_sphere(rate_draws, (count,))
+            shared = on_sphere(direction_draws, (count, 1))
+            return np.broadcast_to(shared, directions.shape), on_sphere(rate_draws, (count,))
         case _:
             assert_never(noise)
 
@@ -270,10 +284,11 @@ def _normalized(vectors: FloatArray) -> FloatArray:
     return normalized
 
 
-def _on_sphere(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+def on_sphere(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+    """Uniform on the unit sphere, shape (..., 3)."""
     return _normalized(draws.standard_normal((*shape, 3)))
 
 
-def _in_ball(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+def in_ball(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
     """Uniform in the unit ball, shape (..., 3)."""
-    return _on_sphere(draws, shape) * np.cbrt(draws.random((*shape, 1)))
+    return on_sphere(draws, shape) * np.cbrt(draws.random((*shape, 1)))

@@ -106,7 +106,7 @@ def test_common_error_turns_all_directions_alike(scenario, truth):
 
 def test_inside_is_uniform():
     draws = np.random.default_rng(0)
-    points = simulation._in_ball(draws, (20000,))
+    points = simulation.in_ball(draws, (20000,))
     radii = np.linalg.norm(points, axis=-1)
     assert radii.max() <= 1
     # A uniform ball: r³ is uniform, the mean is 0 and each coordinate has variance 1/5; five standard deviations.
@@ -117,7 +117,7 @@ def test_inside_is_uniform():
 
 def test_perpendicular_azimuth_is_uniform():
     toward = np.broadcast_to([0.0, 0.6, 0.8], (20000, 1, 3))
-    nu, _ = simulation._unit_errors("perpendicular", toward, np.random.default_rng(0), np.random.default_rng(1))
+    nu, _ = simulation.unit_errors("perpendicular", toward, np.random.default_rng(0), np.random.default_rng(1))
     np.testing.assert_allclose(np.sum(nu * toward, axis=-1), 0, atol=1e-15)
     azimuth = np.arctan2(nu[:, 0] @ [0.0, 0.8, -0.6], nu[:, 0, 0])
     for multiple in (1, 2, 3):
