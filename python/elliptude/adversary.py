@@ -72,7 +72,7 @@ class Errors:
     start: FloatArray
     """The true initial state in the first set, shape (T, 6)."""
 
-    def of(self, rows: NDArray[np.bool_] | slice) -> "Errors":
+    def of(self, rows: NDArray[np.intp]) -> "Errors":
         """Those of some trials."""
         return Errors(*(getattr(self, field.name)[rows] for field in fields(self)))
 
@@ -99,7 +99,7 @@ class Starts:
         symmetric: FloatArray = 0.5 * (shapes + shapes.swapaxes(1, 2))
         return symmetric
 
-    def of(self, rows: slice) -> "Starts":
+    def of(self, rows: NDArray[np.intp]) -> "Starts":
         """Those of some trials."""
         return Starts(*(getattr(self, field.name)[rows] for field in fields(self)))
 
@@ -373,7 +373,7 @@ def draw_starts(of: Plant, count: int, draws: np.random.Generator) -> Starts:
 
 
 def draw_errors(of: Plant, noise: Noise, starts: Starts, updates: int, draws: np.random.Generator) -> Errors:
-    """Errors of one kind; for ``search`` those that its first run begins with.
+    """Errors of one kind; for ``search`` a mixture to begin with.
 
     Parameters
     ----------
@@ -388,37 +388,30 @@ def draw_errors(of: Plant, noise: Noise, starts: Starts, updates: int, draws: np
     Errors
     """
     count, sensors = len(starts.vectors), len(of.reference)
-    signs = (-1.0) ** np.arange(updates)
-    match noise:
-        case "inside":
-            start = _in_ball_of_six(draws, count)
-            rates = simulation.in_ball(draws, (count, updates))
-            inputs = simulation.in_ball(draws, (count, updates, 2))
-        case "perpendicular" | "common":
-            start = _normalized(draws.standard_normal((count, 6)))
-            rates = simulation.on_sphere(draws, (count, updates))
-            inputs = simulation.on_sphere(draws, (count, updates, 2))
-        case "alternating" | "search":
-            start = _normalized(draws.standard_normal((count, 6)))
-            # A search begins with errors that keep their sign, in half of the trials.
-            keeps = draws.random(count) < (0.5 if noise == "search" else 0.0)
-            sign = np.where(keeps[:, None], 1.0, signs)
-            rates = sign[..., None] * simulation.on_sphere(draws, (count, 1))
-            inputs = sign[..., None, None] * simulation.on_sphere(draws, (count, 1, 2))
-        case _:
-            assert_never(noise)
-    unknown = Errors(np.zeros((count, updates, sensors, 3)), rates, inputs, start)
-    true = _true_directions(of, of.motion(starts, unknown))
-    if noise == "alternating" or noise == "search":
-        # Half of the searches begin with a turn that all directions share.
-        shared = draws.random(count) < (0.5 if noise == "search" else 0.0)
-        around = simulation.on_sphere(draws, (count, 1, sensors))
-        around[shared] = around[shared][:, :, :1]
-        across = np.cross(true, np.broadcast_to(around, true.shape))
-        directions = sign[..., None, None] * np.where(shared[:, None, None, None], around, _normalized(across))
-    else:
-        directions, _ = simulation.unit_errors(noise, true.reshape(-1, sensors, 3), *draws.spawn(2))
-        directions = directions.reshape(true.shape)
+    if noise == "inside":
+        return Errors(
+            directions=simulation.in_ball(draws, (count, updates, sensors)),
+            rates=simulation.in_ball(draws, (count, updates)),
+            inputs=simulation.in_ball(draws, (count, updates, 2)),
+            start=_normalized(draws.standard_normal((count, 6))) * draws.random((count, 1)) ** (1.0 / 6.0),
+        )
+    # In time the errors of a trial are drawn anew, the same, or the same but for their sign.
+    in_time = draws.integers(3, size=count)
+    shared = draws.integers(2, size=count) == 1
+    if noise != "search":
+        in_time[:] = 2 if noise == "alternating" else 0
+        shared[:] = noise == "common"
+    signs = np.where((in_time == 2)[:, None], (-1.0) ** np.arange(updates), 1.0)
+
+    def on_spheres(*items: int) -> FloatArray:
+        drawn = simulation.on_sphere(draws, (count, updates, *items))
+        each = (slice(None), slice(None), *(None for _ in items), None)
+        return signs[each] * np.where((in_time == 0)[:, None][each], drawn, drawn[:, :1])
+
+    rates, inputs, around = on_spheres(), on_spheres(2), on_spheres(sensors)
+    start = _normalized(draws.standard_normal((count, 6)))
+    true = _true_directions(of, of.motion(starts, Errors(np.zeros_like(around), rates, inputs, start)))
+    directions = np.where(shared[:, None, None, None], around[:, :, :1], _normalized(np.cross(true, around)))
     return Errors(directions, rates, inputs, start)
 
 
@@ -466,7 +459,3 @@ def propose(errors: Errors, draws: np.random.Generator) -> Errors:
 def _normalized(vectors: FloatArray) -> FloatArray:
     normalized: FloatArray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return normalized
-
-
-def _in_ball_of_six(draws: np.random.Generator, count: int) -> FloatArray:
-    return _normalized(draws.standard_normal((count, 6))) * draws.random((count, 1)) ** (1.0 / 6.0)

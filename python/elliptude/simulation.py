@@ -167,7 +167,7 @@ def measure(
     reference = np.array(scenario.directions[name])
     true_directions = np.einsum("nji,mj->nmi", attitudes[1 - first :], reference)
     streams = np.random.SeedSequence(seed, spawn_key=tuple(scenario.name.encode())).spawn(2)
-    direction_errors, rate_errors = unit_errors(noise, true_directions, *map(np.random.default_rng, streams))
+    direction_errors, rate_errors = _unit_errors(noise, true_directions, *map(np.random.default_rng, streams))
     turned_back = Rotation.from_rotvec(-bound * direction_errors.reshape(-1, 3))
     measured_directions = np.full((len(times), *reference.shape), np.nan)
     measured_directions[1 - first :] = turned_back.apply(true_directions.reshape(-1, 3)).reshape(true_directions.shape)
@@ -247,24 +247,10 @@ def _torque(potential: scenarios.Potential, inertia: FloatArray) -> _Torque:
 # --- the errors -------------------------------------------------------------------------------------------------------
 
 
-def unit_errors(
+def _unit_errors(
     noise: Noise, directions: FloatArray, direction_draws: np.random.Generator, rate_draws: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Errors of directions and rates, both for bounds of 1.
-
-    Parameters
-    ----------
-    noise : {"inside", "perpendicular", "common"}
-        See `Noise`.
-    directions : (N, m, 3) array
-        True ones, body axes.
-    direction_draws, rate_draws : numpy.random.Generator
-
-    Returns
-    -------
-    nu : (N, m, 3) array
-    v : (N, 3) array
-    """
+    """Errors ν of true directions (N, m, 3) and v (N, 3), both for bounds of 1."""
     count, sensors, _ = directions.shape
     match noise:
         case "inside":

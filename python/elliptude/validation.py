@@ -36,8 +36,10 @@ Mode: TypeAlias = Literal["guaranteed", "first_order", "paper"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 CHUNK_TRIALS = 480
 """What is drawn at once, and the least that is kept of an interrupted run."""
-SEARCH_RUNS, SEARCH_BEGINNINGS = 240, 12
-"""A search is this many runs, each a trial; the best of the first ones is where it begins to climb."""
+SEARCH_RUNS = 240
+"""A search is this many runs, each a trial."""
+SEARCH_DRAWN = 0.3
+"""The share of them that is drawn at random; from the worst of these the search climbs."""
 SETTLED_UPDATE = 6
 """Sizes are means from this update on."""
 FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])
@@ -330,33 +332,33 @@ def validate_chunk(arguments: Arguments, case: Case, number: int) -> dict[str, A
 def _search(
     of: Plant, arguments: Arguments, count: int, draws: np.random.Generator, tally: "_Tally"
 ) -> tuple[Starts, Errors]:
-    """Searches with `count` runs in all, side by side; where each of them ended.
-
-    What was tried is kept if the largest form of the run grew.
-    """
+    """Searches with `count` runs in all, side by side; where each of them ended."""
     searches = -(-count // SEARCH_RUNS)
-    starts = draw_starts(of, searches, draws)
-    best = draw_errors(of, "search", starts, arguments.updates, draws)
-    highest = np.full(searches, -np.inf)
-    proposed = best
-    for done in range(0, count, searches):
-        some = slice(min(count - done, searches))
-        tried_starts, tried = starts.of(some), proposed.of(some)
-        motion = of.motion(tried_starts, tried)
-        runs = run(of, arguments.mode, tried_starts, measure(of, motion, tried))
-        values = forms(arguments.mode, runs, motion)
-        tally.add(runs, values)
-        worst = np.where(np.isnan(values), -np.inf, values).max(axis=1)
-        better = np.zeros(searches, bool)
-        better[some] = worst > highest[some]
-        highest[some] = np.maximum(worst, highest[some])
+    drawn = max(searches, round(SEARCH_DRAWN * count))
+    starts = draw_starts(of, drawn, draws)
+    errors = draw_errors(of, "search", starts, arguments.updates, draws)
+    heights = _highest_forms(of, arguments.mode, starts, errors, tally)
+    chosen = np.argsort(-heights, kind="stable")[:searches]
+    starts, best, highest = starts.of(chosen), errors.of(chosen), heights[chosen]
+    for done in range(drawn, count, searches):
+        some = np.arange(min(searches, count - done))
+        tried = propose(best, draws).of(some)
+        heights = _highest_forms(of, arguments.mode, starts.of(some), tried, tally)
+        better = heights > highest[some]
+        highest[some[better]] = heights[better]
         for field in fields(best):
-            getattr(best, field.name)[better] = getattr(proposed, field.name)[better]
-        if done // searches + 1 < SEARCH_BEGINNINGS:
-            proposed = draw_errors(of, "search", starts, arguments.updates, draws)
-        else:
-            proposed = propose(best, draws)
+            getattr(best, field.name)[some[better]] = getattr(tried, field.name)[better]
     return starts, best
+
+
+def _highest_forms(of: Plant, mode: Mode, starts: Starts, errors: Errors, tally: "_Tally") -> FloatArray:
+    """The largest form of each run, which is counted; shape (T,)."""
+    motion = of.motion(starts, errors)
+    runs = run(of, mode, starts, measure(of, motion, errors))
+    values = forms(mode, runs, motion)
+    tally.add(runs, values)
+    highest: FloatArray = np.where(np.isnan(values), -np.inf, values).max(axis=1)
+    return highest
 
 
 class _Tally:

@@ -117,7 +117,7 @@ def test_inside_is_uniform():
 
 def test_perpendicular_azimuth_is_uniform():
     toward = np.broadcast_to([0.0, 0.6, 0.8], (20000, 1, 3))
-    nu, _ = simulation.unit_errors("perpendicular", toward, np.random.default_rng(0), np.random.default_rng(1))
+    nu, _ = simulation._unit_errors("perpendicular", toward, np.random.default_rng(0), np.random.default_rng(1))
     np.testing.assert_allclose(np.sum(nu * toward, axis=-1), 0, atol=1e-15)
     azimuth = np.arctan2(nu[:, 0] @ [0.0, 0.8, -0.6], nu[:, 0, 0])
     for multiple in (1, 2, 3):
