@@ -25,7 +25,7 @@ from elliptude.validation import Arguments
 
 _PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
 # Between two writings of what is done, s.
-_KEEP_AFTER = 2.0
+_KEEP_AFTER = 0.5
 
 
 def validate(

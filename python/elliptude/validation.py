@@ -450,6 +450,9 @@ def _combine_sizes(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     counted = [part for part in parts if part["updates"]]
     updates = sum(part["updates"] for part in counted)
     result: dict[str, Any] = {"updates": updates}
-    for name in set.intersection(*(set(part) for part in counted)) - {"updates"} if counted else ():
-        result[name] = {size: sum(part["updates"] * part[name][size] for part in counted) / updates for size in _SIZES}
+    for name in counted[0] if counted else ():
+        if name != "updates" and all(name in part for part in counted):
+            result[name] = {
+                size: sum(part["updates"] * part[name][size] for part in counted) / updates for size in _SIZES
+            }
     return result
