@@ -61,21 +61,8 @@ def test_json_is_the_same_on_any_number_of_processes_and_a_second_time(tmp_path,
 
 
 def test_an_interrupted_run_goes_on_where_it_was(tmp_path):
-    options = [
-        "--scenario",
-        "orbit",
-        "--directions",
-        "two",
-        "--mode",
-        "paper",
-        "--bound-deg",
-        "7",
-        "--trials",
-        "1400",
-        "--updates",
-        "10",
-        "--json",
-    ]
+    options = ["--scenario", "orbit", "--directions", "two", "--bound-deg", "7", "--mode", "paper", "--json"]
+    options += ["--trials", "1400", "--updates", "3"]
     command = [*PROGRAM, "validate", "--out", str(tmp_path / "out"), "--processes", "2", *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     progress = tmp_path / "out" / "progress.json"
