@@ -61,7 +61,9 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
             estimates.update(directions, of.reference, deviation)
         elif isinstance(of, RigidBodyPlant) and row > 1:
             flow, steps = of.flow(), of.scenario.steps_between_measurements
-            integrator = _core.Integrator(flow.body, flow.potential, step=of.interval / steps, order=of.scenario.integrator_order)
+            integrator = _core.Integrator(
+                flow.body, flow.potential, step=of.interval / steps, order=of.scenario.integrator_order
+            )
             estimates.predict_rigid_body(integrator, steps, (row - 1) * of.interval)
             estimates.update(directions, of.reference, deviation, rates, deviation)
         runs.attitudes[:, row - 1] = estimates.attitude

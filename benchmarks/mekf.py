@@ -1,9 +1,9 @@
 """A multiplicative extended Kalman filter to compare with, for many runs at once.
 
 The error is on the body side, C = Ĉ exp(S(ζ)), the state [ζ; δω] of a rigid body or [ζ; δβ] of a gyro with bias. A
-rigid body is carried by the flow and its linearization that the other estimators have; so they differ in nothing but the
-estimator. Its motion is known exactly, so there is no process noise. Covariances are reset when the error is put into the
-attitude. See Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2.
+rigid body is carried by the flow and its linearization that the other estimators have, so that they differ in nothing
+but the estimator. Its motion is known exactly, so there is no process noise. Covariances are reset when the error goes
+into the attitude. See Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2.
 """
 
 from dataclasses import dataclass
