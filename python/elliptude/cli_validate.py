@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -177,23 +177,20 @@ def _results(
         for name, case, number in left:
             yield name, validation.validate_chunk(arguments, case, number)
         return
-    with _pool(processes) as pool:
-        tasks = {pool.submit(validation.validate_chunk, arguments, case, number): name for name, case, number in left}
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        # All processes begin with the first task; they leave an interrupt to this one.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            tasks = {
+                pool.submit(validation.validate_chunk, arguments, case, number): name for name, case, number in left
+            }
+        finally:
+            signal.signal(signal.SIGINT, handler)
         for task in as_completed(tasks):
             yield tasks[task], task.result()
-
-
-@contextmanager
-def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that leave an interrupt to this one; what has not begun by the end is not done."""
-    pool = ProcessPoolExecutor(
-        processes,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),
-    )
-    try:
-        yield pool
+    except BrokenProcessPool as error:
+        raise FileError("a process has ended before its work was done; the same command goes on from there") from error
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -223,7 +220,7 @@ def _table(summary: dict[str, Any]) -> Table:
             *(f"{line[name]}" for name in ("updates", "escapes", "refused", "failed")),
             "" if worst is None else f"{worst['worst']['form']:.5g}",
             "" if worst is None else worst["noise"],
-            f"{100.0 * line['used'] / line['updates']:.1f}",
+            f"{100.0 * line['used'] / line['predictions']:.1f}" if line["predictions"] else "",
             *(_ratio(line["sizes"], size, to) for size in ("trace", "volume_radius") for to in ("paper", "measured")),
         )
     return table

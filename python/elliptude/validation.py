@@ -45,7 +45,7 @@ SETTLED_UPDATE = 6
 FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])
 """Of the histogram of forms."""
 
-_COUNTS = ("updates", "escapes", "refused", "failed", "used")
+_COUNTS = ("updates", "escapes", "refused", "failed", "predictions", "used")
 _SIZES = ("trace", "volume_radius", "largest_angle_rad")
 
 
@@ -318,7 +318,7 @@ def validate_chunk(arguments: Arguments, case: Case, number: int) -> dict[str, A
     measured = measure(of, motion, errors)
     runs = run(of, arguments.mode, starts, measured)
     if case.noise != "search":
-        tally.add(runs, forms(arguments.mode, runs, motion))
+        tally.add(starts, runs, forms(arguments.mode, runs, motion))
     compared = {
         "own": sizes(arguments.mode, runs.shapes),
         "paper": sizes("paper", run(of, "paper", starts, measured).shapes),
@@ -356,7 +356,7 @@ def _highest_forms(of: Plant, mode: Mode, starts: Starts, errors: Errors, tally:
     motion = of.motion(starts, errors)
     runs = run(of, mode, starts, measure(of, motion, errors))
     values = forms(mode, runs, motion)
-    tally.add(runs, values)
+    tally.add(starts, runs, values)
     highest: FloatArray = np.where(np.isnan(values), -np.inf, values).max(axis=1)
     return highest
 
@@ -365,17 +365,18 @@ class _Tally:
     """Counts over the runs of a chunk."""
 
     def __init__(self) -> None:
-        self.runs = self.updates = self.escapes = self.refused = self.failed = self.used = 0
+        self.runs = 0
+        self.counts = dict.fromkeys(_COUNTS, 0)
         self.worst: dict[str, Any] | None = None
         self.histogram = np.zeros(len(FORM_EDGES) - 1, np.int64)
 
-    def add(self, runs: Runs, values: FloatArray) -> None:
+    def add(self, starts: Starts, runs: Runs, values: FloatArray) -> None:
         judged = ~np.isnan(values)
-        self.updates += values.size
-        self.failed += int(np.sum(~judged))
-        self.refused += int(np.sum(judged & ~runs.holds))
-        self.escapes += int(np.sum(values > 1.0))
-        self.used += int(np.sum(runs.used))
+        # A measurement that a filter starts from meets no prediction.
+        predictions = values.size - int(np.sum(starts.from_measurement))
+        added = (values.size, np.sum(values > 1.0), np.sum(judged & ~runs.holds), np.sum(~judged), predictions)
+        for name, count in zip(_COUNTS, (*added, np.sum(runs.used)), strict=True):
+            self.counts[name] += int(count)
         self.histogram += np.histogram(values[judged], np.append(FORM_EDGES[:-1], np.finfo(float).max))[0]
         self.histogram[-1] += int(np.sum(np.isinf(values)))
         if judged.any():
@@ -389,8 +390,7 @@ class _Tally:
         worst = self.worst
         if worst is not None and math.isinf(worst["form"]):
             worst = worst | {"form": float(np.finfo(float).max)}  # JSON knows no infinity
-        counts = {name: getattr(self, name) for name in ("updates", "escapes", "refused", "failed", "used")}
-        return counts | {"worst": worst, "histogram": self.histogram.tolist()}
+        return self.counts | {"worst": worst, "histogram": self.histogram.tolist()}
 
 
 def _mean_sizes(compared: Mapping[str, FloatArray]) -> dict[str, Any]:

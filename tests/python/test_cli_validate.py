@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from typing import get_args, get_type_hints
 
 import elliptude
 import guaranteed_stand_in
 import pytest
-from elliptude import adversary, cli, validation
+from elliptude import adversary, cli, cli_validate, validation
 from typer.testing import CliRunner
 
 PROGRAM = [sys.executable, "-c", "from elliptude.cli import main; main()"]
@@ -64,16 +65,18 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path):
     options = ["--scenario", "orbit", "--directions", "two", "--bound-deg", "7", "--mode", "paper", "--json"]
     options += ["--trials", "1400", "--updates", "3"]
     command = [*PROGRAM, "validate", "--out", str(tmp_path / "out"), "--processes", "2", *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     progress = tmp_path / "out" / "progress.json"
     deadline = time.monotonic() + 120
     while not progress.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
-    os.kill(process.pid, signal.SIGINT)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes
     output, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     assert output == ""
-    assert "Traceback" not in errors
+    assert errors.strip() in ("", "Aborted.")
     assert [file.name for file in progress.parent.iterdir()] == ["progress.json"]
     begun = set(json.loads(progress.read_text())["done"])
     assert 0 < len(begun) < 15
@@ -151,3 +154,21 @@ def test_without_the_guaranteed_mode(tmp_path, monkeypatch):
     failed = run("--out", tmp_path / "out")
     assert failed.exit_code == 2
     assert "'guaranteed' is not in this version of elliptude" in " ".join(failed.stderr.replace("│", " ").split())
+
+
+def test_choices_are_what_there_is():
+    chosen = get_type_hints(cli_validate.validate)
+    assert get_args(chosen["scenario"]) == (*adversary.SCENARIOS, "all")
+    assert get_args(chosen["directions"]) == (*adversary.DIRECTIONS, "all")
+    assert get_args(chosen["noise"]) == (*adversary.NOISES, "all")
+
+
+def _end_the_process(*arguments):
+    os._exit(1)
+
+
+def test_a_process_that_dies(tmp_path, monkeypatch):
+    monkeypatch.setattr(validation, "validate_chunk", _end_the_process)
+    failed = run("--out", tmp_path, "--mode", "paper", "--processes", 2, *SMALL)
+    assert failed.exit_code == 1
+    assert "a process has ended before its work was done" in failed.stderr.replace("\n", " ")

@@ -163,8 +163,9 @@ def test_sets_that_are_none_are_not_passed_over():
     assert np.isnan(values[2])
     assert values[3] == np.inf
     tally = validation._Tally()
-    tally.add(runs, values[None])
-    assert (tally.updates, tally.escapes, tally.failed, tally.refused) == (4, 2, 1, 3)
+    starts = adversary.Starts(*(np.zeros(1) for _ in range(4)), from_measurement=np.ones(1, bool))
+    tally.add(starts, runs, values[None])
+    assert tally.counts == {"updates": 4, "escapes": 2, "refused": 3, "failed": 1, "predictions": 3, "used": 0}
     json.dumps(tally.to_dict(), allow_nan=False)
 
 
