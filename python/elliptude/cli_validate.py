@@ -119,7 +119,7 @@ def validate(
     else:
         terminal = Console()
         # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
-        Console(width=max(terminal.width, 140)).print(_table(summary))
+        Console(width=max(terminal.width, 150)).print(_table(summary))
         _print_total(summary)
         if before == 0:
             typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
@@ -203,7 +203,7 @@ def _table(summary: dict[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
     for heading in ("scenario", "directions"):
         table.add_column(heading, no_wrap=True)
-    headings = ("bound °", "updates", "escapes", "refused", "failed", "worst form", "at noise", "predicted %")
+    headings = ("bound °", "updates", "escapes", "refused", "failed", "worst form", "noise", "predicted %")
     for heading in (*headings, "trace/paper", "/measured", "radius/paper", "/measured"):
         table.add_column(heading, justify="right", no_wrap=True)
     groups: dict[tuple[str, str, float], list[dict[str, Any]]] = {}
