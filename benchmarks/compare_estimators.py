@@ -45,7 +45,7 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
         vectors=np.empty((count, rows - 1, 3)),
         shapes=np.empty((count, rows - 1, 6, 6)),
         used=np.ones((count, rows - 1), bool),
-        holds=np.ones((count, rows - 1), bool),
+        claims=np.full((count, rows - 1), validation.HOLDS, np.uint8),
     )
     if isinstance(of, GyroPlant):
         estimates = mekf.MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)

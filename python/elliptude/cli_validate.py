@@ -119,7 +119,7 @@ def validate(
     else:
         terminal = Console()
         # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
-        Console(width=max(terminal.width, 150)).print(_table(summary))
+        Console(width=max(terminal.width, 152)).print(_table(summary))
         _print_total(summary)
         if before == 0:
             typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
@@ -203,8 +203,8 @@ def _table(summary: dict[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
     for heading in ("scenario", "directions"):
         table.add_column(heading, no_wrap=True)
-    headings = ("bound °", "updates", "escapes", "refused", "failed", "worst form", "noise", "predicted %")
-    for heading in (*headings, "trace/paper", "/measured", "radius/paper", "/measured"):
+    headings = ("bound °", "updates", "escapes", "refused", "no set", "failed", "worst form", "noise", "used %")
+    for heading in (*headings, "trace/paper", "/alone", "radius/paper", "/alone"):
         table.add_column(heading, justify="right", no_wrap=True)
     groups: dict[tuple[str, str, float], list[dict[str, Any]]] = {}
     for case in summary["cases"]:
@@ -217,7 +217,7 @@ def _table(summary: dict[str, Any]) -> Table:
             scenario,
             directions,
             f"{bound:g}",
-            *(f"{line[name]}" for name in ("updates", "escapes", "refused", "failed")),
+            *(f"{line[name]}" for name in ("updates", "escapes", "refused", "without_set", "failed")),
             "" if worst is None else f"{worst['worst']['form']:.5g}",
             "" if worst is None else worst["noise"],
             f"{100.0 * line['used'] / line['predictions']:.1f}" if line["predictions"] else "",
@@ -238,6 +238,7 @@ def _print_total(summary: dict[str, Any]) -> None:
     typer.echo(
         f"\nMode {summary['mode']}: {total['updates']} updates, the truth outside at {total['escapes']}, "
         f"largest form {'not known' if worst is None else f'{worst:.6g}'}; "
-        f"{total['refused']} refused, {total['failed']} failed.\n"
-        f"Sizes: means from the {validation.SETTLED_UPDATE}th update on, against mode paper and the measurements alone."
+        f"{total['refused']} refused, {total['without_set']} without a set, {total['failed']} failed.\n"
+        "Used: the share of the predictions that went into the set. Trace, and radius of the ball of the same volume:\n"
+        f"means from the {validation.SETTLED_UPDATE}th update on, against mode paper and the measurements alone."
     )

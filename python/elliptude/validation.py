@@ -45,7 +45,7 @@ SETTLED_UPDATE = 6
 FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])
 """Of the histogram of forms."""
 
-_COUNTS = ("updates", "escapes", "refused", "failed", "predictions", "used")
+_COUNTS = ("updates", "escapes", "refused", "without_set", "failed", "predictions", "used")
 _SIZES = ("trace", "volume_radius", "largest_angle_rad")
 
 
@@ -67,6 +67,11 @@ class Arguments:
         return {"elliptude": elliptude.__version__, **asdict(self), "cases": cases}
 
 
+HOLDS, REFUSED, WITHOUT_SET, FAILED = range(4)
+"""What a filter says at an update: a set; that measurements contradict each other or the prediction; that nothing is
+known of the attitude; nothing at all, as it gave up."""
+
+
 # --- the filters ------------------------------------------------------------------------------------------------------
 
 
@@ -82,8 +87,8 @@ class Runs:
     """P, shape (T, U, 6, 6)."""
     used: NDArray[np.bool_]
     """Whether the prediction went into the set, shape (T, U)."""
-    holds: NDArray[np.bool_]
-    """Whether the set is claimed to hold: the data were not taken for contradictory, shape (T, U)."""
+    claims: NDArray[np.uint8]
+    """`HOLDS`, `REFUSED`, `WITHOUT_SET` or `FAILED`, shape (T, U)."""
 
 
 def run(of: Plant, mode: Mode, starts: Starts, measured: Measured) -> Runs:
@@ -106,7 +111,7 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured) -> Runs:
         vectors=np.full((count, rows - 1, 3), np.nan),
         shapes=np.full((count, rows - 1, 6, 6), np.nan),
         used=np.zeros((count, rows - 1), bool),
-        holds=np.zeros((count, rows - 1), bool),
+        claims=np.full((count, rows - 1), FAILED, np.uint8),
     )
     times: FloatArray = of.interval * np.arange(rows, dtype=np.float64)
     shapes = starts.shapes
@@ -127,7 +132,7 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured) -> Runs:
     return runs
 
 
-_Sets: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.bool_]]
+_Sets: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.uint8]]
 
 
 def _first_order(
@@ -158,7 +163,8 @@ def _first_order(
     updates = slice(1 - begin, None)
     refused = log.outcomes[updates] == 2
     used = (log.shares[updates] > 0.0) & (log.outcomes[updates] == 0)
-    return log.attitudes[updates], log.vectors[updates], log.shapes[updates], used, ~refused
+    claims = np.where(refused, REFUSED, HOLDS).astype(np.uint8)
+    return log.attitudes[updates], log.vectors[updates], log.shapes[updates], used, claims
 
 
 def _guaranteed(
@@ -176,9 +182,17 @@ def _guaranteed(
         times[begin:], directions=directions[begin:], reference=of.reference, bounds=of.bound, **arguments
     )
     updates = slice(1 - begin, None)
-    claims = np.asarray(log.claims)[updates]
-    holds = claims == ("unconditional" if claims.dtype.kind in "UO" else 0)
-    return log.attitudes[updates], log.vectors[updates], log.shapes[updates], log.prediction_used[updates], holds
+    names = [str(claim) for claim in log.claims[updates]]
+    claims = np.array([_CLAIMS[name.rsplit(".", maxsplit=1)[-1]] for name in names], np.uint8)
+    shapes = np.where((claims == WITHOUT_SET)[:, None, None], np.nan, log.shapes[updates])
+    return log.attitudes[updates], log.vectors[updates], shapes, log.prediction_used[updates], claims
+
+
+# By name, member of an enumeration or number. A claim that rests on dropped measurements has taken true ones for wrong.
+_CLAIMS = {
+    **{"unconditional": HOLDS, "conditional": REFUSED, "none": WITHOUT_SET},
+    **{"0": HOLDS, "1": REFUSED, "2": WITHOUT_SET},
+}
 
 
 def measured_alone(of: Plant, mode: Mode, measured: Measured) -> FloatArray | None:
@@ -371,16 +385,25 @@ class _Tally:
         self.histogram = np.zeros(len(FORM_EDGES) - 1, np.int64)
 
     def add(self, starts: Starts, runs: Runs, values: FloatArray) -> None:
-        judged = ~np.isnan(values)
+        judged = (runs.claims == HOLDS) | (runs.claims == REFUSED)
+        values = np.where(judged & np.isnan(values), np.inf, values)
         # A measurement that a filter starts from meets no prediction.
         predictions = values.size - int(np.sum(starts.from_measurement))
-        added = (values.size, np.sum(values > 1.0), np.sum(judged & ~runs.holds), np.sum(~judged), predictions)
-        for name, count in zip(_COUNTS, (*added, np.sum(runs.used)), strict=True):
+        counted = {
+            "updates": values.size,
+            "escapes": np.sum(judged & (values > 1.0)),
+            "refused": np.sum(runs.claims == REFUSED),
+            "without_set": np.sum(runs.claims == WITHOUT_SET),
+            "failed": np.sum(runs.claims == FAILED),
+            "predictions": predictions,
+            "used": np.sum(runs.used),
+        }
+        for name, count in counted.items():
             self.counts[name] += int(count)
         self.histogram += np.histogram(values[judged], np.append(FORM_EDGES[:-1], np.finfo(float).max))[0]
-        self.histogram[-1] += int(np.sum(np.isinf(values)))
+        self.histogram[-1] += int(np.sum(np.isinf(values[judged])))
         if judged.any():
-            trial, update = np.unravel_index(np.nanargmax(values), values.shape)
+            trial, update = np.unravel_index(np.argmax(np.where(judged, values, -np.inf)), values.shape)
             form = float(values[trial, update])
             if self.worst is None or form > self.worst["form"]:
                 self.worst = {"form": form, "trial": self.runs + int(trial), "update": int(update) + 1}

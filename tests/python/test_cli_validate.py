@@ -30,7 +30,7 @@ def test_table_files_and_picture(tmp_path):
     assert {file.name for file in out.iterdir()} == {"progress.json", "summary.json", "validation.png"}
     assert (out / "validation.png").read_bytes().startswith(b"\x89PNG")
     rows = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("gyro")]
-    assert [row[:7] for row in rows] == [["gyro", "three", bound, "300", "0", "0", "0"] for bound in ("1", "0.5")]
+    assert [row[:8] for row in rows] == [["gyro", "three", bound, "300", "0", "0", "0", "0"] for bound in ("1", "0.5")]
     assert "Mode paper: 600 updates, the truth outside at 0" in done.stdout
     summary = json.loads((out / "summary.json").read_text())
     assert summary["total"]["updates"] == 600
@@ -102,7 +102,9 @@ def test_another_validation_is_not_overwritten(tmp_path):
         assert "is not a validation's; --force starts over" in broken.stderr.replace("\n", "")
 
 
-@pytest.mark.parametrize(("settings", "code"), [({}, 0), ({"scale": 0.1}, 1), ({"claim": "none"}, 1)])
+@pytest.mark.parametrize(
+    ("settings", "code"), [({}, 0), ({"scale": 0.1}, 1), ({"claim": "conditional"}, 1), ({"claim": "none"}, 0)]
+)
 def test_exit_code_of_the_guaranteed_mode(tmp_path, monkeypatch, settings, code):
     guaranteed_stand_in.install(monkeypatch, **settings)
     done = run("--out", tmp_path, "--processes", 1, *SMALL)

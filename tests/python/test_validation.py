@@ -136,7 +136,7 @@ def test_form_in_the_chart_of_the_set(mode, scale):
         np.broadcast_to(vector, (count, 1, 3)),
         np.broadcast_to(root @ root.T, (count, 1, 6, 6)),
         np.ones((count, 1), bool),
-        np.ones((count, 1), bool),
+        np.zeros((count, 1), np.uint8),
     )
     motion = adversary.Motion(true, np.zeros((count, 2, 3)), np.stack([0 * offsets[:, 3:], vector + offsets[:, 3:]], 1))
     np.testing.assert_allclose(validation.forms(mode, runs, motion), 1.0, rtol=1e-9 + 1e-14 / scale)
@@ -147,8 +147,10 @@ def test_form_in_the_chart_of_the_set(mode, scale):
 
 
 def test_sets_that_are_none_are_not_passed_over():
-    none = np.zeros((1, 4), bool)
-    runs = Runs(*(np.zeros((1, 4, *rest)) for rest in ((3, 3), (3,), (6, 6))), used=none, holds=none)
+    claims = np.array([[validation.HOLDS, validation.HOLDS, validation.REFUSED, validation.HOLDS]], np.uint8)
+    runs = Runs(
+        *(np.zeros((1, 4, *rest)) for rest in ((3, 3), (3,), (6, 6))), used=np.zeros((1, 4), bool), claims=claims
+    )
     runs.attitudes[:] = np.eye(3)
     runs.shapes[0, 0] = np.eye(6)
     runs.shapes[0, 1] = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
@@ -165,7 +167,17 @@ def test_sets_that_are_none_are_not_passed_over():
     tally = validation._Tally()
     starts = adversary.Starts(*(np.zeros(1) for _ in range(4)), from_measurement=np.ones(1, bool))
     tally.add(starts, runs, values[None])
-    assert tally.counts == {"updates": 4, "escapes": 2, "refused": 3, "failed": 1, "predictions": 3, "used": 0}
+    counts = {"updates": 4, "escapes": 3, "refused": 1, "without_set": 0, "failed": 0, "predictions": 3, "used": 0}
+    assert tally.counts == counts
+    claims[:] = [validation.WITHOUT_SET, validation.FAILED, validation.HOLDS, validation.WITHOUT_SET]
+    tally.add(starts, runs, values[None])
+    assert tally.counts == {name: count * 2 for name, count in counts.items()} | {
+        "escapes": 4,
+        "refused": 1,
+        "without_set": 2,
+        "failed": 1,
+    }
+    assert tally.worst["form"] == np.inf
     json.dumps(tally.to_dict(), allow_nan=False)
 
 
@@ -235,10 +247,25 @@ def test_a_set_that_is_too_small_is_found_out(monkeypatch, scenario):
         assert sizes["measured"]["trace"] > sizes["own"]["trace"]
 
 
-def test_a_claim_that_is_withdrawn_counts_as_refused(monkeypatch):
-    guaranteed_stand_in.install(monkeypatch, claim="conditional")
+@pytest.mark.parametrize(
+    ("claim", "counted"),
+    [
+        ("unconditional", None),
+        (0, None),
+        ("conditional", "refused"),
+        ("Claim.conditional", "refused"),
+        (1, "refused"),
+        ("none", "without_set"),
+        (2, "without_set"),
+    ],
+)
+def test_claims(monkeypatch, claim, counted):
+    guaranteed_stand_in.install(monkeypatch, claim=claim)
     total = validated(Case("orbit", "two", 1.0, "inside"), "guaranteed")["total"]
-    assert total["refused"] == total["updates"]
+    assert total["escapes"] == total["failed"] == 0
+    for name in ("refused", "without_set"):
+        assert total[name] == (total["updates"] if name == counted else 0)
+    assert (total["worst_form"] is None) == (counted == "without_set")
 
 
 def test_a_search_finds_more_than_chance(monkeypatch):
@@ -269,7 +296,7 @@ def test_results_are_a_function_of_the_arguments(monkeypatch):
 
 def test_histogram_and_worst_agree_with_the_counts():
     (case,) = validated(Case("orbit", "two", 20.0, "alternating"), "paper")["cases"]
-    assert sum(case["histogram"]) == case["updates"] - case["failed"]
+    assert sum(case["histogram"]) == case["updates"] - case["failed"] - case["without_set"]
     beyond = np.flatnonzero(validation.FORM_EDGES[:-1] > 0.999)
     assert sum(np.array(case["histogram"])[beyond]) == case["escapes"]
     assert 1 <= case["worst"]["update"] <= 12
