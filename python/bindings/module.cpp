@@ -35,4 +35,5 @@ PYBIND11_MODULE(_core, module) {
   define_integrator(module);
   define_wahba(module);
   define_filter(module);
+  define_truth(module);
 }

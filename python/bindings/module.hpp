@@ -18,5 +18,6 @@ void define_potentials(pybind11::module_& module);
 void define_integrator(pybind11::module_& module);
 void define_wahba(pybind11::module_& module);
 void define_filter(pybind11::module_& module);
+void define_truth(pybind11::module_& module);
 
 }  // namespace elliptude::python

@@ -4,7 +4,7 @@ A band is the half-width of the set along an axis: √P_ii about zero error. Err
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,6 +22,15 @@ BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
 _AXES = "xyz"
+_NOISE_STYLES = {
+    "inside": (GREY, "o"),
+    "perpendicular": (BLUE, "s"),
+    "common": ("#009E73", "^"),
+    "alternating": ("#E69F00", "v"),
+    "search": (ORANGE, "x"),
+}
+# Of what is drawn; a form is beyond all numbers where P is flat.
+_HIGHEST_FORM = 1e4
 # Fewer points than this are marked, as the lines between them are only there to guide the eye.
 _MARK_BELOW = 150
 
@@ -147,6 +156,72 @@ def about_line_figure(
     colours = [strong for strong, _ in _TONES]
     _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
     forms.set_xlabel("time (s)")
+    return figure
+
+
+def validation_figure(summary: Mapping[str, Any]) -> Figure:
+    """The worst form of each case, and sizes against those of mode ``paper`` and of the measurements alone.
+
+    Parameters
+    ----------
+    summary : mapping
+        Of `elliptude.validation.summarize`.
+
+    Returns
+    -------
+    Figure
+    """
+    cases, total = summary["cases"], summary["total"]
+    columns = list(dict.fromkeys((case["scenario"], case["bound_deg"]) for case in cases))
+    noises = list(dict.fromkeys(case["noise"] for case in cases))
+    figure = _figure(7.2)
+    figure.suptitle(
+        f"Mode {summary['mode']}: the truth outside at {total['escapes']} of {total['updates']} updates", fontsize=11
+    )
+    worst, size = figure.subplots(2, 1, sharex=True)
+
+    def place(case: Mapping[str, Any], aside: float) -> float:
+        return columns.index((case["scenario"], case["bound_deg"])) + aside
+
+    for k, noise in enumerate(noises):
+        colour, marker = _NOISE_STYLES[noise]
+        chosen = [case for case in cases if case["noise"] == noise and case["worst"] is not None]
+        at = [place(case, 0.14 * (k - 0.5 * (len(noises) - 1))) for case in chosen]
+        heights = [min(case["worst"]["form"], _HIGHEST_FORM) for case in chosen]
+        worst.plot(at, heights, marker, color=colour, markersize=4, label=noise, linestyle="none")
+    worst.axhline(1.0, color=BLACK, linewidth=1.2, linestyle="--", label="edge of the set")
+    worst.set_ylabel(r"largest $x^\mathsf{T}P^{-1}x$ (-)")
+    worst.set_title("worst place of the truth in the set; a mark for each set of directions", fontsize=9.5)
+    for name, label, colour, marker, aside in (
+        ("measured", "against the measurements alone", ORANGE, "s", -0.15),
+        ("paper", "against mode paper", BLUE, "o", 0.15),
+    ):
+        chosen = [case for case in cases if name in case["sizes"]]
+        ratios = [case["sizes"]["own"]["trace"] / case["sizes"][name]["trace"] for case in chosen]
+        at = [place(case, aside) for case in chosen]
+        size.plot(at, ratios, marker, color=colour, markersize=3.5, alpha=0.7, label=label, linestyle="none")
+    size.axhline(1.0, color=GREY, linewidth=0.8)
+    size.set_ylabel("ratio of mean traces (-)")
+    size.set_title("size of the set; a mark for each noise and set of directions", fontsize=9.5)
+    size.set_xticks(range(len(columns)), [f"{bound:g}°" for _, bound in columns], fontsize=8)
+    for scenario in dict.fromkeys(scenario for scenario, _ in columns):
+        own = [i for i, column in enumerate(columns) if column[0] == scenario]
+        size.annotate(
+            scenario,
+            (0.5 * (own[0] + own[-1]), 0.0),
+            xytext=(0, -24),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+        )
+        for axes in (worst, size):
+            axes.axvline(own[-1] + 0.5, color=GREY, linewidth=0.5)
+    for axes in (worst, size):
+        axes.set_yscale("log")
+        axes.set_xlim(-0.5, len(columns) - 0.5)
+        axes.grid(axis="y", linewidth=0.3)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5)
     return figure
 
 

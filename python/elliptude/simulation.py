@@ -254,13 +254,13 @@ def _unit_errors(
     count, sensors, _ = directions.shape
     match noise:
         case "inside":
-            return _in_ball(direction_draws, (count, sensors)), _in_ball(rate_draws, (count,))
+            return in_ball(direction_draws, (count, sensors)), in_ball(rate_draws, (count,))
         case "perpendicular":
-            around = np.cross(directions, _on_sphere(direction_draws, (count, sensors)))
-            return _normalized(around), _on_sphere(rate_draws, (count,))
+            around = np.cross(directions, on_sphere(direction_draws, (count, sensors)))
+            return _normalized(around), on_sphere(rate_draws, (count,))
         case "common":
-            shared = _on_sphere(direction_draws, (count, 1))
-            return np.broadcast_to(shared, directions.shape), _on_sphere(rate_draws, (count,))
+            shared = on_sphere(direction_draws, (count, 1))
+            return np.broadcast_to(shared, directions.shape), on_sphere(rate_draws, (count,))
         case _:
             assert_never(noise)
 
@@ -270,10 +270,11 @@ def _normalized(vectors: FloatArray) -> FloatArray:
     return normalized
 
 
-def _on_sphere(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+def on_sphere(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+    """Uniform on the unit sphere, shape (..., 3)."""
     return _normalized(draws.standard_normal((*shape, 3)))
 
 
-def _in_ball(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+def in_ball(draws: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
     """Uniform in the unit ball, shape (..., 3)."""
-    return _on_sphere(draws, shape) * np.cbrt(draws.random((*shape, 1)))
+    return on_sphere(draws, shape) * np.cbrt(draws.random((*shape, 1)))

@@ -106,7 +106,7 @@ def test_common_error_turns_all_directions_alike(scenario, truth):
 
 def test_inside_is_uniform():
     draws = np.random.default_rng(0)
-    points = simulation._in_ball(draws, (20000,))
+    points = simulation.in_ball(draws, (20000,))
     radii = np.linalg.norm(points, axis=-1)
     assert radii.max() <= 1
     # A uniform ball: r³ is uniform, the mean is 0 and each coordinate has variance 1/5; five standard deviations.

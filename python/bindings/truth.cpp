@@ -1,0 +1,152 @@
+#include <algorithm>
+#include <stdexcept>
+
+#include "arrays.hpp"
+#include "extrapolation.hpp"
+#include "module.hpp"
+
+namespace elliptude::python {
+
+namespace {
+
+[[nodiscard]] truth::Vector vector_at(const double* data) { return {data[0], data[1], data[2]}; }
+
+[[nodiscard]] truth::Matrix matrix_at(const double* data) {
+  truth::Matrix result{};
+  std::copy_n(data, result.size(), result.begin());
+  return result;
+}
+
+[[nodiscard]] py::object zeros_unless_given(const py::object& given, const Shape& shape) {
+  if (!given.is_none()) {
+    return given;
+  }
+  Results zeros({}, shape);
+  std::fill_n(zeros[0], count_of(shape), 0.0);
+  return zeros.object();
+}
+
+/// The motion from each initial state, at all times. `motion_of(i, k)` is that of item i between times k and k + 1.
+template <typename MotionOf>
+[[nodiscard]] py::tuple motions(const Items& times, const Items& attitude, const Items& angular_velocity,
+                                const Shape& leading, const MotionOf& motion_of) {
+  const Index count = count_of(leading);
+  const Index rows = times.item()[0];
+  Results attitudes_out(leading, {rows, 3, 3});
+  Results rates_out(leading, {rows, 3});
+  const double* time = times[0];
+  {
+    const py::gil_scoped_release release;
+    for (Index k = 0; k + 1 < rows; ++k) {
+      if (!(time[k + 1] > time[k])) {
+        value_error("times must increase, but times[" + std::to_string(k + 1) + "] is " + text(time[k + 1]) +
+                    " s after " + text(time[k]) + " s");
+      }
+    }
+    for (Index i = 0; i < count; ++i) {
+      const truth::Matrix attitude0 = matrix_at(attitude[i]);
+      const truth::Vector rate = vector_at(angular_velocity[i]);
+      truth::State state{1, 0, 0, 0, rate[0], rate[1], rate[2]};
+      double step = rows > 1 ? time[1] - time[0] : 0;
+      for (Index k = 0; k < rows; ++k) {
+        if (k > 0 && !truth::integrate(motion_of(i, k - 1), time[k - 1], time[k], step, state)) {
+          throw std::overflow_error("the motion" + place(leading, i) + " cannot be integrated from " +
+                                    text(time[k - 1]) + " s to " + text(time[k]) + " s");
+        }
+        const truth::Matrix now = truth::product(attitude0, truth::rotation(state));
+        const truth::Vector rate_now = truth::angular_velocity(state);
+        std::copy(now.begin(), now.end(), attitudes_out[i] + 9 * k);
+        std::copy(rate_now.begin(), rate_now.end(), rates_out[i] + 3 * k);
+      }
+    }
+  }
+  return py::make_tuple(attitudes_out.array(), rates_out.array());
+}
+
+[[nodiscard]] py::tuple true_motion(const py::object& times, const py::object& attitude,
+                                    const py::object& angular_velocity, const py::object& inertia,
+                                    const py::object& weighted_center, const py::object& orbit_rate,
+                                    const py::object& wheel_momentum, const py::object& torque) {
+  const Items at = single(times, "times", {any_length});
+  const Index intervals = at.item()[0] - 1;
+  Items attitude0 = attitudes(attitude, "attitude");
+  Items rate0(angular_velocity, "angular_velocity", {3});
+  Items torques(zeros_unless_given(torque, {intervals, 3}), "torque", {intervals, 3});
+  const Shape leading = broadcast({&attitude0, &rate0, &torques});
+  const truth::Matrix j = matrix_at(single(inertia, "inertia", {3, 3})[0]);
+  truth::RigidBodyMotion motion{j,
+                                truth::inverse(j),
+                                vector_at(single(zeros_unless_given(weighted_center, {3}), "weighted_center", {3})[0]),
+                                single(orbit_rate, "orbit_rate", {}).number(0),
+                                vector_at(single(zeros_unless_given(wheel_momentum, {3}), "wheel_momentum", {3})[0]),
+                                {},
+                                {}};
+  return motions(at, attitude0, rate0, leading, [&](Index i, Index k) {
+    motion.attitude0 = matrix_at(attitude0[i]);
+    motion.torque = vector_at(torques[i] + 3 * k);
+    return motion;
+  });
+}
+
+[[nodiscard]] py::tuple true_rotation(const py::object& times, const py::object& attitude,
+                                      const py::object& angular_velocity, const py::object& angular_acceleration) {
+  const Items at = single(times, "times", {any_length});
+  Items attitude0 = attitudes(attitude, "attitude");
+  Items rate0(angular_velocity, "angular_velocity", {3});
+  Items accelerations(angular_acceleration, "angular_acceleration", {at.item()[0] - 1, 3});
+  const Shape leading = broadcast({&attitude0, &rate0, &accelerations});
+  return motions(at, attitude0, rate0, leading,
+                 [&](Index i, Index k) { return truth::AcceleratedMotion{vector_at(accelerations[i] + 3 * k)}; });
+}
+
+}  // namespace
+
+void define_truth(py::module_& module) {
+  using namespace py::literals;
+
+  module.def(
+      "_true_motion", &true_motion, "times"_a, "attitude"_a, "angular_velocity"_a, "inertia"_a, py::kw_only(),
+      "weighted_center"_a = py::none(), "orbit_rate"_a = 0.0, "wheel_momentum"_a = py::none(), "torque"_a = py::none(),
+      R"(_true_motion(times, attitude, angular_velocity, inertia, *, weighted_center=None, orbit_rate=0.0, wheel_momentum=None, torque=None)
+--
+
+The continuous motion of rigid bodies to 1e-13 an interval, by code that shares nothing with the filter.
+
+Parameters
+----------
+times : (n,) array_like
+    s, increasing; the first is that of the initial state.
+attitude : (..., 3, 3) array_like
+    At times[0], body to reference.
+angular_velocity : (..., 3) array_like
+    At times[0], rad/s, body axes.
+inertia : (3, 3) array_like
+    kg m², body axes.
+weighted_center : (3,) array_like, optional
+    m g ρ of uniform gravity, N m, body axes; the third reference axis points down.
+orbit_rate : float
+    n of a gravity gradient, rad/s; the radial direction is (cos nt, sin nt, 0).
+wheel_momentum : (3,) array_like, optional
+    Of wheels that keep it, N m s, body axes.
+torque : (..., n - 1, 3) array_like, optional
+    N m, body axes, constant in each interval.
+
+Returns
+-------
+attitudes : (..., n, 3, 3) ndarray
+angular_velocities : (..., n, 3) ndarray
+
+Raises
+------
+ArithmeticError
+    OverflowError, if numbers grow beyond bounds or no step is short enough.
+)");
+  module.def("_true_rotation", &true_rotation, "times"_a, "attitude"_a, "angular_velocity"_a, "angular_acceleration"_a,
+             R"(_true_rotation(times, attitude, angular_velocity, angular_acceleration)
+--
+
+As `_true_motion`, of bodies whose angular acceleration is given: (..., n - 1, 3), rad/s², body axes, constant in each interval.
+)");
+}
+
+}  // namespace elliptude::python

@@ -1,0 +1,461 @@
+"""What `elliptude.validation` tries the filters with: scenarios from any start, and errors that use up their bounds."""
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, Literal, Protocol, TypeAlias, assert_never, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import elliptude
+from elliptude import _core, scenarios, simulation
+from elliptude.results import FloatArray
+from elliptude.scenarios import Scenario
+
+Noise: TypeAlias = Literal["inside", "perpendicular", "common", "alternating", "search"]
+"""How errors are drawn.
+
+``inside``: every error uniform in the ball of its bound.
+``perpendicular``: on its sphere; a direction's perpendicular to it.
+``common``: on its sphere; all directions of a time share theirs.
+``alternating``: on its sphere, the same from update to update but for its sign.
+``search``: errors and initial state are moved towards the largest form of the truth in the set, run after run.
+"""
+NOISES: tuple[Noise, ...] = get_args(Noise)
+DIRECTIONS = ("two", "three", "five")
+BOUNDS_DEG = (0.1, 1.0, 7.0, 20.0)
+"""Of a direction's error, and the same number per second of the rate's."""
+DESCRIPTIONS = {
+    "disturbed": "orbit, with an unknown torque of up to 0.01 N m beside the known ones",
+    "free": "free body of any spin of up to 5 rad/s, an update each 0.1 s",
+    "gyro": "gyro with bias, drift and a changing rate between its samples, an update each 0.1 s",
+    "orbit": "gravity gradient, an update each tenth of an orbit",
+    "pendulum": "3D pendulum from any attitude, an update each 0.1 s",
+}
+SCENARIOS = tuple(DESCRIPTIONS)
+
+# What rounding adds to an error: rad and rad/s. Bounds are used up but for it.
+_ROUNDING = 1e-14
+_INSIDE = 1.0 - 1e-12
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is varied from one part of a validation to another."""
+
+    scenario: str
+    directions: str
+    bound_deg: float
+    noise: Noise
+
+    @property
+    def name(self) -> str:
+        """The case in words: "orbit three 7 inside"."""
+        return f"{self.scenario} {self.directions} {self.bound_deg:g} {self.noise}"
+
+
+# --- what moves, and how it is measured -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Errors of T trials with U updates of m directions, each in the unit ball of its bound."""
+
+    directions: FloatArray
+    """ν with b = exp(S(ν)) b̃, body axes, shape (T, U, m, 3)."""
+    rates: FloatArray
+    """Of the measured angular velocity or the gyro, shape (T, U, 3)."""
+    inputs: FloatArray
+    """Of the intervals: unknown torque, or angular acceleration and drift of the bias, shape (T, U, 2, 3)."""
+    start: FloatArray
+    """The true initial state in the first set, shape (T, 6)."""
+
+    def of(self, rows: NDArray[np.intp]) -> "Errors":
+        """Those of some trials."""
+        return Errors(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """The first sets of T trials, {Ĉ exp(S(ζ)), x̂ + δ : ‖L⁻¹[ζ; δ]‖ ≤ 1}."""
+
+    attitudes: FloatArray
+    """Ĉ, shape (T, 3, 3)."""
+    vectors: FloatArray
+    """x̂, angular velocities or gyro biases, rad/s, shape (T, 3)."""
+    rates: FloatArray
+    """The true angular velocities of trials whose vector is the bias, rad/s, shape (T, 3)."""
+    roots: FloatArray
+    """L, shape (T, 6, 6)."""
+    from_measurement: NDArray[np.bool_]
+    """Trials that are not told the set, shape (T,)."""
+
+    @property
+    def shapes(self) -> FloatArray:
+        """P = L Lᵀ, exactly symmetric."""
+        shapes = self.roots @ self.roots.swapaxes(1, 2)
+        symmetric: FloatArray = 0.5 * (shapes + shapes.swapaxes(1, 2))
+        return symmetric
+
+    def of(self, rows: NDArray[np.intp]) -> "Starts":
+        """Those of some trials."""
+        return Starts(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def true_states(self, errors: Errors) -> tuple[FloatArray, FloatArray]:
+        """Attitudes (T, 3, 3) and vectors (T, 3) at time 0."""
+        offsets = np.einsum("tij,tj->ti", self.roots, _INSIDE * errors.start)
+        return self.attitudes @ _rotations(offsets[:, :3]), self.vectors + offsets[:, 3:]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The truth of T trials at time 0 and at the U updates."""
+
+    attitudes: FloatArray
+    """Body to reference, shape (T, U + 1, 3, 3)."""
+    rates: FloatArray
+    """Angular velocities, rad/s, body axes, shape (T, U + 1, 3)."""
+    vectors: FloatArray
+    """What the filter estimates beside the attitude: the rates, or the gyro bias, shape (T, U + 1, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the filter is given in T trials; row 0 is at time 0, where no direction is measured."""
+
+    directions: FloatArray
+    """Body axes, shape (T, U + 1, m, 3)."""
+    rates: FloatArray
+    """Angular velocities or gyro samples, rad/s, body axes, shape (T, U + 1, 3)."""
+
+
+class Plant(Protocol):
+    """A scenario with its bounds and flows."""
+
+    @property
+    def interval(self) -> float:
+        """From update to update, s."""
+
+    @property
+    def reference(self) -> FloatArray:
+        """Directions in reference axes, shape (m, 3)."""
+
+    @property
+    def bound(self) -> float:
+        """Of a direction's error, rad, and of the measured rate's, rad/s."""
+
+    @property
+    def has_gyro(self) -> bool:
+        """Whether measured rates are the flow's input, not measurements."""
+
+    @property
+    def largest_rate(self) -> float:
+        """Of the true initial rates, rad/s."""
+
+    def motion(self, starts: Starts, errors: Errors) -> Motion:
+        """The true motion."""
+
+    def flow(self) -> _core.RigidBodyFlow | _core.GyroFlow:
+        """Of the modes of first order."""
+
+    def guaranteed_flow(self) -> Any:
+        """Of the guaranteed mode."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBodyPlant:
+    """A scenario of `elliptude.scenarios`, from any initial state, perhaps with an unknown torque."""
+
+    scenario: Scenario
+    reference: FloatArray
+    bound: float
+    unknown_torque: float
+    """N m."""
+    has_gyro: bool = False
+
+    @property
+    def interval(self) -> float:
+        """s."""
+        return self.scenario.interval
+
+    @property
+    def largest_rate(self) -> float:
+        """At the start, rad/s."""
+        return float(np.linalg.norm(self.scenario.rate0))
+
+    def motion(self, starts: Starts, errors: Errors) -> Motion:
+        """The continuous motion, the unknown torque constant from update to update."""
+        attitudes, rates = starts.true_states(errors)
+        potential = self.scenario.potential
+        center, orbit_rate = np.zeros(3), 0.0
+        match potential:
+            case scenarios.Free():
+                pass
+            case scenarios.UniformGravity():
+                center = potential.mass * potential.gravity * np.array(potential.center_of_mass)
+            case scenarios.GravityGradient():
+                orbit_rate = potential.orbit_rate
+            case _:
+                assert_never(potential)
+        attitudes, rates = _core._true_motion(
+            _times(self, errors),
+            attitudes,
+            rates,
+            self.scenario.inertia_matrix,
+            weighted_center=center,
+            orbit_rate=orbit_rate,
+            torque=_INSIDE * self.unknown_torque * errors.inputs[:, :, 0],
+        )
+        return Motion(attitudes, rates, rates)
+
+    @cached_property
+    def _body(self) -> _core.RigidBody:
+        return _core.RigidBody(self.scenario.inertia_matrix)
+
+    @cached_property
+    def _potential(self) -> _core.Potential:
+        potential = self.scenario.potential
+        match potential:
+            case scenarios.Free():
+                return _core.FreeBody()
+            case scenarios.UniformGravity():
+                return _core.UniformGravity(potential.mass, potential.gravity, potential.center_of_mass)
+            case scenarios.GravityGradient():
+                return _core.GravityGradient(self._body, potential.orbit_rate)
+            case _:
+                assert_never(potential)
+
+    def flow(self) -> _core.RigidBodyFlow:
+        """Of the modes of first order."""
+        return _core.RigidBodyFlow(
+            self._body,
+            self._potential,
+            step=self.scenario.step,
+            order=self.scenario.integrator_order,
+            unknown_torque=self.unknown_torque or None,
+        )
+
+    def guaranteed_flow(self) -> Any:
+        """Of the guaranteed mode."""
+        return guaranteed("GuaranteedRigidBodyFlow")(
+            self._body, self._potential, step=self.scenario.step, unknown_torque=self.unknown_torque or None
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GyroPlant:
+    """A gyro with noise, a drifting bias, and a rate that changes between its samples."""
+
+    reference: FloatArray
+    bound: float
+    """Of the gyro's noise too, rad/s."""
+    interval: float = 0.1
+    largest_rate: float = 1.0
+    angular_acceleration: float = 1.0
+    """rad/s²."""
+    has_gyro: bool = True
+
+    @property
+    def drift(self) -> float:
+        """Bound of the rate of change of the bias, rad/s²."""
+        return 0.1 * self.bound
+
+    def motion(self, starts: Starts, errors: Errors) -> Motion:
+        """Angular acceleration and drift are constant from sample to sample."""
+        attitudes, biases = starts.true_states(errors)
+        accelerations, drifts = np.moveaxis(_INSIDE * errors.inputs, 2, 0)
+        attitudes, rates = _core._true_rotation(
+            _times(self, errors), attitudes, starts.rates, self.angular_acceleration * accelerations
+        )
+        added = np.cumsum(self.interval * self.drift * drifts, axis=1)
+        return Motion(attitudes, rates, biases[:, None] + np.pad(added, ((0, 0), (1, 0), (0, 0))))
+
+    def flow(self) -> _core.GyroFlow:
+        """Of the modes of first order: the sample's error is that of the interval's mean rate."""
+        change = 0.5 * self.interval * (self.angular_acceleration + self.drift)
+        return _core.GyroFlow(self.bound + change, self.drift)
+
+    def guaranteed_flow(self) -> Any:
+        """Of the guaranteed mode."""
+        return guaranteed("GuaranteedGyroFlow")(
+            noise=self.bound, drift=self.drift, angular_acceleration=self.angular_acceleration
+        )
+
+
+_UNKNOWN_TORQUE = 0.01
+
+
+def plant(case: Case) -> Plant:
+    """What a case moves and measures."""
+    orbit = scenarios.load("orbit")
+    reference = np.array(orbit.directions[case.directions])
+    bound = math.radians(case.bound_deg)
+    if case.scenario == "gyro":
+        return GyroPlant(reference, bound)
+    if case.scenario == "disturbed":
+        return RigidBodyPlant(orbit, reference, bound, _UNKNOWN_TORQUE)
+    return RigidBodyPlant(scenarios.load(case.scenario), reference, bound, 0.0)
+
+
+def guaranteed(name: str) -> Any:
+    """A class of the guaranteed mode."""
+    return getattr(elliptude, name)
+
+
+def _times(of: Plant, errors: Errors) -> FloatArray:
+    times: FloatArray = of.interval * np.arange(errors.rates.shape[1] + 1)
+    return times
+
+
+def measure(of: Plant, motion: Motion, errors: Errors) -> Measured:
+    """Measurements with the given share of their bounds as errors.
+
+    Parameters
+    ----------
+    of : Plant
+    motion : Motion
+    errors : Errors
+
+    Returns
+    -------
+    Measured
+        The angle between a true and a measured direction, and the length of a rate's error, are at most the bound,
+        rounding included.
+    """
+    bound = of.bound - _ROUNDING
+    true = _true_directions(of, motion)
+    turned = np.einsum("tumij,tumi->tumj", _rotations(bound * errors.directions), true)
+    nowhere = np.full((len(true), 1, *true.shape[2:]), np.nan)
+    directions = np.concatenate([nowhere, turned], axis=1)
+    if of.has_gyro:  # the sample of row k is for the interval that begins there
+        rates = motion.rates + motion.vectors
+        rates[:, :-1] += bound * errors.rates
+    else:
+        rates = motion.rates.copy()
+        rates[:, 0] = np.nan
+        rates[:, 1:] -= bound * errors.rates
+    return Measured(directions, rates)
+
+
+def _true_directions(of: Plant, motion: Motion) -> FloatArray:
+    """Body axes, at the updates, shape (T, U, m, 3)."""
+    true: FloatArray = np.einsum("tuji,mj->tumi", motion.attitudes[:, 1:], of.reference)
+    return true
+
+
+def _rotations(vectors: FloatArray) -> FloatArray:
+    """exp(S(x)) of vectors (..., 3), by SciPy."""
+    matrices: FloatArray = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
+    return matrices.reshape(*vectors.shape, 3)
+
+
+# --- what is drawn ----------------------------------------------------------------------------------------------------
+
+
+def draw_starts(of: Plant, count: int, draws: np.random.Generator) -> Starts:
+    """First sets with axes of any direction, half as long to twice as long as the bound; every second one is not told.
+
+    A gyro's bias has no bound without a first set, so it is always told.
+    """
+    attitudes = Rotation.from_quat(_normalized(draws.standard_normal((count, 4)))).as_matrix()
+    rates = of.largest_rate * simulation.in_ball(draws, (count,))
+    axes, _ = np.linalg.qr(draws.standard_normal((count, 6, 6)))
+    lengths = of.bound * 2.0 ** draws.uniform(-1.0, 1.0, (count, 6))
+    return Starts(
+        attitudes=attitudes,
+        vectors=of.bound * simulation.in_ball(draws, (count,)) if of.has_gyro else rates,
+        rates=rates,
+        roots=axes * lengths[:, None, :],
+        from_measurement=np.zeros(count, bool) if of.has_gyro else np.arange(count) % 2 == 1,
+    )
+
+
+def draw_errors(of: Plant, noise: Noise, starts: Starts, updates: int, draws: np.random.Generator) -> Errors:
+    """Errors of one kind; for ``search`` a mixture to begin with.
+
+    Parameters
+    ----------
+    of : Plant
+    noise : Noise
+    starts : Starts
+    updates : int
+    draws : numpy.random.Generator
+
+    Returns
+    -------
+    Errors
+    """
+    count, sensors = len(starts.vectors), len(of.reference)
+    if noise == "inside":
+        return Errors(
+            directions=simulation.in_ball(draws, (count, updates, sensors)),
+            rates=simulation.in_ball(draws, (count, updates)),
+            inputs=simulation.in_ball(draws, (count, updates, 2)),
+            start=_normalized(draws.standard_normal((count, 6))) * draws.random((count, 1)) ** (1.0 / 6.0),
+        )
+    # In time the errors of a trial are drawn anew, the same, or the same but for their sign.
+    in_time = draws.integers(3, size=count)
+    shared = draws.integers(2, size=count) == 1
+    if noise != "search":
+        in_time[:] = 2 if noise == "alternating" else 0
+        shared[:] = noise == "common"
+    signs = np.where((in_time == 2)[:, None], (-1.0) ** np.arange(updates), 1.0)
+
+    def on_spheres(*items: int) -> FloatArray:
+        drawn = simulation.on_sphere(draws, (count, updates, *items))
+        each = (slice(None), slice(None), *(None for _ in items), None)
+        return signs[each] * np.where((in_time == 0)[:, None][each], drawn, drawn[:, :1])
+
+    rates, inputs, around = on_spheres(), on_spheres(2), on_spheres(sensors)
+    start = _normalized(draws.standard_normal((count, 6)))
+    true = _true_directions(of, of.motion(starts, Errors(np.zeros_like(around), rates, inputs, start)))
+    directions = np.where(shared[:, None, None, None], around[:, :, :1], _normalized(np.cross(true, around)))
+    return Errors(directions, rates, inputs, start)
+
+
+def propose(errors: Errors, draws: np.random.Generator) -> Errors:
+    """Errors near the given ones: in each trial all are moved, or those of one time, of one sensor or of the start.
+
+    Parameters
+    ----------
+    errors : Errors
+    draws : numpy.random.Generator
+
+    Returns
+    -------
+    Errors
+        Still in the unit balls; most of what was changed is on their spheres.
+    """
+    count, updates, sensors, _ = errors.directions.shape
+    what = draws.integers(5, size=(count, 1))
+    everything, one_time, from_a_time, one_sensor, only_start = (what == kind for kind in range(5))
+    time, sensor = draws.integers(updates, size=(count, 1)), draws.integers(sensors, size=(count, 1))
+    times, of_sensors = np.arange(updates), np.arange(sensors)
+    at = everything | (one_time & (times == time)) | (from_a_time & (times >= time))
+    at_sensors = at[:, :, None] | (one_sensor & (of_sensors == sensor))[:, None, :]
+    scales = 10.0 ** draws.uniform(-1.5, 0.3, count)
+    goes_outside = draws.random((count,)) < 0.8
+
+    def moved(old: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
+        each = (count,) + (1,) * (old.ndim - 1)
+        steps = draws.standard_normal(old.shape)
+        if old.ndim > 2:  # from a time on all alike, as what adds up does the most
+            steps = np.where(from_a_time.reshape(each), steps[:, :1], steps)
+        new = old + scales.reshape(each) * steps
+        length = np.linalg.norm(new, axis=-1, keepdims=True)
+        new /= np.where(goes_outside.reshape(each), length, np.maximum(length, 1.0))
+        return np.where(chosen[..., None], new, old)
+
+    return Errors(
+        directions=moved(errors.directions, at_sensors),
+        rates=moved(errors.rates, at),
+        inputs=moved(errors.inputs, at[:, :, None]),
+        start=moved(errors.start, (everything | only_start)[:, 0]),
+    )
+
+
+def _normalized(vectors: FloatArray) -> FloatArray:
+    normalized: FloatArray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return normalized
