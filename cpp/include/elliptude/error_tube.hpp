@@ -96,18 +96,24 @@ template <typename Scalar, typename Potential>
 class ErrorTube {
  public:
   /// \param shape of the ellipsoid of y = [γ; δω] at the start.
+  /// \param h the longest step to come, s.
+  /// \param stiffness a bound of ‖J⁻¹ ∂M/∂ζ‖, 1/s². Both only choose the norm in which the rest is bounded.
   /// \return `not_positive_definite` also of a flat one.
-  [[nodiscard]] Status start(const Matrix6<Scalar>& shape) noexcept {
+  [[nodiscard]] Status start(const Matrix6<Scalar>& shape, const Scalar& h, const Scalar& stiffness) noexcept {
     // A Cholesky factor is that of a matrix which differs by less than this from the one given (Higham, Accuracy and
     // Stability, theorem 10.3): none is then smaller.
     Matrix6<Scalar> raised = shape;
     raised.diagonal() *= Scalar(1) + Scalar(84) * Scalar(scalar::epsilon<Scalar>);
     // Norms are taken about a set that is not too thin in any direction: what nonlinear terms do to a thin set is judged by
-    // the width of the whole.
-    const Scalar share = scalar::constant<Scalar>(0.03L / 3.0L);
+    // the width of the whole, and over a step Y must not change by more than a part of itself.
+    const Scalar share = scalar::constant<Scalar>(0.01L);
+    const Scalar attitude = shape.diagonal().template head<3>().sum();
+    const Scalar rate = shape.diagonal().template tail<3>().sum();
+    const Scalar by_rate = Scalar(4) * h;
+    const Scalar by_torque = by_rate * stiffness;
     Matrix6<Scalar> wide = raised;
-    wide.diagonal().template head<3>().array() += share * shape.diagonal().template head<3>().sum();
-    wide.diagonal().template tail<3>().array() += share * shape.diagonal().template tail<3>().sum();
+    wide.diagonal().template head<3>().array() += share * attitude + by_rate * by_rate * rate;
+    wide.diagonal().template tail<3>().array() += share * rate + by_torque * by_torque * attitude;
     Matrix6<Scalar> set;
     if (const Status status = cholesky(raised, set); status != Status::ok) {
       return status;
@@ -117,6 +123,7 @@ class ErrorTube {
     }
     set_ = solve_lower(frame_, set);
     second_order_.setZero();
+    second_order_norm_ = Scalar(0);
     pushed_.setZero();
     pushed_norm_ = Scalar(0);
     rest_ = Scalar(0);
@@ -165,6 +172,7 @@ class ErrorTube {
   Matrix6<Scalar> frame_;                   // Y
   Matrix6<Scalar> set_;                     // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
   tube::PackedForms<Scalar> second_order_;  // q: u has moved by q(u(0)), …
+  Scalar second_order_norm_;                // on the unit ball
   Matrix6<Scalar> pushed_;                  // … by a point of this ellipsoid, …
   Scalar rest_;                             // … and by at most this
   Scalar pushed_norm_;                      // no further than this, …
@@ -399,15 +407,16 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   // holds (theory, section 17.4).
   const Scalar cube = largest_attitude * largest_attitude * largest_attitude;
   const Scalar strength = rate_norm * torque.largest;
-  const Scalar third_order =
-      scalar::constant<Scalar>(0.25L) * attitude_norm * largest_attitude * largest_attitude * largest_difference +
-      strength * cube * scalar::constant<Scalar>(0.375L) * degree * degree *
-          (turning > zero ? Scalar(half * (scalar::exp(Scalar(turning * middle)) - one)) : zero);
   const Scalar fourth_order =
       strength * cube * largest_attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
-  // The torque's terms of third order push u within an ellipsoid.
+  // The torque's terms of third order push u within an ellipsoid; where they are tiny their norm will do.
   Matrix6<Scalar> cubic = Matrix6<Scalar>::Zero();
-  if (torque.largest > zero) {
+  const Scalar cubic_bound = strength * cube * scalar::constant<Scalar>(0.375L) * degree * degree;
+  const bool cubic_matters = cubic_bound * h > scalar::constant<Scalar>(1e-4L);
+  const Scalar third_order =
+      scalar::constant<Scalar>(0.25L) * attitude_norm * largest_attitude * largest_attitude * largest_difference +
+      cubic_bound * (cubic_matters ? Scalar(half * (scalar::exp(Scalar(turning * middle)) - one)) : one);
+  if (cubic_matters) {
     const Rows y_top = y_middle.template topRows<3>();
     Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
     if (cholesky(Matrix3<Scalar>(y_top.lazyProduct(y_top.transpose())), axes) != Status::ok) {
@@ -419,7 +428,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     cubic = on_u.transpose().lazyProduct(on_u);
   }
   const Scalar cubic_push = norm_of_gram(cubic);
-  const Scalar moved = spectral_norm(second_order_) + pushed_norm_ + second_order + h * shrink * unknown_push;
+  const Scalar moved = second_order_norm_ + pushed_norm_ + second_order + h * shrink * unknown_push;
   // As far as the cubic terms push at this reach.
   const auto cubic_at = [&](const Scalar& reach) { return Scalar(cubic_push * reach * reach * reach); };
   const auto rest_within = [&](const Scalar& eta) {
@@ -451,6 +460,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar reach = one + eta;
   add_push(Matrix6<Scalar>((h * h * reach * reach * reach * reach * reach * reach) * cubic), pushed);
   second_order_ += h * forms;
+  second_order_norm_ = spectral_norm(second_order_);
   pushed_ = pushed;
   pushed_norm_ += h * shrink * (unknown_push + cubic_at(reach));
   rest_ = rest;
@@ -478,13 +488,15 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Matrix6<Scalar> moved = forms.transpose().lazyProduct(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
 
-  // Either the sum of both, or, where v alone says how large both are, the set itself a little larger.
+  // The sum of both; or, as v alone says where both are, the set itself a little larger, if that is less.
   Matrix6<Scalar> whitened_moved = set_inverse.lazyProduct(moved);
   whitened_moved = whitened_moved.lazyProduct(set_inverse.transpose()).eval();
   const Scalar share = scalar::sqrt(Scalar(whitened_moved.trace() / Scalar(6)));
   Matrix6<Scalar> shape = set;
   if (share > Scalar(0)) {
-    const Matrix6<Scalar> sum = (one + share) * set + (one + one / share) * moved;
+    shape = (one + share) * set + (one + one / share) * moved;
+  }
+  if (share > scalar::constant<Scalar>(0.002L)) {
     const tube::PackedForms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
     const Scalar norm = spectral_norm(whitened);
@@ -499,7 +511,6 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
       metric -= cubic / lambda;
     }
     Matrix6<Scalar> larger;
-    shape = sum;
     if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
         larger.trace() < Scalar(6) * (one + share) * (one + share)) {
       const Matrix6<Scalar> half = set_.lazyProduct(larger);

@@ -128,32 +128,30 @@ template <typename Scalar, int N>
 /// \return `not_finite` if there is no inverse, or it is beyond all numbers.
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_of(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
-  Matrix<Scalar, N> left = a;
-  Matrix<Scalar, N> right = Matrix<Scalar, N>::Identity();
+  // Row by row: a beside what becomes its inverse.
+  Eigen::Matrix<Scalar, N, 2 * N, Eigen::RowMajor> rows;
+  rows.template leftCols<N>() = a;
+  rows.template rightCols<N>().setIdentity();
   for (int j = 0; j < N; ++j) {
     int pivot = j;
     for (int i = j + 1; i < N; ++i) {
-      pivot = scalar::abs(Scalar(left(i, j))) > scalar::abs(Scalar(left(pivot, j))) ? i : pivot;
+      pivot = scalar::abs(Scalar(rows(i, j))) > scalar::abs(Scalar(rows(pivot, j))) ? i : pivot;
     }
     if (pivot != j) {
-      left.row(j).swap(left.row(pivot));
-      right.row(j).swap(right.row(pivot));
+      rows.row(j).swap(rows.row(pivot));
     }
-    const Scalar scale = Scalar(1) / left(j, j);
-    left.row(j) *= scale;
-    right.row(j) *= scale;
+    rows.row(j) *= Scalar(1) / rows(j, j);
     for (int i = 0; i < N; ++i) {
       if (i != j) {
-        const Scalar factor = left(i, j);
-        left.row(i) -= factor * left.row(j);
-        right.row(i) -= factor * right.row(j);
+        rows.row(i) -= Scalar(rows(i, j)) * rows.row(j);
       }
     }
   }
-  if (!scalar::all_finite(right)) {
+  const Matrix<Scalar, N> result = rows.template rightCols<N>();
+  if (!scalar::all_finite(result)) {
     return Status::not_finite;
   }
-  inverse = right;
+  inverse = result;
   return Status::ok;
 }
 

@@ -141,11 +141,12 @@ class GuaranteedRigidBodyFlow {
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
     State state = ellipsoid.center;
+    MotionSeries<Scalar, Potential> series(body_, potential_);
+    const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
     ErrorTube<Scalar, Potential> tube;
-    if (const Status status = tube.start(ellipsoid.shape); status != Status::ok) {
+    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
       return status;
     }
-    MotionSeries<Scalar, Potential> series(body_, potential_);
     bool has_moved = false;
     for (long step = 0; step < steps; ++step) {
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
@@ -155,7 +156,7 @@ class GuaranteedRigidBodyFlow {
       // What is of third order grows with the square of the time since the tube began: from time to time it is better to begin
       // again with an ellipsoid about all of it.
       if (has_moved && tube.displacement() > scalar::constant<Scalar>(0.03L)) {
-        if (tube.start(tube.shape()) != Status::ok) {
+        if (tube.start(tube.shape(), h, stiffness) != Status::ok) {
           return Status::unbounded;
         }
         has_moved = false;
