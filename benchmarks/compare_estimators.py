@@ -101,7 +101,7 @@ def _figures(mode: validation.Mode, runs: Runs, values: Any) -> dict[str, float]
         validation.sizes(mode, runs.shapes[:, validation.SETTLED_UPDATE - 1 :]), axis=(0, 1)
     )
     return {
-        "outside": 100.0 * float(np.mean(~(values <= 1.0))),
+        "outside": 100.0 * float(np.mean(~(values <= 1.0) & (runs.claims != validation.WITHOUT_SET))),
         "worst": float(np.nanmax(values)),
         "trace": float(trace),
         "radius": float(radius),

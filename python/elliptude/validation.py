@@ -240,18 +240,8 @@ def forms(mode: Mode, runs: Runs, motion: Motion) -> FloatArray:
         At most 1 inside; infinite where P is not positive definite or the error is a half turn, NaN where there is no
         set.
     """
-    error = runs.attitudes.swapaxes(-1, -2) @ motion.attitudes[:, 1:]
-    skew = error - error.swapaxes(-1, -2)
-    # tan(θ/2) n = (R − Rᵀ)^∨ / (1 + tr R)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        tangent = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1) / (
-            1.0 + np.trace(error, axis1=-2, axis2=-1)[..., None]
-        )
-        length = np.linalg.norm(tangent, axis=-1, keepdims=True)
-        ratio = np.ones_like(length)
-        if mode != "guaranteed":
-            np.divide(np.arctan(length), length, out=ratio, where=length > 0.0)
-        states = np.concatenate([2.0 * ratio * tangent, motion.vectors[:, 1:] - runs.vectors], axis=-1)
+    arguments = (runs.attitudes, runs.vectors, motion.attitudes[:, 1:], motion.vectors[:, 1:])
+    states = _errors(mode, *arguments)
     values = np.full(states.shape[:-1], np.nan)
     known = np.isfinite(runs.shapes).all(axis=(-1, -2))
     scales, eigenvalues, axes = _scaled_eigenvalues(runs.shapes[known])
@@ -259,7 +249,45 @@ def forms(mode: Mode, runs: Runs, motion: Motion) -> FloatArray:
         along = np.einsum("nij,ni->nj", axes, states[known] / scales)
         of_known = np.sum(along**2 / eigenvalues, axis=-1)
     values[known] = np.where(np.all(eigenvalues > 0.0, axis=-1) & np.isfinite(of_known), of_known, np.inf)
+    # Thin sets cost digits: where that may decide, there are more of them.
+    near = np.abs(values - 1.0) < _NEAR_EDGE
+    if near.any():
+        precise = _errors(mode, *(array[near].astype(np.longdouble) for array in arguments))
+        values[near] = _precise_forms(runs.shapes[near].astype(np.longdouble), precise)
     return values
+
+
+_NEAR_EDGE = 1e-2
+
+
+def _errors(mode: Mode, attitudes: Any, vectors: Any, true_attitudes: Any, true_vectors: Any) -> Any:
+    """Errors (..., 6) in the chart of the mode, in the precision of the arguments."""
+    error = attitudes.swapaxes(-1, -2) @ true_attitudes
+    skew = error - error.swapaxes(-1, -2)
+    # tan(θ/2) n = (R − Rᵀ)^∨ / (1 + tr R)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangent = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1) / (
+            1 + np.trace(error, axis1=-2, axis2=-1)[..., None]
+        )
+        length = np.sqrt(np.sum(tangent**2, axis=-1, keepdims=True))
+        ratio = np.ones_like(length)
+        if mode != "guaranteed":
+            np.divide(np.arctan(length), length, out=ratio, where=length > 0)
+    return np.concatenate([2 * ratio * tangent, true_vectors - vectors], axis=-1)
+
+
+def _precise_forms(shapes: Any, states: Any) -> Any:
+    """xᵀP⁻¹x of (n, 6, 6) and (n, 6) by Cholesky's method, in the precision of the arguments."""
+    root, white = np.zeros_like(shapes), np.zeros_like(states)
+    with np.errstate(invalid="ignore"):
+        for i in range(6):
+            for j in range(i):
+                rest = shapes[:, i, j] - np.sum(root[:, i, :j] * root[:, j, :j], axis=1)
+                root[:, i, j] = rest / root[:, j, j]
+            root[:, i, i] = np.sqrt(shapes[:, i, i] - np.sum(root[:, i, :i] ** 2, axis=1))
+            white[:, i] = (states[:, i] - np.sum(root[:, i, :i] * white[:, :i], axis=1)) / root[:, i, i]
+        result = np.sum(white**2, axis=1)
+    return np.where(np.isfinite(result), result, np.inf)
 
 
 def sizes(mode: Mode, shapes: FloatArray) -> FloatArray:

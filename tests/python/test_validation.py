@@ -5,6 +5,7 @@ import itertools
 import json
 
 import guaranteed_stand_in
+import mpmath
 import numpy as np
 import pytest
 from elliptude import _core, adversary, validation
@@ -144,6 +145,30 @@ def test_form_in_the_chart_of_the_set(mode, scale):
         ellipsoid = _core.StateEllipsoid(center, vector, root @ root.T)
         expected = ellipsoid.quadratic_form(motion.attitudes[:, 1], motion.vectors[:, 1])
         np.testing.assert_allclose(validation.forms(mode, runs, motion)[:, 0], expected, rtol=1e-9 + 1e-14 / scale)
+
+
+def test_form_of_thin_sets_near_the_edge():
+    """Against exact arithmetic of the same numbers."""
+    rng = np.random.default_rng(2)
+    for _ in range(30):
+        axes, _ = np.linalg.qr(rng.standard_normal((6, 6)))
+        root = axes * 10.0 ** -rng.uniform(0.0, 5.0, 6)
+        shape = root @ root.T
+        shape = 0.5 * (shape + shape.T)
+        shape_exactly = mpmath.matrix(shape.tolist())
+        offset = np.concatenate([np.zeros(3), root[3:] @ rng.standard_normal(6)])
+        with mpmath.workdps(60):
+            column = mpmath.matrix(offset.tolist())
+            offset /= float(mpmath.sqrt((column.T * (shape_exactly**-1) * column)[0]))
+            column = mpmath.matrix(offset.tolist())
+            expected = float((column.T * (shape_exactly**-1) * column)[0])
+        assert abs(expected - 1.0) < 1e-6
+        identity = np.broadcast_to(np.eye(3), (1, 2, 3, 3))
+        runs = Runs(
+            identity[:, 1:], np.zeros((1, 1, 3)), shape[None, None], np.ones((1, 1), bool), np.zeros((1, 1), np.uint8)
+        )
+        motion = adversary.Motion(identity, np.zeros((1, 2, 3)), np.broadcast_to(offset[3:], (1, 2, 3)))
+        np.testing.assert_allclose(validation.forms("guaranteed", runs, motion), expected, rtol=1e-8)
 
 
 def test_sets_that_are_none_are_not_passed_over():
