@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from elliptude import cli_simulate, estimation, fermi, figures, logs, scenarios, simulation
+from elliptude import cli_simulate, estimation, fermi, figures, logs, plausibility, scenarios, simulation
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation
 from elliptude.files import FileError, replacing, write_json
@@ -27,7 +27,8 @@ _FIGURE, _SUMMARY = "estimate.png", "summary.json"
 
 def estimate(
     log: Annotated[
-        Path, typer.Argument(help="Measurements: CSV, which may be compressed, or Parquet.", show_default=False)
+        Path,
+        typer.Argument(help="Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md.", show_default=False),
     ],
     config: Annotated[
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
@@ -51,6 +52,7 @@ def estimate(
     with _progress(console) as progress:
         task = progress.add_task("Reading", total=3)
         measured = logs.read_log(log, configuration)
+        plausibility.require_plausible(measured, configuration, str(log))
         progress.update(task, advance=1, description="Estimating")
         estimated = _estimate(measured, configuration, log)
         progress.update(task, advance=1, description="Writing")

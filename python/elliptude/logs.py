@@ -155,6 +155,80 @@ def _filled(configuration: Configuration) -> str:
     return "the gyro" if isinstance(configuration.flow, GyroFlow) else "the control torque"
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What one sensor measured, before sensors are put into rows together."""
+
+    name: str
+    """Of a direction; else "the gyro", "rate", "the control torque", "true attitude" or "true vector"."""
+    rows: int
+    """How many the file has, empty ones among them."""
+    times: FloatArray
+    """s, strictly increasing, delay subtracted, shape (N,)."""
+    values: FloatArray
+    """SI units and body axes, shape (N, 3); quaternions as they stand in the file, shape (N, 4)."""
+    origin: int
+    """What was subtracted from the file's times, s."""
+
+
+def sensor_names(configuration: Configuration) -> list[str]:
+    """The names that `Samples` of this configuration have."""
+    flow, truth = configuration.flow, configuration.truth
+    names = ["the gyro"] if isinstance(flow, GyroFlow) else []
+    names += ["the control torque"] if not isinstance(flow, GyroFlow) and flow.control_torque_columns else []
+    names += [sensor.name for sensor in configuration.directions]
+    names += ["rate"] if configuration.rate is not None else []
+    names += ["true attitude"] if truth is not None else []
+    return names + (["true vector"] if truth is not None and truth.vector_columns else [])
+
+
+def read_samples(
+    path: str | os.PathLike[str], configuration: Configuration, names: Sequence[str] | None = None
+) -> list[Samples]:
+    """Read what each sensor measured, checked and converted as for `read_log`, each at its own times.
+
+    Parameters
+    ----------
+    path : path-like
+    configuration : Configuration
+    names : sequence of str, optional
+        Of the sensors; all if left out.
+
+    Returns
+    -------
+    list of Samples
+
+    Raises
+    ------
+    FileError
+        As `read_log`.
+    """
+    file = open_log(path)
+    clocks = _clocks(file, configuration, names)
+    timing = configuration.timing
+    origin: int | None = None if timing.origin == "first" else 0
+    found: list[Samples] = []
+    for stream in dict.fromkeys(clock.stream for clock in clocks):
+        together = [clock for clock in clocks if clock.stream == stream]
+        columns = list(dict.fromkeys(chain.from_iterable(clock.columns() for clock in together)))
+        rows = 0
+        for batch in file.batches(columns):
+            if origin is None:
+                origin = _first_second(file, together[0], batch)
+            for clock in together:
+                _take(file, clock, batch, rows, origin, timing)
+            rows += len(next(iter(batch.values())).values)
+        if not rows:
+            raise FileError(f"{path}: a header, but no rows below it")
+        for channel in chain.from_iterable(clock.channels for clock in together):
+            times = np.concatenate(channel.times) if channel.times else np.empty(0)
+            values = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
+            found.append(
+                Samples(channel.name, rows, times, values[:, : len(channel.columns) - channel.companions], origin or 0)
+            )
+    return found
+
+
 # --- what is read together -------------------------------------------------------------------------------------------
 
 
@@ -198,10 +272,13 @@ class _Clock:
         return [self.column, *chain.from_iterable(channel.columns for channel in self.channels)]
 
 
-def _clocks(file: LogFile, configuration: Configuration) -> list[_Clock]:
+def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[_Clock]:
+    """What is read, of all sensors or of some."""
     clocks: dict[tuple[str, str, float], _Clock] = {}
 
     def add(timed: Timed | None, channel: _Channel) -> None:
+        if names is not None and channel.name not in names:
+            return
         require_columns(file, channel.columns)
         stream = file.stream(channel.columns[0])
         stamps = file.stamps(stream)
@@ -331,7 +408,7 @@ def _pieces(file: LogFile, clocks: list[_Clock], timing: Timing) -> Iterator[_Pi
         if timing.repeated == "merge" and unfinished:
             end = float(np.nextafter(end, -np.inf))  # the next row may have the same time
         if end > begin:
-            piece = _union(clocks, begin, end, origin or 0, rows_mean_something)
+            piece = _union(clocks, end, origin or 0, timing, rows_mean_something)
             begin = end
             if len(piece.times):
                 yield piece
@@ -398,13 +475,13 @@ def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: in
         missing = np.column_stack([empties[column] for column in channel.columns])
         main = len(channel.columns) - channel.companions
         group = channel.columns[:main]
-        some = missing[:, :main].any(axis=1)
+        some = _any(missing[:, :main])
         if timing.not_a_number == "refuse":
             for i, column in enumerate(group):
                 refuse(some & ~missing[:, i], column, f"a number, but {' '.join(group)} are empty only together")
         if channel.companions:
             companions = channel.columns[main:]
-            partly = missing[:, main:].any(axis=1)
+            partly = _any(missing[:, main:])
             for i, column in enumerate(companions):
                 fault = f"a number, but {' '.join(companions)} are empty only together"
                 refuse(partly & ~missing[:, main + i], column, fault)
@@ -415,7 +492,8 @@ def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: in
         for i in range(channel.vectors):
             vector = values[:, 3 * i : 3 * i + 3]
             names = " ".join(channel.columns[3 * i : 3 * i + 3])
-            zero: BoolArray = np.logical_and(measured, (vector == 0.0).all(axis=1))
+            zero = np.zeros(len(present), bool)
+            zero[measured] = ~vector[measured].any(axis=1)
             refuse(zero, channel.columns[3 * i], f"{channel.name!r} has no direction: {names} are all zero")
         measured = measured[present] & kept
         sampled = times[measured]
@@ -435,6 +513,10 @@ def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: in
         channel.last_time = float(sampled[-1])
         channel.times.append(sampled - clock.delay)
         channel.values.append(channel.convert(values[present][measured][first].astype(np.float64)))
+
+
+def _any(rows: BoolArray) -> BoolArray:
+    return np.asarray(rows.any(axis=1), dtype=np.bool_)
 
 
 def _empty(cells: Cells, timing: Timing, refuse: Callable[[BoolArray, str, str], None], column: str) -> BoolArray:
@@ -460,15 +542,20 @@ def _seconds(file: LogFile, clock: _Clock, cells: Cells, origin: int) -> FloatAr
     return seconds
 
 
-def _union(clocks: list[_Clock], begin: float, end: float, origin: int, rows_mean_something: bool) -> _Piece:
-    """The rows after ``begin`` and up to ``end``; what is later stays with the clocks and channels."""
+def _union(clocks: list[_Clock], end: float, origin: int, timing: Timing, rows_mean_something: bool) -> _Piece:
+    """The rows up to ``end``; what is later stays with the clocks and channels."""
     stamps = [_cut(clock.stamps, end) for clock in clocks]
-    times = stamps[0] if len(clocks) == 1 else np.unique(np.concatenate(stamps))
+    every = stamps[0] if len(clocks) == 1 else np.unique(np.concatenate(stamps))
+    is_first = np.diff(every, prepend=-np.inf) > timing.same_within_s
+    row_of = np.cumsum(is_first) - 1
+    times = every[is_first]
+    if len(every) and (every - times[row_of]).max() > timing.same_within_s:
+        raise FileError(f"timing.same_within_s = {timing.same_within_s:g} is so long that it makes one row of many")
     rows = np.full(len(times), -1, dtype=np.int64)
     for clock, own in zip(clocks, stamps, strict=True):
         numbers = _cut_rows(clock.rows, len(own))
         if rows_mean_something:
-            at = np.searchsorted(times, own)
+            at = row_of[np.searchsorted(every, own)]
             free = rows[at] < 0
             rows[at[free]] = numbers[free]
     keep = np.ones(len(times), bool)
@@ -479,7 +566,7 @@ def _union(clocks: list[_Clock], begin: float, end: float, origin: int, rows_mea
         count = int(np.searchsorted(sampled, end, side="right"))
         if channel.fill == "none":
             values[channel.name] = np.full((len(times), len(channel.columns)), np.nan)
-            values[channel.name][np.searchsorted(times, sampled[:count])] = samples[:count]
+            values[channel.name][row_of[np.searchsorted(every, sampled[:count])]] = samples[:count]
             keep_from = count
         else:
             values[channel.name], inside = _filled_in(times, sampled, samples, channel.fill)
@@ -589,9 +676,7 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
 
 
 def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
-    clocks = _clocks(file, configuration)
-    clock = next(clock for clock in clocks if any(channel.name == name for channel in clock.channels))
-    clock.channels = [channel for channel in clock.channels if channel.name == name]
+    (clock,) = _clocks(file, configuration, [name])
     total, count = np.zeros(3), 0
     for piece in _pieces(file, [clock], configuration.timing):
         times = piece.times + piece.origin

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import NoReturn, Protocol, TypeAlias
@@ -54,6 +55,9 @@ class LogFile(Protocol):
 
     def stream(self, column: str) -> str:
         """The stream that a column belongs to; "" where the file has but one."""
+
+    def holds_numbers(self, column: str) -> bool:
+        """Whether a column is one of numbers, as far as can be told without reading it all."""
 
     def stamps(self, stream: str) -> tuple[str, str] | None:
         """The column and the unit of a stream's own time stamps, where the format says which they are."""
@@ -192,6 +196,11 @@ class ParquetTable:
         """Any column may hold the times."""
         return
 
+    def holds_numbers(self, column: str) -> bool:
+        """See `LogFile`."""
+        kind = self._types[column]
+        return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
+
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
         self._require_numbers(columns)
@@ -228,7 +237,7 @@ class ParquetTable:
 
     def _require_numbers(self, names: Sequence[str]) -> None:
         for name in names:
-            if not (pa.types.is_integer(self._types[name]) or pa.types.is_floating(self._types[name])):
+            if not self.holds_numbers(name):
                 raise FileError(f"{self.path}: column {name!r} is of type {self._types[name]}, not of numbers")
 
 
@@ -270,11 +279,20 @@ class CsvTable:
         """Any column may hold the times."""
         return
 
+    def holds_numbers(self, column: str) -> bool:
+        """Whether its first cell is a number or empty."""
+        cell = self._first_cells.get(column, "")
+        return not cell or self._NUMBER.fullmatch(cell) is not None
+
+    @cached_property
+    def _first_cells(self) -> dict[str, str]:
+        _, first = next(self._rows(), (0, []))
+        return {name: cell.strip(" \t") for name, cell in zip(self.columns, first, strict=False)}
+
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
-        _, first = next(self._rows(), (0, []))
-        cells = dict(zip(self.columns, first, strict=False))
-        large = {name for name in columns if self._LARGE.fullmatch(cells.get(name, "").strip())}
+        cells = self._first_cells
+        large = {name for name in columns if self._LARGE.fullmatch(cells.get(name, ""))}
         types = {name: pa.int64() if name in large else pa.float64() for name in columns}
         for batch in self._batches(types):
             yield {name: _cells(batch.column(name), name in large) for name in columns}
@@ -397,6 +415,10 @@ class NpzFile:
     def stamps(self, stream: str) -> None:
         """Any column may hold the times."""
         return
+
+    def holds_numbers(self, column: str) -> bool:
+        """All do."""
+        return True
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """All rows in one batch; an array is taken from the archive once."""

@@ -49,6 +49,10 @@ class BagFile:
         """The topic."""
         return column.partition(".")[0]
 
+    def holds_numbers(self, column: str) -> bool:
+        """All do."""
+        return True
+
     def stamps(self, stream: str) -> tuple[str, str]:
         """The header's stamps where messages have a header, else when the bag took them; ns."""
         header = f"{stream}.header.stamp"

@@ -42,6 +42,10 @@ class UlogFile:
         """The topic."""
         return column.partition(".")[0]
 
+    def holds_numbers(self, column: str) -> bool:
+        """All do."""
+        return True
+
     def stamps(self, stream: str) -> tuple[str, str]:
         """The topic's own, µs."""
         return f"{stream}.timestamp", "us"
