@@ -78,8 +78,8 @@ class Timing(Model):
     not_a_number: Literal["refuse", "missing"] = "refuse"
     # Of the gyro. A longer one is refused; up to it, empty cells are bridged.
     largest_gap_s: Positive | None = None
-    # Stamps so close together make one row, at the first: it adds to what the others' times may be off.
-    same_within_s: NotNegative = 0.0
+    # Stamps of different sensors, delays subtracted, that are so close make one row, at the first of them.
+    same_within_s: NotNegative = 1e-9
     # Times as in the file, or from the whole second of the log's first stamp.
     origin: Literal["file", "first"] = "file"
 

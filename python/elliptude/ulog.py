@@ -25,7 +25,8 @@ class UlogFile:
         except ModuleNotFoundError as error:
             raise FileError(f"{path}: reading a ULog needs pyulog: pip install 'elliptude[ulog]'") from error
         try:
-            log = pyulog.ULog(str(path))
+            with self.path.open("rb") as content:
+                log = pyulog.ULog(content)
         except OSError as error:
             raise FileError(f"{path}: {error.strerror or error}") from error
         except Exception as error:  # pyulog raises what its parsing happens to meet
