@@ -506,7 +506,7 @@ def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: in
             if (gaps > timing.largest_gap_s).any():
                 at = int(np.argmax(gaps > timing.largest_gap_s))
                 place = file.place(group[0], int(rows[measured][first][at]))
-                gap = f"{gaps[at]:.6g} s after the sample before of {channel.name}"
+                gap = f"{gaps[at]:.6g} s after the sample of {channel.name} before it"
                 raise FileError(
                     f"{file.path}: {place}: {gap}, more than timing.largest_gap_s = {timing.largest_gap_s:g}"
                 )
@@ -567,9 +567,8 @@ def _union(clocks: list[_Clock], end: float, origin: int, timing: Timing, rows_m
             values[channel.name] = np.full((len(times), len(channel.columns)), np.nan)
             at = row_of[np.searchsorted(every, sampled[:count])]
             if (np.diff(at) == 0).any():
-                raise FileError(
-                    f"timing.same_within_s = {timing.same_within_s:g} makes one row of samples of {channel.name}"
-                )
+                limit = f"timing.same_within_s = {timing.same_within_s:g}"
+                raise FileError(f"{limit} makes one row of several samples of {channel.name}")
             values[channel.name][at] = samples[:count]
             keep_from = count
         else:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from elliptude.files import FileError
 
-BATCH_BYTES = 1 << 23
+BATCH_BYTES = 1 << 22
 """Of a CSV file's text that are worked on at a time."""
 BATCH_ROWS = 1 << 17
 """Of a Parquet file that are worked on at a time."""
