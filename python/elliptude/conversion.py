@@ -58,7 +58,10 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     numbers = [name for name in file.columns if file.holds_numbers(name)]
     columns = [[name for name in numbers if file.stream(name) == one] for one in chosen]
     with replacing(target) as temporary, _writer(target, temporary, "") as write:
-        return sum(_copy(file, some, write) for some in columns if some)
+        count = sum(_copy(file, some, write) for some in columns if some)
+        if count == 0:
+            raise FileError(f"{source}: a header, but no rows below it")
+    return count
 
 
 def convert_measurements(

@@ -113,8 +113,8 @@ def test_gaps_and_empty_rows(tmp_path):
 @pytest.mark.parametrize(
     ("array", "factor", "message"),
     [
-        ("acc", 1.0 / G, "warning: up: its median norm is 1 m/s^2, which is not gravity; it would be in g"),
-        ("acc", 1000.0 / G, "warning: up: its median norm is 1000 m/s^2, which is not gravity; it would be in mg"),
+        ("acc", 1.0 / G, "warning: up: its median norm is 1 m/s.2, which is not gravity; it would be in g"),
+        ("acc", 1000.0 / G, "warning: up: its median norm is 1000 m/s.2, which is not gravity; it would be in mg"),
         ("mag", 1000.0, r"warning: field: its median norm is 4.47\de\+04 uT, .* it would be in nT"),
         ("mag", 0.01, r"warning: field: its median norm is 0.447. uT, .* it would be in G"),
         (
