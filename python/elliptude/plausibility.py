@@ -20,7 +20,7 @@ from elliptude.sensors import Accelerometer, AnyDirection
 
 Severity: TypeAlias = Literal["error", "warning"]
 
-_PAIRS, _FEWEST_PAIRS = 100_000, 30
+_PAIRS, _FEWEST_PAIRS = 50_000, 30
 # rad; what a linear formula is good for.
 _LARGEST_TURN = 1.0
 # Of the slope: what counts as 1, and how well it must be known.
