@@ -228,9 +228,8 @@ class DirectionBase(Timed):
         angle_deg = self.bound_from.angle_deg if isinstance(self.bound_from, AngleBound) else self.bound_deg
         if angle_deg is None:
             assert self.bound_from is not None
-            raise ValueError(
-                f"{self.name!r} has a bound of kind {self.bound_from.kind!r}, which is another at each sample"
-            )
+            why = f"its bound of kind {self.bound_from.kind!r} is another at each sample, which this mode does not take"
+            raise ValueError(f"{self.name!r}: {why}; give bound_deg or bound_rad2")
         return np.eye(3) * math.radians(angle_deg) ** 2
 
 
