@@ -233,6 +233,40 @@ def test_full_disk(tmp_path, suffix):
     assert_refused(tmp_path, done, os.strerror(errno.EFBIG))
 
 
+def test_full_disk_while_estimating(tmp_path):
+    log, configuration = files(tmp_path, recording(count=1000))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        done = run("estimate", log, "--config", configuration, "--out", tmp_path / "result")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert_refused(tmp_path, done, os.strerror(errno.EFBIG))
+    assert list((tmp_path / "result").iterdir()) == []
+
+
+def test_interrupt_while_estimating(tmp_path):
+    log, configuration = files(tmp_path, recording(count=60_000))
+    program = [sys.executable, "-c", "from elliptude.cli import main; main()"]
+    process = subprocess.Popen(
+        [*program, "estimate", log, "--config", configuration, "--out", tmp_path / "result"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob("result/.results*")) and time.monotonic() < deadline:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert not (tmp_path / "result" / "summary.json").exists()
+    assert not list(tmp_path.glob("result/.*"))
+
+
 @pytest.mark.parametrize("suffix", conversion.SUFFIXES)
 def test_interrupt(tmp_path, suffix):
     """Control-C in the midst of writing: exit code 130, and nothing is left."""

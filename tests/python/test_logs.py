@@ -201,6 +201,18 @@ def test_sun_by_time():
     assert np.rad2deg(angles).max() < 0.001
 
 
+@pytest.mark.parametrize(("origin", "first"), [("file", 466430147.5), ("first", 0.5)])
+def test_sun_in_a_log(tmp_path, origin, first):
+    reference = {"kind": "sun", "time_zero": "2001-01-01T00:00:00Z"}
+    sensor = {"name": "sun", "columns": ["ax", "ay", "az"], "bound_deg": 1.0, "reference": reference}
+    configuration = configured(sensor, reference_frame="J2000", timing={"origin": origin})
+    log = read(tmp_path, "466430147.5,0,0,0,1,0,0,,,", "480000000,0,0,0,,,,,,", configuration=configuration)
+    assert log.times[0] == first
+    expected = sun.sun_direction_j2000(sun.fermi_julian_date([466430147.5, 480000000.0]))
+    np.testing.assert_allclose(log.references[:, 0], expected, atol=1e-5)
+    assert np.linalg.norm(expected[1] - expected[0]) > 1.0
+
+
 # --- times ------------------------------------------------------------------------------------------------------------
 
 
