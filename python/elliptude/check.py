@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from elliptude import logs, plausibility, units
+from elliptude import estimation, logs, plausibility, units
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.files import FileError
-from elliptude.logs import Samples
+from elliptude.logs import Log, Samples
 from elliptude.plausibility import Finding
 from elliptude.results import FloatArray
 from elliptude.sensors import Accelerometer, Magnetometer
@@ -100,9 +100,25 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             findings.append(Finding("error", "", str(error)))
         else:
             findings += plausibility.contradictions(log, configuration)
+            findings += _start(log, configuration)
     reports = [_report(one, configuration) for one in samples]
     findings += [finding for one in samples for finding in _suspicions(one, configuration)]
     return Report(reports, findings)
+
+
+def _start(log: Log, configuration: Configuration) -> list[Finding]:
+    """Whether, and where, there is a row that a start from the first measurement needs."""
+    if configuration.start.kind != "first_measurement":
+        return []
+    try:
+        first = estimation.first_complete_row(log, configuration)
+    except ValueError as error:
+        return [Finding("error", "start", str(error))]
+    if first == 0:
+        return []
+    return [
+        Finding("warning", "start", f"{first} rows are left out: the first with two directions is {log.place(first)}")
+    ]
 
 
 def _report(samples: Samples, configuration: Configuration) -> SensorReport:

@@ -209,9 +209,10 @@ class GivenStart(Model):
 
 
 class FirstMeasurementStart(Model):
-    """The set that the log's first row measures: two directions or more, and the rate.
+    """The set that is measured by the log's first row that has two directions or more, and the rate.
 
-    A gyro flow has no measured rate in its state; there the gyro's bias starts within a ball about zero.
+    Rows before it are left out. A gyro flow has no measured rate in its state; there the gyro's bias starts within a
+    ball about zero.
     """
 
     kind: Literal["first_measurement"]

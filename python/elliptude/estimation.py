@@ -55,8 +55,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     InconsistentMeasurement
         If sets do not meet and the configuration does not say to skip them.
     ValueError
-        If the start cannot be had from the log's first row, the log does not fit the filter, or the set or what it is
-        compared with is beyond all numbers.
+        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
+        all numbers.
     """
     settings, flow = configuration.estimator, configuration.flow
     begin = time.perf_counter()
@@ -64,6 +64,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     is_gyro = isinstance(flow, GyroFlow)
     from_measurement = not isinstance(configuration.start, GivenStart)
     if from_measurement:
+        log = log.since(first_complete_row(log, configuration))
+        directions, rates = log.directions, log.rates
         # The start says all that the first row does: it must not count twice.
         directions = directions.copy()
         directions[0] = np.nan
@@ -129,15 +131,31 @@ def interval_rates(samples: FloatArray) -> FloatArray:
     return rates
 
 
+def first_complete_row(log: Log, configuration: Configuration) -> int:
+    """The first row that can be the start: with two directions or more, and the rate where that is measured.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    complete = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
+    if configuration.rate is not None:
+        assert log.rates is not None
+        complete &= np.isfinite(log.rates[:, 0])
+    if not complete.any():
+        rate = " and the rate" if configuration.rate is not None else ""
+        raise ValueError(f"no row has two directions{rate}: there is no measurement to start from")
+    return int(np.argmax(complete))
+
+
 def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     """The set at the log's first time."""
     start = configuration.start
     if isinstance(start, GivenStart):
         return start.build()
     sensors = configuration.directions
-    there = [i for i in range(len(sensors)) if np.isfinite(log.directions[0, i, 0])]
-    if len(there) < 2:
-        raise ValueError("the first row has fewer than two directions: it cannot be the start")
+    there = np.flatnonzero(np.isfinite(log.directions[0, :, 0]))
     directions, references = log.directions[0, there], log.references[0, there]
     bounds = np.array([sensors[i].bound() for i in there])
     weights = np.array([sensors[i].weight for i in there])
@@ -149,8 +167,6 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
         shape[3:, 3:] = np.eye(3) * np.deg2rad(start.bias_bound_deg_per_s) ** 2
         return elliptude.StateEllipsoid(attitude, np.zeros(3), shape)
     assert log.rates is not None
-    if not np.isfinite(log.rates[0, 0]):
-        raise ValueError("the first row has no measured rate: it cannot be the start")
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,13 @@ class Log:
     rows: NDArray[np.int64] | None = None
     """The row of the file, from 0, that has the time, shape (N,); -1 where none has, as with a delay."""
     file: LogFile | None = None
+
+    def since(self, first: int) -> "Log":
+        """The rows from one on."""
+        arrays: dict[str, Any] = {
+            name: values[first:] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+        }
+        return replace(self, **arrays)
 
     def place(self, k: int) -> str:
         """Where row k is, for a message: "line 812" of the file if that is known, and the time."""
@@ -487,7 +494,7 @@ def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: in
                 refuse(partly & ~missing[:, main + i], column, fault)
             refuse(~some & partly, companions[0], f"empty, but {channel.name!r} is measured")
         if channel.fill != "none" and timing.largest_gap_s is None:
-            refuse(some & present, group[0], "empty; timing.largest_gap_s says how long a gap of the gyro may be")
+            refuse(some & present, group[0], f"empty; timing.largest_gap_s would let {channel.name} have gaps")
         measured = ~some & present
         for i in range(channel.vectors):
             vector = values[:, 3 * i : 3 * i + 3]

@@ -2,6 +2,8 @@
 
 import json
 import re
+import textwrap
+from pathlib import Path
 
 import datasets
 import numpy as np
@@ -211,6 +213,30 @@ def test_each_fault_is_listed(tmp_path):
     text = run("check", tmp_path / "log.npz", tmp_path / "log.toml")
     assert text.exit_code == 1
     assert "2 errors" in text.output
+
+
+def test_a_start_from_a_later_row_or_from_none(tmp_path):
+    arrays = recording()
+    arrays["mag"][:3] = np.nan
+    report, messages = found(tmp_path, arrays)
+    assert report["good"]
+    assert messages == ["warning: start: 3 rows are left out: the first with two directions is row 4 (0.030000 s)"]
+    configuration = tables()
+    configuration["directions"][1]["delay_s"] = 0.005
+    report, messages = found(tmp_path, configuration=configuration)
+    assert not report["good"]
+    assert messages == ["error: start: no row has two directions: there is no measurement to start from"]
+
+
+def test_the_example_of_the_guide(tmp_path):
+    """It is a configuration, and fits the recording whose columns it names."""
+    guide = (Path(__file__).parents[2] / "docs" / "logs.md").read_text(encoding="utf-8")
+    section = guide.split("## An example")[1].split("\n## ")[0]
+    (tmp_path / "log.toml").write_text(textwrap.dedent(section))
+    configuration = read_configuration(tmp_path / "log.toml")
+    assert configuration.accelerometer.unit == "g"
+    if datasets.FOLDER is not None:
+        assert check(datasets.xio(), configuration).findings == []
 
 
 def test_a_configuration_at_fault(tmp_path):

@@ -263,18 +263,20 @@ def test_a_column_that_is_not_there(tmp_path):
         logs.read_log(file, own_configuration(truth={"attitude_columns": ["true_w", "a", "b", "c"]}))
 
 
-def test_a_start_that_the_first_row_does_not_have(pendulum):
+def test_a_start_that_the_first_rows_do_not_have(pendulum):
     scenario, simulated = pendulum
     log = logs.log_of(simulated.measurements)
     configuration = configured(scenario, simulated)
-    directions = log.directions.copy()
+    directions, rates = log.directions.copy(), log.rates.copy()
     directions[0, 1] = np.nan
-    with pytest.raises(ValueError, match="fewer than two directions"):
+    rates[1] = np.nan
+    results = estimation.estimate(dataclasses.replace(log, directions=directions, rates=rates), configuration).results
+    np.testing.assert_array_equal(results.times, log.times[2:])
+    expected = estimation.estimate(log.since(2), configuration).results
+    np.testing.assert_array_equal(results.shapes, expected.shapes)
+    directions[:, 0] = np.nan
+    with pytest.raises(ValueError, match="no row has two directions and the rate"):
         estimation.estimate(dataclasses.replace(log, directions=directions), configuration)
-    rates = log.rates.copy()
-    rates[0] = np.nan
-    with pytest.raises(ValueError, match="no measured rate"):
-        estimation.estimate(dataclasses.replace(log, rates=rates), configuration)
 
 
 def test_summary_counts_what_the_table_says(pendulum):
