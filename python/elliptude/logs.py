@@ -7,18 +7,19 @@ file of any length needs little memory: `read_pieces`; `read_log` puts the piece
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude import references, units
+from elliptude.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.files import FileError
-from elliptude.readers import Batch, Cells, LogFile, open_log, require_columns
+from elliptude.readers import LogFile, open_log, require_columns
 from elliptude.results import FloatArray
 from elliptude.sensors import (
     Accelerometer,
@@ -28,14 +29,13 @@ from elliptude.sensors import (
     RestPhase,
     SunByTime,
     Timed,
-    Timing,
     WorldModel,
     rotation_of_axes,
 )
 from elliptude.tables import Measurements
 
-BoolArray: TypeAlias = NDArray[np.bool_]
-Fill: TypeAlias = Literal["none", "linear", "previous", "next"]
+# The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
+_STILL = 0.98
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,24 +108,24 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
     FileError
         If the file does not have it; with the line and the column where that is at fault.
     """
-    pieces = list(read_pieces(path, configuration))
-    if len(pieces) == 1:
-        return pieces[0]
+    parts = list(read_pieces(path, configuration))
+    if len(parts) == 1:
+        return parts[0]
 
     def whole(parts: list[FloatArray | None]) -> FloatArray | None:
         there = [part for part in parts if part is not None]
         return np.concatenate(there) if there else None
 
     return replace(
-        pieces[0],
-        times=np.concatenate([piece.times for piece in pieces]),
-        directions=np.concatenate([piece.directions for piece in pieces]),
-        references=np.concatenate([piece.references for piece in pieces]),
-        rates=whole([piece.rates for piece in pieces]),
-        control_torques=whole([piece.control_torques for piece in pieces]),
-        true_attitudes=whole([piece.true_attitudes for piece in pieces]),
-        true_vectors=whole([piece.true_vectors for piece in pieces]),
-        rows=np.concatenate([piece.rows for piece in pieces if piece.rows is not None]),
+        parts[0],
+        times=np.concatenate([piece.times for piece in parts]),
+        directions=np.concatenate([piece.directions for piece in parts]),
+        references=np.concatenate([piece.references for piece in parts]),
+        rates=whole([piece.rates for piece in parts]),
+        control_torques=whole([piece.control_torques for piece in parts]),
+        true_attitudes=whole([piece.true_attitudes for piece in parts]),
+        true_vectors=whole([piece.true_vectors for piece in parts]),
+        rows=np.concatenate([piece.rows for piece in parts if piece.rows is not None]),
     )
 
 
@@ -149,7 +149,7 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
     clocks = _clocks(file, configuration)
     constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
     is_empty = True
-    for piece in _pieces(file, clocks, configuration.timing):
+    for piece in pieces(file, clocks, configuration.timing):
         is_empty = False
         yield _log(piece, file, configuration, constants)
     if is_empty:
@@ -221,9 +221,9 @@ def read_samples(
         rows = 0
         for batch in file.batches(columns):
             if origin is None:
-                origin = _first_second(file, together[0], batch)
+                origin = first_second(file, together[0], batch)
             for clock in together:
-                _take(file, clock, batch, rows, origin, timing)
+                take(file, clock, batch, rows, origin, timing)
             rows += len(next(iter(batch.values())).values)
         if not rows:
             raise FileError(f"{path}: a header, but no rows below it")
@@ -239,51 +239,11 @@ def read_samples(
 # --- what is read together -------------------------------------------------------------------------------------------
 
 
-@dataclass(eq=False)
-class _Channel:
-    """The columns of one sensor, and its samples."""
-
-    name: str
-    columns: tuple[str, ...]
-    convert: Callable[[FloatArray], FloatArray]
-    """From what the file holds (n, k) to SI units and body axes (n, k)."""
-    fill: Fill = "none"
-    vectors: int = 0
-    """So many vectors of three among the columns must not be zero: a direction, and its reference if that moves."""
-    companions: int = 0
-    """So many columns at the end must be there where the others are, and may be without them."""
-    last_time: float = -np.inf
-    times: list[FloatArray] = field(default_factory=list)
-    values: list[FloatArray] = field(default_factory=list)
-
-
-@dataclass(eq=False)
-class _Clock:
-    """Channels with the same time stamps and the same delay."""
-
-    column: str
-    unit: units.TimeUnit
-    delay: float
-    is_own: bool
-    """The stamps are the channels' own: a row without both is no row."""
-    channels: list[_Channel]
-    stream: str = ""
-    last: float = -np.inf
-    """The last stamp, s, delay not subtracted."""
-    is_empty: bool = True
-    stamps: list[FloatArray] = field(default_factory=list)
-    rows: list[NDArray[np.int64]] = field(default_factory=list)
-
-    def columns(self) -> list[str]:
-        """All that are read."""
-        return [self.column, *chain.from_iterable(channel.columns for channel in self.channels)]
-
-
-def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[_Clock]:
+def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[Clock]:
     """What is read, of all sensors or of some."""
-    clocks: dict[tuple[str, str, float], _Clock] = {}
+    clocks: dict[tuple[str, str, float], Clock] = {}
 
-    def add(timed: Timed | None, channel: _Channel) -> None:
+    def add(timed: Timed | None, channel: Channel) -> None:
         if names is not None and channel.name not in names:
             return
         require_columns(file, channel.columns)
@@ -303,16 +263,16 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
             if file.stream(other) != stream:
                 raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
         clock = clocks.setdefault(
-            (column, unit, delay), _Clock(column, unit, delay, column != configuration.time_column, [], stream)
+            (column, unit, delay), Clock(column, unit, delay, column != configuration.time_column, [], stream)
         )
         clock.channels.append(channel)
 
     flow, truth = configuration.flow, configuration.truth
     if isinstance(flow, GyroFlow):
         fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
-        add(flow, _Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
+        add(flow, Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
     elif flow.control_torque_columns is not None:
-        add(None, _Channel("the control torque", flow.control_torque_columns, lambda values: values, "next"))
+        add(None, Channel("the control torque", flow.control_torque_columns, lambda values: values, "next"))
     for sensor in configuration.directions:
         scale = 1.0
         moving: tuple[str, ...] = ()
@@ -324,18 +284,18 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
             moving = sensor.reference_columns or ()
         convert = _converted(scale, sensor.axes)
         vectors = 2 if moving else 1
-        add(sensor, _Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
+        add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
     if (rate := configuration.rate) is not None:
-        add(rate, _Channel("rate", rate.columns, _converted(units.ANGULAR_VELOCITY[rate.unit], rate.axes)))
+        add(rate, Channel("rate", rate.columns, _converted(units.ANGULAR_VELOCITY[rate.unit], rate.axes)))
     if truth is not None:
-        add(truth, _Channel("true attitude", truth.attitude_columns, lambda values: values))
+        add(truth, Channel("true attitude", truth.attitude_columns, lambda values: values))
         if truth.vector_columns is not None:
             scale = units.ANGULAR_VELOCITY[truth.vector_unit]
-            add(truth, _Channel("true vector", truth.vector_columns, _converted(scale, ("x", "y", "z"))))
+            add(truth, Channel("true vector", truth.vector_columns, _converted(scale, ("x", "y", "z"))))
     if not clocks:  # nothing is measured: there are the times alone
         require_columns(file, [configuration.time_column])
         stream = file.stream(configuration.time_column)
-        return [_Clock(configuration.time_column, configuration.time_unit, 0.0, False, [], stream)]
+        return [Clock(configuration.time_column, configuration.time_unit, 0.0, False, [], stream)]
     return list(clocks.values())
 
 
@@ -359,266 +319,10 @@ def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
     return convert
 
 
-# --- reading ----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(eq=False)
-class _Stream:
-    """The batches of the clocks whose columns have their rows together."""
-
-    clocks: list[_Clock]
-    batches: Iterator[Batch]
-    first_row: int = 0
-    is_finished: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Rows in time order, and the channels' values there."""
-
-    times: FloatArray
-    rows: NDArray[np.int64]
-    values: dict[str, FloatArray]
-    origin: int
-
-
-def _pieces(file: LogFile, clocks: list[_Clock], timing: Timing) -> Iterator[_Piece]:
-    streams: list[_Stream] = []
-    for name in dict.fromkeys(clock.stream for clock in clocks):
-        together = [clock for clock in clocks if clock.stream == name]
-        columns = list(dict.fromkeys(chain.from_iterable(clock.columns() for clock in together)))
-        streams.append(_Stream(together, file.batches(columns)))
-    rows_mean_something = len(streams) == 1
-    origin: int | None = None if timing.origin == "first" else 0
-    begin = -np.inf
-    while True:
-        waiting = [stream for stream in streams if not stream.is_finished]
-        if waiting:
-            # The one that holds the others up.
-            stream = min(waiting, key=lambda stream: min(clock.last - clock.delay for clock in stream.clocks))
-            batch = next(stream.batches, None)
-            if batch is None:
-                stream.is_finished = True
-            else:
-                if origin is None:
-                    origin = _first_second(file, stream.clocks[0], batch)
-                for clock in stream.clocks:
-                    _take(file, clock, batch, stream.first_row, origin or 0, timing)
-                stream.first_row += len(next(iter(batch.values())).values)
-        unfinished = [clock for stream in streams if not stream.is_finished for clock in stream.clocks]
-        # No stamp at or before it is still to come.
-        end = min((clock.last - clock.delay for clock in unfinished), default=np.inf)
-        for channel in chain.from_iterable(clock.channels for clock in clocks):
-            # A rate between two samples needs the later one.
-            if unfinished and channel.fill in {"linear", "next"}:
-                end = min(end, channel.times[-1][-1] if channel.times else -np.inf)
-        if timing.repeated == "merge" and unfinished:
-            end = float(np.nextafter(end, -np.inf))  # the next row may have the same time
-        if end > begin:
-            piece = _union(clocks, end, origin or 0, timing, rows_mean_something)
-            begin = end
-            if len(piece.times):
-                yield piece
-        if not unfinished:
-            return
-
-
-def _first_second(file: LogFile, clock: _Clock, batch: Batch) -> int:
-    cells = batch[clock.column]
-    present = np.flatnonzero(~cells.empty & np.isfinite(cells.values))
-    if not len(present):
-        raise FileError(f"{file.path}: {file.place(clock.column, 0)}: no time stamp to begin with")
-    return int(cells.values[present[0]] // units.TICKS_PER_SECOND[clock.unit])
-
-
-def _take(file: LogFile, clock: _Clock, batch: Batch, first_row: int, origin: int, timing: Timing) -> None:
-    """Check a batch and keep its stamps and samples."""
-
-    def refuse(bad: BoolArray, column: str, fault: str) -> None:
-        if bad.any():
-            raise FileError(f"{file.path}: {file.place(column, first_row + int(np.argmax(bad)))}: {fault}")
-
-    stamps = batch[clock.column]
-    rows = np.arange(first_row, first_row + len(stamps.values), dtype=np.int64)
-    if not len(rows):
-        return
-    clock.is_empty = False
-    empties = {column: _empty(batch[column], timing, refuse, column) for column in clock.columns()[1:]}
-    no_stamp = stamps.empty.copy()
-    refuse(~np.isfinite(stamps.values) & ~no_stamp, clock.column, "not a finite number")
-    if clock.is_own:
-        for column, empty in empties.items():
-            refuse(no_stamp & ~empty, column, f"a number without a time: {clock.column!r} is empty")
-    else:
-        refuse(no_stamp, clock.column, "empty")
-    times = _seconds(file, clock, stamps, origin)
-    present = ~no_stamp
-    times, rows = times[present], rows[present]
-    if not len(rows):
-        return
-
-    # Compared with the latest stamp of all rows before.
-    latest = np.maximum.accumulate(np.concatenate([[clock.last], times]))
-    late = np.zeros(len(present), bool)
-    late[present] = times < latest[:-1]
-    if timing.backward == "refuse":
-        refuse(late, clock.column, "not after the time of the row before: timing.backward = 'drop' would leave it out")
-    again = np.zeros(len(present), bool)
-    again[present] = times == latest[:-1]
-    if timing.repeated == "refuse":
-        refuse(
-            again,
-            clock.column,
-            "not after the time of the row before: timing.repeated = 'merge' would make them one",
-        )
-    kept = ~late[present]
-    clock.last = float(latest[-1])
-    is_new = kept & ~again[present]
-    clock.stamps.append(times[is_new] - clock.delay)
-    clock.rows.append(rows[is_new])
-
-    for channel in clock.channels:
-        values = np.column_stack([batch[column].values for column in channel.columns])
-        missing = np.column_stack([empties[column] for column in channel.columns])
-        main = len(channel.columns) - channel.companions
-        group = channel.columns[:main]
-        some = _any(missing[:, :main])
-        if timing.not_a_number == "refuse":
-            for i, column in enumerate(group):
-                refuse(some & ~missing[:, i], column, f"a number, but {' '.join(group)} are empty only together")
-        if channel.companions:
-            companions = channel.columns[main:]
-            partly = _any(missing[:, main:])
-            for i, column in enumerate(companions):
-                fault = f"a number, but {' '.join(companions)} are empty only together"
-                refuse(partly & ~missing[:, main + i], column, fault)
-            refuse(~some & partly, companions[0], f"empty, but {channel.name!r} is measured")
-        if channel.fill != "none" and timing.largest_gap_s is None:
-            refuse(some & present, group[0], f"empty; timing.largest_gap_s would let {channel.name} have gaps")
-        measured = ~some & present
-        for i in range(channel.vectors):
-            vector = values[:, 3 * i : 3 * i + 3]
-            names = " ".join(channel.columns[3 * i : 3 * i + 3])
-            zero = np.zeros(len(present), bool)
-            zero[measured] = ~vector[measured].any(axis=1)
-            refuse(zero, channel.columns[3 * i], f"{channel.name!r} has no direction: {names} are all zero")
-        measured = measured[present] & kept
-        sampled = times[measured]
-        first = np.diff(sampled, prepend=channel.last_time) > 0.0
-        sampled = sampled[first]
-        if not len(sampled):
-            continue
-        if channel.fill != "none" and timing.largest_gap_s is not None:
-            gaps = np.diff(sampled, prepend=channel.last_time if np.isfinite(channel.last_time) else sampled[0])
-            if (gaps > timing.largest_gap_s).any():
-                at = int(np.argmax(gaps > timing.largest_gap_s))
-                place = file.place(group[0], int(rows[measured][first][at]))
-                gap = f"{gaps[at]:.6g} s after the sample of {channel.name} before it"
-                raise FileError(
-                    f"{file.path}: {place}: {gap}, more than timing.largest_gap_s = {timing.largest_gap_s:g}"
-                )
-        channel.last_time = float(sampled[-1])
-        channel.times.append(sampled - clock.delay)
-        channel.values.append(channel.convert(values[present][measured][first].astype(np.float64)))
-
-
-def _any(rows: BoolArray) -> BoolArray:
-    return np.asarray(rows.any(axis=1), dtype=np.bool_)
-
-
-def _empty(cells: Cells, timing: Timing, refuse: Callable[[BoolArray, str, str], None], column: str) -> BoolArray:
-    """Where nothing was measured."""
-    not_finite = ~np.isfinite(cells.values) & ~cells.empty
-    if timing.not_a_number == "missing":
-        not_a_number = not_finite & np.isnan(cells.values)
-        refuse(not_finite & ~not_a_number, column, "infinite")
-        return cells.empty | not_a_number
-    refuse(not_finite, column, "not a finite number; leave empty what is not known, or timing.not_a_number = 'missing'")
-    return cells.empty
-
-
-def _seconds(file: LogFile, clock: _Clock, cells: Cells, origin: int) -> FloatArray:
-    """Stamps in s since the origin. Whole numbers are subtracted as such: nanoseconds since 1970 keep their digits."""
-    ticks = units.TICKS_PER_SECOND[clock.unit]
-    seconds = np.asarray((cells.values - cells.values.dtype.type(origin * ticks)) / ticks, dtype=np.float64)
-    if cells.values.dtype == np.int64 and len(seconds) and np.spacing(np.abs(seconds).max()) * ticks >= 1.0:
-        raise FileError(
-            f"{file.path}: column {clock.column!r}: {cells.values[0]} {clock.unit} lose digits as seconds; "
-            f"timing.origin = 'first' counts from the log's first second"
-        )
-    return seconds
-
-
-def _union(clocks: list[_Clock], end: float, origin: int, timing: Timing, rows_mean_something: bool) -> _Piece:
-    """The rows up to ``end``; what is later stays with the clocks and channels."""
-    stamps = [_cut(clock.stamps, end) for clock in clocks]
-    every = stamps[0] if len(clocks) == 1 else np.unique(np.concatenate(stamps))
-    # Delays that should make stamps meet make them differ in the last digits.
-    is_first = np.diff(every, prepend=-np.inf) > (timing.same_within_s if len(clocks) > 1 else 0.0)
-    row_of = np.cumsum(is_first) - 1
-    times = every[is_first]
-    rows = np.full(len(times), -1, dtype=np.int64)
-    for clock, own in zip(clocks, stamps, strict=True):
-        numbers = _cut_rows(clock.rows, len(own))
-        if rows_mean_something:
-            at = row_of[np.searchsorted(every, own)]
-            free = rows[at] < 0
-            rows[at[free]] = numbers[free]
-    keep = np.ones(len(times), bool)
-    values: dict[str, FloatArray] = {}
-    for channel in chain.from_iterable(clock.channels for clock in clocks):
-        sampled = np.concatenate(channel.times) if channel.times else np.empty(0)
-        samples = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
-        count = int(np.searchsorted(sampled, end, side="right"))
-        if channel.fill == "none":
-            values[channel.name] = np.full((len(times), len(channel.columns)), np.nan)
-            at = row_of[np.searchsorted(every, sampled[:count])]
-            if (np.diff(at) == 0).any():
-                limit = f"timing.same_within_s = {timing.same_within_s:g}"
-                raise FileError(f"{limit} makes one row of several samples of {channel.name}")
-            values[channel.name][at] = samples[:count]
-            keep_from = count
-        else:
-            values[channel.name], inside = _filled_in(times, sampled, samples, channel.fill)
-            keep &= inside
-            keep_from = max(count - 1, 0)  # the next piece begins between this sample and the one after
-        channel.times, channel.values = [sampled[keep_from:]], [samples[keep_from:]]
-        if not len(channel.times[0]):
-            channel.times, channel.values = [], []
-    return _Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin)
-
-
-def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill: Fill) -> tuple[FloatArray, BoolArray]:
-    """Values at all times, and which of these lie where there are any."""
-    if not len(sampled):
-        return np.full((len(times), samples.shape[1]), np.nan), np.zeros(len(times), bool)
-    inside = times <= sampled[-1]
-    if fill != "next":
-        inside &= times >= sampled[0]
-    if fill == "linear":
-        return np.column_stack([np.interp(times, sampled, column) for column in samples.T]), inside
-    at = np.searchsorted(sampled, times, side="left" if fill == "next" else "right") - (fill == "previous")
-    return samples[np.clip(at, 0, len(sampled) - 1)], inside
-
-
-def _cut(pieces: list[FloatArray], end: float) -> FloatArray:
-    """Take from a list of increasing stamps what is not after ``end``."""
-    whole = np.concatenate(pieces) if pieces else np.empty(0)
-    count = int(np.searchsorted(whole, end, side="right"))
-    pieces[:] = [whole[count:]]
-    return whole[:count]
-
-
-def _cut_rows(pieces: list[NDArray[np.int64]], count: int) -> NDArray[np.int64]:
-    whole = np.concatenate(pieces) if pieces else np.empty(0, dtype=np.int64)
-    pieces[:] = [whole[count:]]
-    return whole[:count]
-
-
 # --- what it is -------------------------------------------------------------------------------------------------------
 
 
-def _log(piece: _Piece, file: LogFile, configuration: Configuration, constants: Sequence[FloatArray | None]) -> Log:
+def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: Sequence[FloatArray | None]) -> Log:
     sensors, values = configuration.directions, piece.values
     directions = np.empty((len(piece.times), len(sensors), 3))
     vectors = np.empty_like(directions)
@@ -687,15 +391,19 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
 
 def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
     (clock,) = _clocks(file, configuration, [name])
-    total, count = np.zeros(3), 0
-    for piece in _pieces(file, [clock], configuration.timing):
+    total, lengths, count = np.zeros(3), 0.0, 0
+    for piece in pieces(file, [clock], configuration.timing):
         times = piece.times + piece.origin
         chosen = piece.values[name][(times >= begin) & (times <= end), :3]
         chosen = chosen[np.isfinite(chosen[:, 0])]
         total, count = total + chosen.sum(axis=0), count + len(chosen)
+        lengths += float(np.linalg.norm(chosen, axis=1).sum())
         if times[-1] > end:
             break
+    phase = f"the rest phase from {begin:g} s to {end:g} s"
     if not count:
-        raise FileError(f"{file.path}: {name!r} shows nothing in the rest phase from {begin:g} s to {end:g} s")
+        raise FileError(f"{file.path}: {name!r} shows nothing in {phase}")
+    if np.linalg.norm(total) < _STILL * lengths:
+        raise FileError(f"{file.path}: {name!r} turns in {phase}")
     mean: FloatArray = total / count
     return mean

@@ -186,6 +186,15 @@ def test_rest_phase(tmp_path):
         read(tmp_path, *rows, configuration=later)
 
 
+def test_a_rest_phase_that_is_none(tmp_path):
+    angles = np.linspace(0.0, 1.5, 50)
+    rows = [f"{0.1 * i},0,0,0,0,0,9.8,{40 * np.cos(a)},{40 * np.sin(a)},0" for i, a in enumerate(angles)]
+    sensor = {key: value for key, value in FIELD.items() if key != "reference_ut"}
+    rest = {"kind": "rest_phase", "from_s": 0.0, "to_s": 5.0, "declination_deg": 0.0}
+    with pytest.raises(FileError, match="'field' turns in the rest phase from 0 s to 5 s"):
+        read(tmp_path, *rows, configuration=configured(UP, sensor | {"reference": rest}))
+
+
 def test_rest_phase_in_ned():
     phase = RestPhase(kind="rest_phase", from_s=0.0, to_s=1.0, declination_deg=0.0)
     field = references.rest_field(phase, np.array([3.0, 0.0, -4.0]), np.array([0.0, 0.0, 9.8]), "NED")
