@@ -206,7 +206,8 @@ class ParquetTable:
         self._require_numbers(columns)
         large = {name for name in columns if self._types[name] in (pa.int64(), pa.uint64())}
         try:
-            with pa.parquet.ParquetFile(self.path) as file:
+            # Arrow would read all that is wanted of the file beforehand.
+            with pa.parquet.ParquetFile(self.path, pre_buffer=False) as file:
                 for batch in file.iter_batches(BATCH_ROWS, columns=list(columns)):
                     yield {name: _cells(batch.column(name), name in large) for name in columns}
         except (pa.ArrowException, OSError) as error:

@@ -12,11 +12,13 @@ import time
 import numpy as np
 import pytest
 import recorders
+import tomlkit
 from elliptude import cli, conversion, readers, tables
 from elliptude.configuration import read_configuration
 from elliptude.logs import read_log
 from elliptude.readers import open_log
 from test_check import files, recording
+from test_check import tables as tables_of_check
 from typer.testing import CliRunner
 
 
@@ -290,3 +292,36 @@ def test_interrupt(tmp_path, suffix):
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
     assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
+
+
+# --- the same log in every format -------------------------------------------------------------------------------------
+
+
+def test_estimates_do_not_depend_on_the_format(tmp_path):
+    pytest.importorskip("rosbags")
+    arrays = recording(count=400)
+    del arrays["q"]
+    arrays["t"] = np.arange(400) / 100.0
+    arrays["mag"][1::2] = np.nan  # as the bag has it
+    log, _ = files(tmp_path, arrays)
+    for name in ("log.csv", "log.parquet"):
+        assert run("convert", log, tmp_path / name).exit_code == 0
+    stamps = np.round(arrays["t"] * 1e9).astype(np.int64).tolist()
+    recorders.write_bag(tmp_path / "bag", "mcap", stamps, arrays["gyr"], arrays["acc"], arrays["mag"])
+    of_bag = ["/imu/data.angular_velocity", "/imu/data.linear_acceleration", "/imu/mag.magnetic_field"]
+    results = []
+    for name in ("log.npz", "log.csv", "log.parquet", "bag"):
+        configuration = tables_of_check()
+        del configuration["truth"]
+        if name == "bag":
+            del configuration["time_column"]
+            for sensor, field in zip((configuration["flow"], *configuration["directions"]), of_bag, strict=True):
+                sensor["columns"] = [f"{field}.{axis}" for axis in "xyz"]
+        (tmp_path / "estimate.toml").write_text(tomlkit.dumps(configuration))
+        out = tmp_path / f"out-{name}"
+        done = run("estimate", tmp_path / name, "--config", tmp_path / "estimate.toml", "--out", out)
+        assert done.exit_code == 0, done.output
+        results.append((out / "results.csv").read_text())
+    assert results[0].count("\n") == 402
+    assert "up field" in results[0]
+    assert all(other == results[0] for other in results)

@@ -132,7 +132,7 @@ def test_ulog(tmp_path):
     np.testing.assert_array_equal(column(file, "sensor_combined.gyro_rad[2]")[0], np.float32(rates[:, 2]).astype(float))
 
 
-@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap", "mcap file"])
+@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "sqlite3 file", "mcap", "mcap file"])
 def test_bags(tmp_path, kind, monkeypatch):
     pytest.importorskip("rosbags")
     rng = np.random.default_rng(0)
@@ -140,8 +140,8 @@ def test_bags(tmp_path, kind, monkeypatch):
     rates, forces, fields = rng.standard_normal((3, 6, 3))
     path = tmp_path / ("log.bag" if kind == "ros1" else "log")
     recorders.write_bag(path, kind.removesuffix(" file"), stamps.tolist(), rates, forces, fields)
-    if kind == "mcap file":
-        path = path / "log.mcap"
+    if kind.endswith(" file"):
+        path = path / {"mcap file": "log.mcap", "sqlite3 file": "log.db3"}[kind]
     monkeypatch.setattr("elliptude.rosbag.BATCH_ROWS", 4)
     file = open_log(path)
     assert "/imu/data.orientation_covariance[8]" in file.columns
