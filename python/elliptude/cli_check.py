@@ -33,7 +33,8 @@ def check(
             json.dumps({"log": str(log), "config": str(config)} | report.to_dict(), indent=2, ensure_ascii=False)
         )
     else:
-        Console(width=max(Console().width, 110)).print(_table(report))
+        if report.sensors:
+            Console(width=max(Console().width, 110)).print(_table(report))
         for finding in report.findings:
             color = typer.colors.RED if finding.severity == "error" else typer.colors.YELLOW
             typer.secho(f"{finding.severity}: {finding}", fg=color)
