@@ -8,7 +8,7 @@ import argparse
 
 import elliptude as el
 import numpy as np
-from elliptude import cli_simulate, estimation, scenarios, simulation
+from elliptude import cli_simulate, estimation, logs, scenarios, simulation
 from elliptude.configuration import Configuration
 
 
@@ -37,9 +37,7 @@ def _print_case(scenario: scenarios.Scenario, measured: list[simulation.Simulati
     for simulated in measured:
         tables = cli_simulate.configuration_tables(scenario, simulated)
         tables["estimator"] = {"mode": mode, "when_sets_do_not_meet": "skip"}
-        results = estimation.estimate(
-            estimation.log_of(simulated.measurements), Configuration.model_validate(tables)
-        ).results
+        results = estimation.estimate(logs.log_of(simulated.measurements), Configuration.model_validate(tables)).results
         assert results.errors is not None
         assert results.forms is not None
         updated = np.flatnonzero([bool(used) for used in results.used])

@@ -31,6 +31,7 @@ def make_app() -> typer.Typer:
     from typer.core import TyperGroup
 
     from elliptude import __version__, cli_estimate, cli_simulate, cli_validate
+    from elliptude import __version__, cli_check, cli_estimate, cli_simulate
     from elliptude.files import FileError
 
     class Group(TyperGroup):
@@ -71,6 +72,8 @@ def make_app() -> typer.Typer:
     app.command("scenarios")(cli_simulate.list_scenarios)
     app.command("simulate")(cli_simulate.simulate)
     app.command("estimate")(cli_estimate.estimate)
+    app.command("check")(cli_check.check)
+    app.command("convert")(cli_check.convert)
     app.command("demo")(cli_estimate.demo)
     app.command("validate")(cli_validate.validate)
     return app

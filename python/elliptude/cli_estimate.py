@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from elliptude import cli_simulate, estimation, fermi, figures, scenarios, simulation
+from elliptude import cli_simulate, estimation, fermi, figures, logs, plausibility, scenarios, simulation
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.estimation import Estimation, Log
+from elliptude.estimation import Estimation
 from elliptude.files import FileError, replacing, write_json
+from elliptude.logs import Log
 from elliptude.results import FloatArray
 
 _FIGURE, _SUMMARY = "estimate.png", "summary.json"
@@ -26,7 +27,8 @@ _FIGURE, _SUMMARY = "estimate.png", "summary.json"
 
 def estimate(
     log: Annotated[
-        Path, typer.Argument(help="Measurements: CSV, which may be compressed, or Parquet.", show_default=False)
+        Path,
+        typer.Argument(help="Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md.", show_default=False),
     ],
     config: Annotated[
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
@@ -49,7 +51,8 @@ def estimate(
     console = Console(stderr=True)
     with _progress(console) as progress:
         task = progress.add_task("Reading", total=3)
-        measured = estimation.read_log(log, configuration)
+        measured = logs.read_log(log, configuration)
+        plausibility.require_plausible(measured, configuration, str(log))
         progress.update(task, advance=1, description="Estimating")
         estimated = _estimate(measured, configuration, log)
         progress.update(task, advance=1, description="Writing")
@@ -206,7 +209,7 @@ def _scenario(name: str, directions: str, folder: Path) -> _Line:
             tables = cli_simulate.configuration_tables(scenario, simulated)
             tables["estimator"] = {"when_sets_do_not_meet": "skip"}
             configuration = Configuration.model_validate(tables)
-            estimations.append(estimation.estimate(estimation.log_of(simulated.measurements), configuration))
+            estimations.append(estimation.estimate(logs.log_of(simulated.measurements), configuration))
             if noise == "inside" and seed == 0:
                 folder.mkdir(parents=True, exist_ok=True)
                 simulated.measurements.write(folder / "measurements.csv")
@@ -236,7 +239,7 @@ def _fermi(folder: Path) -> list[_Line]:
         measurements.write(place / "measurements.csv")
         with fermi.configuration_file() as file, replacing(place / "estimate.toml") as temporary:
             temporary.write_bytes(file.read_bytes())
-        log = estimation.read_log(place / "measurements.csv", configuration)
+        log = logs.read_log(place / "measurements.csv", configuration)
         estimated = estimation.estimate(log, configuration)
         _write(estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
         runs.append(

@@ -31,6 +31,9 @@ An example::
 
     [start]
     kind = "first_measurement"
+
+What the log of a hand-held IMU needs beside this, units, axes, delays, gravity and the Earth's field as references and
+bounds that come from motion, is in ``docs/logs.md``.
 """
 
 import math
@@ -38,59 +41,41 @@ import os
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 import elliptude
-from elliptude.models import Matrix, Model, Number, Vector, read_toml
+from elliptude import units
+from elliptude.models import (
+    Bound,
+    Column,
+    Columns,
+    Diagonal6,
+    Matrix,
+    Model,
+    NotNegativeBound,
+    Positive,
+    Quaternion,
+    Vector,
+    Vector6,
+    exactly_one,
+    read_toml,
+)
 from elliptude.results import FloatArray
-
-
-def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(vector):
-        raise ValueError("must not be zero")
-    return vector
-
-
-def _different(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(names)) < len(names):
-        raise ValueError("must name different columns")
-    return names
-
-
-def _one_word(name: str) -> str:
-    """Names stand in a table's cell with a space between them."""
-    if not name or any(character.isspace() or character in ',"' for character in name):
-        raise ValueError("must be one word, without space, comma or quote")
-    return name
-
-
-def _squarable(bound: float) -> float:
-    """A bound becomes a shape matrix by its square."""
-    if bound != 0.0 and not 1e-150 <= bound <= 1e150:
-        raise ValueError("must be from 1e-150 to 1e150, where its square is a number")
-    return bound
-
-
-NonzeroVector = Annotated[Vector, AfterValidator(_not_zero)]
-Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
-Bound = Annotated[Positive, AfterValidator(_squarable)]
-Angle = Annotated[Bound, Field(lt=180)]
-NotNegativeBound = Annotated[NotNegative, AfterValidator(_squarable)]
-Column = Annotated[str, Field(min_length=1)]
-Columns = Annotated[tuple[Column, Column, Column], AfterValidator(_different)]
-QuaternionColumns = Annotated[tuple[Column, Column, Column, Column], AfterValidator(_different)]
-Diagonal6 = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-Vector6 = tuple[Number, Number, Number, Number, Number, Number]
-
-
-def _exactly_one(model: Model, *keys: str) -> None:
-    """Raise ValueError unless exactly one of the optional keys is given."""
-    given = [key for key in keys if getattr(model, key) is not None]
-    if len(given) != 1:
-        raise ValueError(f"give exactly one of {', '.join(keys)}" + (f", not {' and '.join(given)}" if given else ""))
-
+from elliptude.sensors import (
+    Accelerometer,
+    AnyDirection,
+    Axes,
+    Direction,
+    Magnetometer,
+    Rate,
+    ReferenceFrame,
+    RestPhase,
+    SunByTime,
+    Timed,
+    Timing,
+    Truth,
+    WorldModel,
+)
 
 # --- how the body moves -----------------------------------------------------------------------------------------------
 
@@ -156,13 +141,15 @@ class RigidBodyFlow(Model):
         )
 
 
-class GyroFlow(Model):
+class GyroFlow(Timed):
     """Nothing is known of the torques, but a gyro measures the rate; its bias is part of the state."""
 
     kind: Literal["gyro"]
     columns: Columns
-    unit: Literal["rad/s", "deg/s"] = "rad/s"
+    unit: units.AngularVelocityUnit = "rad/s"
+    axes: Axes = ("x", "y", "z")
     # The rate over an interval is the mean of the samples at its ends, or (for a gyro that integrates) the first one.
+    # Between its samples, at another sensor's stamp, it is on the straight line, or still the one before.
     interval_rate: Literal["mean_of_ends", "first_sample"] = "mean_of_ends"
     noise_deg_per_s: Bound
     drift_deg_per_s2: NotNegativeBound = 0.0
@@ -170,61 +157,6 @@ class GyroFlow(Model):
     def build(self) -> elliptude.GyroFlow:
         """The core's flow."""
         return elliptude.GyroFlow(math.radians(self.noise_deg_per_s), math.radians(self.drift_deg_per_s2))
-
-
-# --- sensors ----------------------------------------------------------------------------------------------------------
-
-
-class Direction(Model):
-    """A direction measured in body axes, and the same one in reference axes. Rows without it are empty in the log."""
-
-    name: Annotated[str, AfterValidator(_one_word)]
-    columns: Columns
-    reference: NonzeroVector | None = None
-    reference_columns: Columns | None = None
-    bound_deg: Angle | None = None
-    bound_rad2: Matrix | None = None
-    weight: Positive = 1.0
-
-    @model_validator(mode="after")
-    def _is_complete(self) -> Self:
-        _exactly_one(self, "reference", "reference_columns")
-        _exactly_one(self, "bound_deg", "bound_rad2")
-        return self
-
-    def bound(self) -> FloatArray:
-        """The shape (3, 3) of its error ellipsoid, rad²."""
-        if self.bound_deg is not None:
-            return np.eye(3) * math.radians(self.bound_deg) ** 2
-        return np.asarray(self.bound_rad2, dtype=np.float64)
-
-
-class Rate(Model):
-    """A measured angular velocity, body axes. Rows without it are empty in the log."""
-
-    columns: Columns
-    unit: Literal["rad/s", "deg/s"] = "rad/s"
-    bound_deg_per_s: Bound | None = None
-    bound_rad2_per_s2: Matrix | None = None
-
-    @model_validator(mode="after")
-    def _is_complete(self) -> Self:
-        _exactly_one(self, "bound_deg_per_s", "bound_rad2_per_s2")
-        return self
-
-    def bound(self) -> FloatArray:
-        """The shape (3, 3) of its error ellipsoid, (rad/s)²."""
-        if self.bound_deg_per_s is not None:
-            return np.eye(3) * math.radians(self.bound_deg_per_s) ** 2
-        return np.asarray(self.bound_rad2_per_s2, dtype=np.float64)
-
-
-class Truth(Model):
-    """What the log knows to compare with; the estimator never sees it. ``label`` names it in figures."""
-
-    attitude_columns: QuaternionColumns
-    vector_columns: Columns | None = None
-    label: str = "truth"
 
 
 # --- the estimator ----------------------------------------------------------------------------------------------------
@@ -263,7 +195,7 @@ class GivenStart(Model):
 
     @model_validator(mode="after")
     def _is_a_set(self) -> Self:
-        _exactly_one(self, "P_diagonal", "P")
+        exactly_one(self, "P_diagonal", "P")
         self.build()
         return self
 
@@ -277,9 +209,10 @@ class GivenStart(Model):
 
 
 class FirstMeasurementStart(Model):
-    """The set that the log's first row measures: two directions or more, and the rate.
+    """The set that is measured by the log's first row that has two directions or more, and the rate.
 
-    A gyro flow has no measured rate in its state; there the gyro's bias starts within a ball about zero.
+    Rows before it are left out. A gyro flow has no measured rate in its state; there the gyro's bias starts within a
+    ball about zero.
     """
 
     kind: Literal["first_measurement"]
@@ -290,8 +223,13 @@ class Configuration(Model):
     """An estimation."""
 
     time_column: Column = "time_s"
+    time_unit: units.TimeUnit = "s"
+    timing: Timing = Timing()
+    reference_frame: ReferenceFrame | None = None
+    # What is done where sensors contradict one another as they do when a unit or an order is stated wrongly.
+    implausible: Literal["refuse", "ignore"] = "refuse"
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
-    directions: tuple[Direction, ...] = ()
+    directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
     start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")]
     estimator: Estimator = Estimator()
@@ -317,6 +255,25 @@ class Configuration(Model):
         if self.start.kind == "first_measurement" and len(self.directions) < 2:
             raise ValueError("start.kind = 'first_measurement' needs two directions or more")
         return self
+
+    @model_validator(mode="after")
+    def _has_the_frame_it_needs(self) -> Self:
+        for i, sensor in enumerate(self.directions):
+            reference = sensor.reference if isinstance(sensor, Direction | Magnetometer) else None
+            by_gravity = isinstance(reference, RestPhase) and reference.attitude_qw_qx_qy_qz is None
+            if by_gravity and self.accelerometer is None:
+                raise ValueError(f"directions[{i}]: a rest phase without an attitude needs an accelerometer")
+            on_earth = isinstance(sensor, Accelerometer) or isinstance(reference, WorldModel) or by_gravity
+            if on_earth and self.reference_frame not in {"ENU", "NED", "NWU"}:
+                raise ValueError(f"directions[{i}] ({sensor.name}) needs reference_frame = 'ENU', 'NED' or 'NWU'")
+            if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
+                raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
+        return self
+
+    @property
+    def accelerometer(self) -> Accelerometer | None:
+        """The first one among the directions."""
+        return next((sensor for sensor in self.directions if isinstance(sensor, Accelerometer)), None)
 
 
 def read_configuration(path: str | os.PathLike[str]) -> Configuration:

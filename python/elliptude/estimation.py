@@ -3,8 +3,8 @@
 The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
 """
 
-import os
 import platform
+import re
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -14,38 +14,17 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import tables
-from elliptude.configuration import Configuration, GivenStart, GyroFlow, RigidBodyFlow
-from elliptude.files import FileError
+from elliptude.configuration import Configuration, GivenStart, GyroFlow
+from elliptude.logs import Log
 from elliptude.results import FilterLog, FloatArray
-from elliptude.tables import Measurements, Results
+from elliptude.tables import Results
 
 SETTLED_UPDATE = 6
 """Means "from the 6th update on" leave out what is left of the start."""
 
-_UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0}
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 # rad/s; the squares of larger ones are no numbers for a small set.
 _LARGEST_ERROR = 1e50
-
-
-@dataclass(frozen=True, eq=False)
-class Log:
-    """What a configuration takes from a log of N rows with m directions; NaN where there was no measurement."""
-
-    times: FloatArray
-    """s, shape (N,)."""
-    directions: FloatArray
-    """Body axes, shape (N, m, 3)."""
-    references: FloatArray
-    """Reference axes, shape (N, m, 3)."""
-    rates: FloatArray | None = None
-    """Measured angular velocities (rigid body) or gyro samples (gyro flow), rad/s, body axes, shape (N, 3)."""
-    control_torques: FloatArray | None = None
-    """N m, body axes, row k acting until times[k], shape (N, 3)."""
-    true_attitudes: FloatArray | None = None
-    """From body to reference axes, shape (N, 3, 3)."""
-    true_vectors: FloatArray | None = None
-    """True angular velocities or gyro biases, rad/s, body axes, shape (N, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,102 +36,6 @@ class Estimation:
     """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
     elapsed: float
     """The filter's time, s."""
-
-
-def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
-    """Read from a table what the configuration names.
-
-    Parameters
-    ----------
-    path : path-like
-        CSV, which may be compressed, or Parquet.
-    configuration : Configuration
-
-    Returns
-    -------
-    Log
-
-    Raises
-    ------
-    FileError
-        If the table does not have it; with the line and the column where that is at fault.
-    """
-    flow, truth = configuration.flow, configuration.truth
-    sensors = configuration.directions
-    directions = [sensor.columns for sensor in sensors]
-    moving_references = [sensor.reference_columns for sensor in sensors if sensor.reference_columns is not None]
-    gyro = flow.columns if isinstance(flow, GyroFlow) else None
-    torque = flow.control_torque_columns if isinstance(flow, RigidBodyFlow) else None
-    rate = configuration.rate.columns if configuration.rate is not None else None
-    true_attitude = truth.attitude_columns if truth is not None else None
-    true_vector = truth.vector_columns if truth is not None else None
-    optional = [group for group in (rate, true_attitude, true_vector) if group is not None]
-    columns = tables.read_columns(
-        path,
-        time=configuration.time_column,
-        numbers=[*(gyro or ()), *(torque or ())],
-        optional=[*directions, *moving_references, *optional],
-    )
-
-    def stack(names: tuple[str, ...] | None) -> FloatArray | None:
-        return None if names is None else np.column_stack([columns[name] for name in names])
-
-    times = columns[configuration.time_column]
-    measured = np.empty((len(times), len(sensors), 3))
-    references = np.empty_like(measured)
-    for i, sensor in enumerate(sensors):
-        measured[:, i] = stack(sensor.columns)
-        references[:, i] = stack(sensor.reference_columns) if sensor.reference is None else sensor.reference
-        lacking = np.isfinite(measured[:, i, 0]) & ~np.isfinite(references[:, i, 0])
-        if lacking.any():
-            at = times[np.argmax(lacking)]
-            raise FileError(
-                f"{path}: {sensor.name!r} is measured at {at:.6f} s, but {sensor.reference_columns} are empty"
-            )
-        for group, vectors in ((sensor.columns, measured[:, i]), (sensor.reference_columns or (), references[:, i])):
-            zero = ~vectors.any(axis=1)
-            if zero.any():
-                at = times[np.argmax(zero)]
-                raise FileError(
-                    f"{path}: {sensor.name!r} has no direction at {at:.6f} s: {' '.join(group)} are all zero"
-                )
-    unit = _UNITS[
-        flow.unit if isinstance(flow, GyroFlow) else configuration.rate.unit if configuration.rate else "rad/s"
-    ]
-    rates, quaternions = stack(gyro or rate), stack(true_attitude)
-    return Log(
-        times=times,
-        directions=measured,
-        references=references,
-        rates=None if rates is None else unit * rates,
-        control_torques=stack(torque),
-        true_attitudes=None if quaternions is None else _attitudes(quaternions, times, path),
-        true_vectors=stack(true_vector),
-    )
-
-
-def log_of(measurements: Measurements) -> Log:
-    """The log that a table of measurements is, without a detour by way of a file."""
-    return Log(
-        times=measurements.times,
-        directions=measurements.directions,
-        references=measurements.references,
-        rates=measurements.angular_velocities,
-        true_attitudes=measurements.true_attitudes,
-        true_vectors=measurements.true_angular_velocities,
-    )
-
-
-def _attitudes(quaternions: FloatArray, times: FloatArray, path: str | os.PathLike[str]) -> FloatArray:
-    """Rotations of quaternions, NaN where they are."""
-    attitudes = np.full((len(quaternions), 3, 3), np.nan)
-    known = np.isfinite(quaternions[:, 0])
-    zero = ~quaternions.any(axis=1)
-    if zero.any():
-        raise FileError(f"{path}: the quaternion to compare with is zero at {times[np.argmax(zero)]:.6f} s")
-    if known.any():
-        attitudes[known] = tables.attitudes_from_quaternions(quaternions[known])
-    return attitudes
 
 
 def estimate(log: Log, configuration: Configuration) -> Estimation:
@@ -172,8 +55,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     InconsistentMeasurement
         If sets do not meet and the configuration does not say to skip them.
     ValueError
-        If the start cannot be had from the log's first row, the log does not fit the filter, or the set or what it is
-        compared with is beyond all numbers.
+        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
+        all numbers.
     """
     settings, flow = configuration.estimator, configuration.flow
     begin = time.perf_counter()
@@ -181,6 +64,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     is_gyro = isinstance(flow, GyroFlow)
     from_measurement = not isinstance(configuration.start, GivenStart)
     if from_measurement:
+        log = log.since(first_complete_row(log, configuration))
+        directions, rates = log.directions, log.rates
         # The start says all that the first row does: it must not count twice.
         directions = directions.copy()
         directions[0] = np.nan
@@ -209,7 +94,14 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         arguments |= {"angular_velocity": rates, "rate_bound": configuration.rate.bound()}
     if log.control_torques is not None:
         arguments["control_torque"] = log.control_torques
-    filtered = attitude_filter.run(log.times, **arguments)
+    try:
+        filtered = attitude_filter.run(log.times, **arguments)
+    except elliptude.InconsistentMeasurement as error:
+        raise elliptude.InconsistentMeasurement(
+            _with_place(error, log), error.margin, error.time, error.sensor
+        ) from error
+    except ValueError as error:
+        raise ValueError(_with_place(error, log)) from error
     elapsed = time.perf_counter() - begin
     endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
     if endless.any():
@@ -227,11 +119,34 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     )
 
 
+def _with_place(error: ValueError, log: Log) -> str:
+    """The message with the place in the file, where it has the row of the arrays."""
+    return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
+
+
 def interval_rates(samples: FloatArray) -> FloatArray:
     """The rate from each sample to the next as the mean of the two, shape (N, 3); nothing follows the last one."""
     rates = samples.copy()
     rates[:-1] = 0.5 * (samples[:-1] + samples[1:])
     return rates
+
+
+def first_complete_row(log: Log, configuration: Configuration) -> int:
+    """The first row that can be the start: with two directions or more, and the rate where that is measured.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    complete = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
+    if configuration.rate is not None:
+        assert log.rates is not None
+        complete &= np.isfinite(log.rates[:, 0])
+    if not complete.any():
+        rate = " and the rate" if configuration.rate is not None else ""
+        raise ValueError(f"no row has two directions{rate}: there is no measurement to start from")
+    return int(np.argmax(complete))
 
 
 def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
@@ -240,9 +155,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     if isinstance(start, GivenStart):
         return start.build()
     sensors = configuration.directions
-    there = [i for i in range(len(sensors)) if np.isfinite(log.directions[0, i, 0])]
-    if len(there) < 2:
-        raise ValueError("the first row has fewer than two directions: it cannot be the start")
+    there = np.flatnonzero(np.isfinite(log.directions[0, :, 0]))
     directions, references = log.directions[0, there], log.references[0, there]
     bounds = np.array([sensors[i].bound() for i in there])
     weights = np.array([sensors[i].weight for i in there])
@@ -254,8 +167,6 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
         shape[3:, 3:] = np.eye(3) * np.deg2rad(start.bias_bound_deg_per_s) ** 2
         return elliptude.StateEllipsoid(attitude, np.zeros(3), shape)
     assert log.rates is not None
-    if not np.isfinite(log.rates[0, 0]):
-        raise ValueError("the first row has no measured rate: it cannot be the start")
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 from pydantic_core import ErrorDetails
 from scipy.spatial.transform import Rotation
 
@@ -25,6 +25,53 @@ class Model(BaseModel):
     """A table of a TOML file: every key is known, every number finite, nothing changes once it is read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def exactly_one(model: Model, *keys: str) -> None:
+    """Raise ValueError unless exactly one of the optional keys is given."""
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"give exactly one of {', '.join(keys)}" + (f", not {' and '.join(given)}" if given else ""))
+
+
+def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(vector):
+        raise ValueError("must not be zero")
+    return vector
+
+
+def _different(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) < len(names):
+        raise ValueError("must name different columns")
+    return names
+
+
+def one_word(name: str) -> str:
+    """Names stand in a table's cell with a space between them."""
+    if not name or any(character.isspace() or character in ',"' for character in name):
+        raise ValueError("must be one word, without space, comma or quote")
+    return name
+
+
+def _squarable(bound: float) -> float:
+    """A bound becomes a shape matrix by its square."""
+    if bound != 0.0 and not 1e-150 <= bound <= 1e150:
+        raise ValueError("must be from 1e-150 to 1e150, where its square is a number")
+    return bound
+
+
+NonzeroVector = Annotated[Vector, AfterValidator(_not_zero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Bound = Annotated[Positive, AfterValidator(_squarable)]
+Angle = Annotated[Bound, Field(lt=180)]
+NotNegativeBound = Annotated[NotNegative, AfterValidator(_squarable)]
+Column = Annotated[str, Field(min_length=1)]
+Columns = Annotated[tuple[Column, Column, Column], AfterValidator(_different)]
+QuaternionColumns = Annotated[tuple[Column, Column, Column, Column], AfterValidator(_different)]
+Diagonal6 = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+Vector6 = tuple[Number, Number, Number, Number, Number, Number]
 
 
 class RotationVectorDeg(Model):

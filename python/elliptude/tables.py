@@ -4,17 +4,12 @@ A table has one row for each time and one named column for each number; an empty
 measured, and NaN in the arrays here. NaN and infinity as text are refused, as nobody can tell what is meant.
 """
 
-import csv
-import io
 import os
 import re
-import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Literal, NoReturn, Protocol, Self, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -24,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.files import FileError, replacing
+from elliptude.readers import CsvTable, ParquetTable, Table, require_columns
 from elliptude.results import FloatArray
 
 VERSION = 1
@@ -346,7 +342,7 @@ def column_names(path: str | os.PathLike[str], kind: Kind | None = None) -> tupl
     FileError
         If there is no header, or the table is of another kind or a newer version.
     """
-    return _open(path, kind).names
+    return _open(path, kind).columns
 
 
 def read_columns(
@@ -388,13 +384,7 @@ def read_columns(
     required = [time, *numbers]
     wanted = list(dict.fromkeys([*required, *(name for group in groups for name in group)]))
     source = _open(path)
-    for name in (*wanted, *texts):
-        if source.names.count(name) != 1:
-            there_are = ", ".join(source.names)
-            there_are = there_are if len(there_are) <= 300 else f"{there_are[:296]} ..."
-            fault = "two columns" if name in source.names else "no column"
-            raise FileError(f"{path}: {fault} {name!r}; the columns are {there_are}")
-
+    require_columns(source, [*wanted, *texts])
     table = source.read(wanted, texts)
     if table.num_rows == 0:
         raise FileError(f"{path}: a header, but no rows below it")
@@ -416,128 +406,13 @@ def read_columns(
     return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
 
 
-class _Source(Protocol):
-    """A file of either kind, its header read."""
-
-    names: tuple[str, ...]
-    label: str
-    """Kind and version, if it is elliptude's."""
-
-    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
-        """The columns: float64, where null is an empty cell, and text."""
-
-    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
-        """Raise FileError for the first bad row of a column, if there is one."""
-
-
-def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> _Source:
+def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
     if not Path(path).is_file():
         raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
-    source: _Source = _Parquet(path) if Path(path).suffix == ".parquet" else _Csv(path)
+    source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)
     if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
         if int(match[2]) > VERSION:
             raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
         if kind is not None and match[1] != kind:
             raise FileError(f"{path}: a table of {match[1]}, where one of {kind} is needed")
     return source
-
-
-class _Parquet:
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._path = path
-        try:
-            schema = pa.parquet.read_schema(path)
-        except (pa.ArrowException, OSError) as error:
-            raise FileError(f"{path}: not a Parquet file: {error}") from error
-        self.names = tuple(schema.names)
-        self.label = (schema.metadata or {}).get(b"elliptude", b"").decode()
-        self._types = {field.name: field.type for field in schema}
-
-    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
-        for name in numbers:
-            if not (pa.types.is_integer(self._types[name]) or pa.types.is_floating(self._types[name])):
-                raise FileError(f"{self._path}: column {name!r} is of type {self._types[name]}, not of numbers")
-        schema = pa.schema([(name, pa.float64()) for name in numbers] + [(name, pa.string()) for name in texts])
-        try:
-            with pa.parquet.ParquetFile(self._path) as file:
-                return file.read(columns=schema.names).select(schema.names).cast(schema)
-        except (pa.ArrowException, OSError) as error:
-            raise FileError(f"{self._path}: {error}") from error
-
-    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
-        if bad.any():
-            raise FileError(f"{self._path}: row {int(np.argmax(bad)) + 1}, column {name!r}: {fault}")
-
-
-class _Csv:
-    """Read by Arrow; what is at fault, and in which line, is found by a slow second reading."""
-
-    _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
-
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._path = path
-        self.label = ""
-        with self._text() as text:
-            for self._header_line, line in enumerate(text, start=1):
-                if line.startswith("#"):
-                    self.label = self.label or line.removeprefix("#").strip()
-                elif line.strip():
-                    self.names = tuple(name.strip() for name in next(csv.reader([line])))
-                    return
-        raise FileError(f"{path}: empty, not even a header")
-
-    def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
-        types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(texts, pa.string())
-        try:
-            with pa.input_stream(os.fspath(self._path), compression="detect") as stream:
-                return pa.csv.read_csv(
-                    stream,
-                    read_options=pa.csv.ReadOptions(column_names=self.names, skip_rows=self._header_line),
-                    convert_options=pa.csv.ConvertOptions(
-                        column_types=types, include_columns=list(types), null_values=[""], strings_can_be_null=False
-                    ),
-                )
-        except (pa.ArrowException, OSError) as error:
-            self._find_fault(numbers)
-            raise FileError(f"{self._path}: {error}") from error
-
-    def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
-        if bad.any():
-            line, cells = next(islice(self._rows(), int(np.argmax(bad)), None))
-            self._fail(line, name, fault, cells[self.names.index(name)])
-
-    def _find_fault(self, numbers: list[str]) -> None:
-        for line, cells in self._rows():
-            if len(cells) != len(self.names):
-                raise FileError(
-                    f"{self._path}: line {line}: {len(cells)} columns, but the header has {len(self.names)}"
-                )
-            for name in numbers:
-                cell = cells[self.names.index(name)]
-                if cell and not self._NUMBER.fullmatch(cell.strip(" \t")):
-                    self._fail(line, name, "not a number", cell)
-
-    def _fail(self, line: int, name: str, fault: str, cell: str) -> NoReturn:
-        content = textwrap.shorten(cell, 40, placeholder="...")
-        place = f"line {line}, column {self.names.index(name) + 1} ({name})"
-        raise FileError(f"{self._path}: {place}: {fault}" + (f": {content!r}" if content else ""))
-
-    def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """The rows below the header, each with the number of its last line; no empty lines, as Arrow skips them."""
-        with self._text() as text:
-            reader = csv.reader(islice(text, self._header_line, None))
-            try:
-                yield from ((self._header_line + reader.line_num, cells) for cells in reader if cells)
-            except csv.Error as error:
-                raise FileError(f"{self._path}: line {self._header_line + reader.line_num}: {error}") from error
-
-    @contextmanager
-    def _text(self) -> Iterator[io.TextIOWrapper]:
-        try:
-            with (
-                pa.input_stream(os.fspath(self._path), compression="detect") as stream,
-                io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace", newline="") as text,
-            ):
-                yield text
-        except OSError as error:
-            raise FileError(f"{self._path}: {error.strerror or error}") from error

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from elliptude import cli, cli_estimate, estimation, scenarios, simulation
+from elliptude import cli, cli_estimate, estimation, logs, scenarios, simulation
 from elliptude.configuration import read_configuration
 from elliptude.tables import Results
 from typer.testing import CliRunner
@@ -41,7 +41,7 @@ def test_estimate(tmp_path, simulated, suffix):
         assert str(file) in done.output.replace("\n", "")
     results = Results.read(out / f"results.{suffix}")
     configuration = read_configuration(simulated / "estimate.toml")
-    expected = estimation.estimate(estimation.read_log(simulated / "measurements.csv", configuration), configuration)
+    expected = estimation.estimate(logs.read_log(simulated / "measurements.csv", configuration), configuration)
     np.testing.assert_array_equal(results.shapes, expected.results.shapes)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["updates"] == 60
@@ -154,7 +154,7 @@ def test_scenarios_with_many_seeds(name, directions):
         tables = cli_estimate.cli_simulate.configuration_tables(scenario, simulated)
         tables["estimator"] = {"mode": "paper", "when_sets_do_not_meet": "skip"}
         configuration = cli_estimate.Configuration.model_validate(tables)
-        estimations.append(estimation.estimate(estimation.log_of(simulated.measurements), configuration))
+        estimations.append(estimation.estimate(logs.log_of(simulated.measurements), configuration))
     line = cli_estimate._line(name, estimations, 0.0)
     assert line.error_deg <= 3.5
     assert line.inside >= 0.99
@@ -212,5 +212,5 @@ def test_a_direction_that_is_zero(tmp_path, simulated):
         changed_cell(simulated, 6, f"direction1_b{axis}", "0")
     done = estimate(simulated, tmp_path / "out")
     assert done.exit_code == 1
-    assert "'direction1' has no direction at 0.4" in done.output.replace("\n", "")
+    assert "line 6, column 9 (direction1_bx): 'direction1' has no direction" in done.output.replace("\n", "")
     assert not (tmp_path / "out").exists()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from elliptude import estimation, fermi
+from elliptude import estimation, fermi, logs
 from scipy.spatial.transform import Rotation
 
 
@@ -12,7 +12,7 @@ def recorded():
 
 
 def run(recorded, **options):
-    log = estimation.log_of(fermi.measurements(recorded, **options))
+    log = logs.log_of(fermi.measurements(recorded, **options))
     return log, estimation.estimate(log, fermi.configuration()).results
 
 

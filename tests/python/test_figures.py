@@ -5,7 +5,7 @@ import dataclasses
 import matplotlib.image
 import numpy as np
 import pytest
-from elliptude import estimation, fermi, figures, scenarios, simulation
+from elliptude import estimation, fermi, figures, logs, scenarios, simulation
 from elliptude.cli_simulate import configuration_tables
 from elliptude.configuration import Configuration
 from elliptude.files import FileError
@@ -16,7 +16,7 @@ def results():
     scenario = scenarios.load("pendulum")
     simulated = simulation.simulate(scenario, directions="two", bound_deg=7.0)
     configuration = Configuration.model_validate(configuration_tables(scenario, simulated))
-    return estimation.estimate(estimation.log_of(simulated.measurements), configuration).results
+    return estimation.estimate(logs.log_of(simulated.measurements), configuration).results
 
 
 def without_truth(results):

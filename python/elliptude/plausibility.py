@@ -1,0 +1,274 @@
+"""Whether sensors agree with one another as they would not if a unit, an order or an axis were stated wrongly.
+
+A direction that stands still in the reference frame turns in the body by ḃ = b × ω, so over a short turn φ = ∫ω dt its
+change is b̄ × φ, b̄ the mean of both ends. The slope of the measured changes on these says what the gyro's numbers must
+be multiplied by: 1, or π/180 where degrees were declared as radians. A reference attitude C turns by C₁ᵀC₂ = exp(S(φ)).
+Nothing is concluded from logs that do not turn.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from elliptude.configuration import Configuration
+from elliptude.files import FileError
+from elliptude.logs import Log
+from elliptude.results import FloatArray
+from elliptude.sensors import Accelerometer, AnyDirection
+
+Severity: TypeAlias = Literal["error", "warning"]
+
+_PAIRS, _FEWEST_PAIRS = 50_000, 30
+# rad; what a linear formula is good for.
+_LARGEST_TURN = 1.0
+# Of the slope: what counts as 1, and how well it must be known.
+_LEAST, _MOST, _STANDARD_ERROR = 0.7, 1.4, 0.1
+# rad; a reference that moves by more is not used.
+_STILL = 0.02
+# Of an accelerometer's length about its median.
+_GRAVITY_ALONE = 0.03
+_FACTORS = {
+    np.pi / 180.0: "as if its degrees were declared as radians",
+    180.0 / np.pi: "as if its radians were declared as degrees",
+    1e-3: "as if the unit of time (or of the gyro) were 1000 times smaller",
+    1e3: "as if the unit of time (or of the gyro) were 1000 times larger",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is, or may be, wrong."""
+
+    severity: Severity
+    sensor: str
+    message: str
+
+    def __str__(self) -> str:
+        """Both."""
+        return f"{self.sensor}: {self.message}" if self.sensor else self.message
+
+
+def require_plausible(log: Log, configuration: Configuration, name: str) -> None:
+    """Raise FileError where `contradictions` finds an error.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+        Its key ``implausible`` may say to ignore it.
+    name : str
+        Of the log, for the message.
+
+    Raises
+    ------
+    FileError
+        With all that was found.
+    """
+    if configuration.implausible == "ignore":
+        return
+    errors = [str(finding) for finding in contradictions(log, configuration) if finding.severity == "error"]
+    if errors:
+        raise FileError(f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore'")
+
+
+def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
+    """What the sensors of a log say of one another's units, orders and axes.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+
+    Returns
+    -------
+    list of Finding
+    """
+    turns = _Turns(log)
+    by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
+    found = [finding for finding in by_direction if isinstance(finding, Finding)]
+    # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
+    if "confirmed" in by_direction:
+        found = [replace(finding, severity="warning") for finding in found]
+    if not any(finding.severity == "error" for finding in found):
+        attitude = _reference_attitude(log, turns, configuration)
+        found += [attitude] if attitude is not None else []
+    return found
+
+
+class _Turns:
+    """How far the measured rates turn from one time to another, as a vector: for small turns."""
+
+    def __init__(self, log: Log) -> None:
+        known = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
+        self.is_known = bool(known.sum() > _FEWEST_PAIRS)
+        if self.is_known and log.rates is not None:
+            self._times, rates = log.times[known], log.rates[known]
+            steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self._times)[:, None]
+            self._sums = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+    def between(self, begins: FloatArray, ends: FloatArray) -> FloatArray:
+        """Shape (n, 3), rad."""
+        return self._until(ends) - self._until(begins)
+
+    def _until(self, times: FloatArray) -> FloatArray:
+        return np.column_stack([np.interp(times, self._times, column) for column in self._sums.T])
+
+
+def _slope(changes: FloatArray, predicted: FloatArray) -> tuple[float, float]:
+    """Of the least-squares line through 0, and its standard error."""
+    power = float((predicted * predicted).sum())
+    if power == 0.0:
+        return 0.0, np.inf
+    slope = float((changes * predicted).sum()) / power
+    rest = float(((changes - slope * predicted) ** 2).sum()) / changes.size
+    return slope, float(np.sqrt(rest / power))
+
+
+def _gyro_against_direction(
+    log: Log, turns: _Turns, i: int, sensor: AnyDirection
+) -> Finding | Literal["confirmed", "unknown"]:
+    name = sensor.name
+    there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]))
+    is_accelerometer = isinstance(sensor, Accelerometer)
+    if is_accelerometer and len(there):
+        # Where it does not show gravity alone its direction does not stand still.
+        lengths = np.linalg.norm(log.directions[there, i], axis=1)
+        there = there[np.abs(lengths / np.median(lengths) - 1.0) < _GRAVITY_ALONE]
+    if not turns.is_known or len(there) <= _FEWEST_PAIRS:
+        return "unknown"
+    references = _unit(log.references[there, i])
+    if np.linalg.norm(references - references[0], axis=1).max() > _STILL:
+        return "unknown"
+    directions = _unit(log.directions[there, i])
+    chosen = _some(len(there) - 1)
+    before, after = directions[chosen], directions[chosen + 1]
+    turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
+    changes, predicted = after - before, np.cross(0.5 * (before + after), turn)
+    sizes = np.linalg.norm(turn, axis=1)
+
+    def slope(factor: float) -> tuple[float, float]:
+        small = factor * sizes < _LARGEST_TURN
+        if small.mean() < 0.9 or small.sum() < _FEWEST_PAIRS:
+            return 0.0, np.inf
+        return _slope(changes[small], factor * predicted[small])
+
+    value, error = slope(1.0)
+    if error < _STANDARD_ERROR and _LEAST <= value <= _MOST:
+        return "confirmed"
+    for factor, meaning in _FACTORS.items():
+        other, other_error = slope(factor)
+        if other_error < _STANDARD_ERROR and _LEAST <= other <= _MOST:
+            return Finding("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
+    if error >= _STANDARD_ERROR:
+        return "unknown"
+    severity: Severity = "warning" if is_accelerometer else "error"
+    if -_MOST <= value <= -_LEAST:
+        return Finding(severity, name, f"turns {value:.3g} times as far as the rate says, as with a wrong sign")
+    if abs(value) < 0.1:
+        return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
+    return Finding("warning", name, f"turns {value:.2g} times as far as the rate says: are units and axes right?")
+
+
+def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -> Finding | None:
+    if configuration.truth is None or log.true_attitudes is None:
+        return None
+    there = np.flatnonzero(np.isfinite(log.true_attitudes[:, 0, 0]))
+    if len(there) <= _FEWEST_PAIRS:
+        return None
+    chosen = _some(len(there) - 1)
+    first = Rotation.from_matrix(log.true_attitudes[there[chosen]])
+    second = Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
+    label = configuration.truth.label
+    readings = _readings(configuration)
+    if turns.is_known:
+        turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
+        small = np.linalg.norm(turn, axis=1) < _LARGEST_TURN
+        if small.sum() < _FEWEST_PAIRS:
+            return None
+        slopes = {
+            reading: _slope((read(first).inv() * read(second)).as_rotvec()[small], turn[small])
+            for reading, read in readings.items()
+        }
+        value, error = slopes.pop("as declared")
+        if error >= _STANDARD_ERROR or _LEAST <= value <= _MOST:
+            return None
+        fitting = [reading for reading, (other, _) in slopes.items() if _LEAST <= other <= _MOST]
+        what = f"turns {value:.2g} times as far as the rate says"
+        if fitting:
+            return Finding("error", label, f"{what}, and as far when read {fitting[0]}")
+        for factor, meaning in _FACTORS.items():
+            if _LEAST <= value / factor <= _MOST:
+                return Finding("error", label, f"{what}: of the rate, {meaning}")
+        return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
+    return _reference_against_directions(log, configuration)
+
+
+def _readings(configuration: Configuration) -> dict[str, "_Reading"]:
+    """Ways to read the columns of a quaternion, applied to the rotations as they were read."""
+    assert configuration.truth is not None
+    truth = configuration.truth
+    order = "xyzw" if truth.order == "wxyz" else "wxyz"
+    turns = "reference_to_body" if truth.turns == "body_to_reference" else "body_to_reference"
+    return {
+        "as declared": _Reading(truth.order, truth.turns, truth.order, truth.turns),
+        f"as order = '{order}'": _Reading(truth.order, truth.turns, order, truth.turns),
+        f"as turns = '{turns}'": _Reading(truth.order, truth.turns, truth.order, turns),
+        f"as order = '{order}', turns = '{turns}'": _Reading(truth.order, truth.turns, order, turns),
+    }
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """What rotations would be if the order and the direction were others than declared."""
+
+    declared_order: str
+    declared_turns: str
+    order: str
+    turns: str
+
+    def __call__(self, rotations: Rotation) -> Rotation:
+        of_file = rotations if self.declared_turns == "body_to_reference" else rotations.inv()
+        columns = of_file.as_quat(scalar_first=self.declared_order == "wxyz")
+        read = Rotation.from_quat(columns, scalar_first=self.order == "wxyz")
+        return read if self.turns == "body_to_reference" else read.inv()
+
+
+def _reference_against_directions(log: Log, configuration: Configuration) -> Finding | None:
+    """Where there is no rate: whether the attitude takes measured directions to their references."""
+    assert log.true_attitudes is not None
+    assert configuration.truth is not None
+    readings = _readings(configuration)
+    angles: dict[str, list[FloatArray]] = {reading: [] for reading in readings}
+    for i in range(len(configuration.directions)):
+        there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]) & np.isfinite(log.true_attitudes[:, 0, 0]))
+        if len(there) <= _FEWEST_PAIRS:
+            continue
+        there = there[_some(len(there))]
+        rotations = Rotation.from_matrix(log.true_attitudes[there])
+        directions, references = _unit(log.directions[there, i]), _unit(log.references[there, i])
+        for reading, read in readings.items():
+            cosines = (read(rotations).apply(directions) * references).sum(axis=1)
+            angles[reading].append(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
+    if not angles["as declared"]:
+        return None
+    medians = {reading: float(np.median(np.concatenate(some))) for reading, some in angles.items()}
+    declared = medians.pop("as declared")
+    best = min(medians, key=lambda reading: medians[reading])
+    what = f"takes the measured directions {declared:.3g} degrees off their references (median)"
+    if declared > 20.0 and medians[best] < 0.25 * declared:
+        return Finding("error", configuration.truth.label, f"{what}, and {medians[best]:.3g} when read {best}")
+    if declared > 60.0:
+        return Finding("warning", configuration.truth.label, f"{what}: are frames, axes and signs right?")
+    return None
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
+
+
+def _some(count: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices of at most so many as are enough, spread over all."""
+    return np.unique(np.linspace(0, count - 1, min(count, _PAIRS)).astype(np.intp))

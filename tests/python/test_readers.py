@@ -1,0 +1,162 @@
+"""Formats of logs: their columns, every number as it is in the file, and what is said of files that are at fault."""
+
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+import recorders
+from elliptude import readers
+from elliptude.files import FileError
+from elliptude.readers import open_log
+
+
+def column(file, name):
+    cells = [batch[name] for batch in file.batches([name])]
+    return np.concatenate([some.values for some in cells]), np.concatenate([some.empty for some in cells])
+
+
+def test_csv_comes_in_batches_of_the_same_numbers(tmp_path, monkeypatch):
+    numbers = np.random.default_rng(0).standard_normal((5000, 2))
+    path = tmp_path / "log.csv"
+    rows = "\n".join(f"{a!r},{b!r}" if i % 7 else f"{a!r}," for i, (a, b) in enumerate(numbers.tolist()))
+    path.write_text("# a comment\na,b\n" + rows + "\n")
+    monkeypatch.setattr(readers, "BATCH_BYTES", 10_000)
+    file = open_log(path)
+    assert len(list(file.batches(["a"]))) > 10
+    np.testing.assert_array_equal(column(file, "a")[0], numbers[:, 0])
+    values, empty = column(file, "b")
+    np.testing.assert_array_equal(empty, np.arange(5000) % 7 == 0)
+    np.testing.assert_array_equal(values[~empty], numbers[~empty, 1])
+    assert file.place("b", 4999) == "line 5002, column 2 (b)"
+
+
+def test_nanoseconds_in_csv_keep_their_digits(tmp_path):
+    stamps = 1_700_000_000_123_456_789 + np.arange(3)
+    path = tmp_path / "log.csv"
+    path.write_text("t,x\n" + "".join(f"{stamp},0.5\n" for stamp in stamps))
+    values, _ = column(open_log(path), "t")
+    assert values.dtype == np.int64
+    np.testing.assert_array_equal(values, stamps)
+    path.write_text(path.read_text() + "1700000000123456792.5,1\n")
+    with pytest.raises(FileError, match=r"line 5, column 1 \(t\): not a whole number, as the first one"):
+        column(open_log(path), "t")
+
+
+def test_parquet_in_batches(tmp_path, monkeypatch):
+    stamps = pa.array(1_700_000_000_123_456_789 + np.arange(1000))
+    table = pa.table({"t": stamps, "x": pa.array([None if i % 2 else 0.1 * i for i in range(1000)], pa.float32())})
+    pa.parquet.write_table(table, tmp_path / "log.parquet")
+    monkeypatch.setattr(readers, "BATCH_ROWS", 100)
+    file = open_log(tmp_path / "log.parquet")
+    values, _ = column(file, "t")
+    np.testing.assert_array_equal(values, stamps.to_numpy())
+    values, empty = column(file, "x")
+    np.testing.assert_array_equal(empty, np.arange(1000) % 2 == 1)
+    np.testing.assert_array_equal(values[::2], np.float32(0.1 * np.arange(0, 1000, 2)).astype(float))
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_npz(tmp_path, save):
+    gyr = np.random.default_rng(0).standard_normal((5, 3)).astype(np.float32)
+    gyr[2, 1] = np.nan
+    save(
+        tmp_path / "log.npz",
+        t=np.arange(5),
+        gyr=gyr,
+        is_still=np.ones(5, bool),
+        mag=np.ones((3, 3)),
+        fs=5.0,
+        names=["a"],
+    )
+    file = open_log(tmp_path / "log.npz")
+    assert file.columns == ("t", "gyr[0]", "gyr[1]", "gyr[2]", "is_still", "mag[0]", "mag[1]", "mag[2]")
+    assert file.stream("t") == file.stream("gyr[2]") != file.stream("mag[0]")
+    values, empty = column(file, "gyr[1]")
+    np.testing.assert_array_equal(values, gyr[:, 1].astype(float))
+    np.testing.assert_array_equal(empty, [False, False, True, False, False])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("log.npz", b"not an archive", "not an NPZ file"),
+        ("log.npz", b"", "not an NPZ file"),
+        ("log.ulg", b"not a ULog", "not a ULog that pyulog can read"),
+        ("log.bag", b"not a bag", "not a bag that rosbags can read"),
+        ("log.mcap", b"not a bag", "not a bag that rosbags can read"),
+        ("log.parquet", b"not Parquet", "not a Parquet file"),
+    ],
+)
+def test_other_files(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=message) as caught:
+        open_log(tmp_path / name)
+    assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_truncated_npz(tmp_path):
+    np.savez_compressed(tmp_path / "whole.npz", t=np.random.default_rng(0).random(10_000))
+    content = (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "log.npz").write_bytes(content[: len(content) // 2])
+    with pytest.raises(FileError, match="not an NPZ file"):
+        open_log(tmp_path / "log.npz")
+    (tmp_path / "log.npz").write_bytes(content[:2000] + bytes(1000) + content[3000:])
+    with pytest.raises(FileError, match="not an NPZ file"):
+        column(open_log(tmp_path / "log.npz"), "t")
+
+
+def test_ulog(tmp_path):
+    pytest.importorskip("pyulog")
+    stamps = np.array([1_000_000, 1_005_000, 1_010_000])
+    rates = np.random.default_rng(0).standard_normal((3, 3))
+    mag = np.random.default_rng(1).standard_normal((2, 3))
+    recorders.write_ulog(
+        tmp_path / "log.ulg",
+        [
+            ("sensor_combined", 0, {"timestamp": stamps, "gyro_rad": rates}),
+            ("sensor_mag", 0, {"timestamp": stamps[:2], "x": mag[:, 0]}),
+            ("sensor_mag", 1, {"timestamp": stamps[1:], "x": mag[:, 1]}),
+        ],
+    )
+    file = open_log(tmp_path / "log.ulg")
+    assert set(file.columns) == {
+        "sensor_combined.timestamp",
+        *(f"sensor_combined.gyro_rad[{i}]" for i in range(3)),
+        *("sensor_mag.timestamp", "sensor_mag.x", "sensor_mag:1.timestamp", "sensor_mag:1.x"),
+    }
+    assert file.stamps(file.stream("sensor_mag:1.x")) == ("sensor_mag:1.timestamp", "us")
+    np.testing.assert_array_equal(column(file, "sensor_mag:1.timestamp")[0], stamps[1:])
+    np.testing.assert_array_equal(column(file, "sensor_mag:1.x")[0], np.float32(mag[:, 1]).astype(float))
+    np.testing.assert_array_equal(column(file, "sensor_combined.gyro_rad[2]")[0], np.float32(rates[:, 2]).astype(float))
+
+
+@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "sqlite3 file", "mcap", "mcap file"])
+def test_bags(tmp_path, kind, monkeypatch):
+    pytest.importorskip("rosbags")
+    rng = np.random.default_rng(0)
+    stamps = 1_700_000_000_123_456_789 + 5_000_000 * np.arange(6)
+    rates, forces, fields = rng.standard_normal((3, 6, 3))
+    path = tmp_path / ("log.bag" if kind == "ros1" else "log")
+    recorders.write_bag(path, kind.removesuffix(" file"), stamps.tolist(), rates, forces, fields)
+    if kind.endswith(" file"):
+        path = path / {"mcap file": "log.mcap", "sqlite3 file": "log.db3"}[kind]
+    monkeypatch.setattr("elliptude.rosbag.BATCH_ROWS", 4)
+    file = open_log(path)
+    assert "/imu/data.orientation_covariance[8]" in file.columns
+    assert file.stamps(file.stream("/imu/mag.magnetic_field.x")) == ("/imu/mag.header.stamp", "ns")
+    np.testing.assert_array_equal(column(file, "/imu/data.header.stamp")[0], stamps)
+    np.testing.assert_array_equal(column(file, "/imu/data.bag_time")[0], stamps + 2_000_000)
+    np.testing.assert_array_equal(column(file, "/imu/data.angular_velocity.y")[0], rates[:, 1])
+    np.testing.assert_array_equal(column(file, "/imu/mag.magnetic_field.z")[0], fields[::2, 2])
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "name"), [("pyulog", "ulog", "a.ulg"), ("rosbags.highlevel", "ros", "a.bag")]
+)
+def test_an_extra_that_is_not_installed_is_named(tmp_path, monkeypatch, package, extra, name):
+    monkeypatch.setitem(sys.modules, package, None)
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(FileError, match=rf"pip install 'elliptude\[{extra}\]'"):
+        open_log(tmp_path / name)
