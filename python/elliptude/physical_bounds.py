@@ -1,0 +1,900 @@
+"""Bounds of measured directions, from what is known of sensors and motion.
+
+A datasheet, the speed of a hand, the size of a room: this module turns such knowledge into the angle that each measured
+direction may be off. NumPy alone; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md,
+section 18.
+
+Nothing is clipped in silence. Where data and stated bounds contradict each other, the row's angle is NaN (not measured)
+and its `DirectionBounds.excess` says by how much; where a bound says nothing, the angle is pi.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elliptude.results import FloatArray
+
+STANDARD_GRAVITY = 9.80665
+"""m/s²."""
+
+_BLOCK_ROWS = 1 << 16
+_EPSILON = float(np.finfo(np.float64).eps)
+
+
+# --- arguments --------------------------------------------------------------------------------------------------------
+
+
+def _not_negative(name: str, value: float) -> None:
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"{name} must be finite and at least 0, not {value}")
+
+
+def _fraction(name: str, value: float) -> None:
+    if not 0.0 <= value < 1.0:
+        raise ValueError(f"{name} must be from 0 to below 1, not {value}")
+
+
+def _rows(name: str, values: ArrayLike, count: int | None = None) -> FloatArray:
+    """An array (N, 3); a row that is not finite in any component becomes NaN in all."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
+        raise ValueError(f"{name} must have shape ({'N' if count is None else count}, 3), not {array.shape}")
+    return np.where(np.isfinite(array).all(axis=1, keepdims=True), array, np.nan)
+
+
+def _times(values: ArrayLike) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 or not len(array):
+        raise ValueError(f"times must have shape (N,) with at least one row, not {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"times must be finite; row {int(np.flatnonzero(~np.isfinite(array))[0])} is not")
+    backward = np.flatnonzero(np.diff(array) <= 0.0)
+    if len(backward):
+        raise ValueError(f"times must increase; row {int(backward[0]) + 1} does not")
+    return array
+
+
+# --- what goes in and comes out ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionBounds:
+    """A direction per row, in body axes, and the angle within which the true one lies."""
+
+    directions: FloatArray
+    """Unit vectors, shape (N, 3); NaN where nothing was measured."""
+    angles: FloatArray
+    """rad, shape (N,). NaN: not measured, or contradicted. pi: the bounds say nothing."""
+    excess: FloatArray
+    """By how much a norm contradicts the stated bounds, in the sensor's unit, shape (N,); 0 where it does not."""
+
+    @property
+    def contradicted(self) -> NDArray[np.bool_]:
+        """Rows that prove a stated bound wrong, shape (N,)."""
+        return self.excess > 0.0
+
+    @property
+    def informative(self) -> NDArray[np.bool_]:
+        """Rows that say something, shape (N,)."""
+        return self.angles < np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class WindowBounds(DirectionBounds):
+    """Directions from averages over windows."""
+
+    durations: FloatArray
+    """Of the window that was best, s, shape (N,); NaN where there was none."""
+
+
+@dataclass(frozen=True)
+class VectorSensorBounds:
+    """What an accelerometer or magnetometer may be off: it shows (I + K) x + e instead of the true vector x.
+
+    Parameters
+    ----------
+    error : float
+        Of ‖e‖ for each sample: bias, noise, hard iron; the sensor's unit.
+    scale_error : float
+        Of the spectral norm of K: scale, soft iron, axes not perpendicular; from 0 to below 1.
+    misalignment : float
+        Of the angle between its axes and the body's (the gyro's), rad.
+    averaged_error : float, optional
+        Of the norm of e's mean over a window, turned into a common frame; ``error`` if left out. It may be smaller, as
+        noise averages out. It also covers sampling: the mean of the samples less that of the motion between them.
+    """
+
+    error: float = 0.0
+    scale_error: float = 0.0
+    misalignment: float = 0.0
+    averaged_error: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        _not_negative("error", self.error)
+        _not_negative("misalignment", self.misalignment)
+        _fraction("scale_error", self.scale_error)
+        if self.averaged_error is not None:
+            _not_negative("averaged_error", self.averaged_error)
+
+
+@dataclass(frozen=True)
+class GyroBounds:
+    """What a gyro may be off: it shows (I + K) ω + b + v. Section 18.5.
+
+    Parameters
+    ----------
+    noise : float
+        Of ‖v‖ at every instant, rad/s.
+    bias : float
+        Of ‖b‖, what is left of the bias after the known one was subtracted, rad/s.
+    drift : float
+        How fast the bias changes, rad/s².
+    scale_error : float
+        Of the spectral norm of K, from 0 to below 1.
+    increment : float
+        Of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window where the noise changes sign.
+    """
+
+    noise: float
+    bias: float = 0.0
+    drift: float = 0.0
+    scale_error: float = 0.0
+    increment: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check."""
+        for name in ("noise", "bias", "drift"):
+            _not_negative(name, getattr(self, name))
+        _fraction("scale_error", self.scale_error)
+        if not self.increment >= 0.0:
+            raise ValueError(f"increment must be at least 0, not {self.increment}")
+
+    def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
+        """Bound of the rate's error without the noise, (18.9): what does not average out.
+
+        Parameters
+        ----------
+        angular_speeds : (...) array
+            Norms of measured rates, rad/s.
+        elapsed : (...) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        (...) array
+            rad/s.
+        """
+        bias = self.bias + self.drift * np.asarray(elapsed, dtype=np.float64)
+        speeds = np.asarray(angular_speeds, dtype=np.float64)
+        steady: FloatArray = bias + self.scale_error * (speeds + bias + self.noise) / (1.0 - self.scale_error)
+        return steady
+
+    def rate_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
+        """Bound of the rate's error at an instant, (18.9): over a step h it turns a prediction by at most h times this.
+
+        Parameters
+        ----------
+        angular_speeds : (...) array
+            Norms of measured rates, rad/s.
+        elapsed : (...) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        (...) array
+            rad/s.
+        """
+        return self.noise + self.steady_error(angular_speeds, elapsed)
+
+    def window_angle(self, times: ArrayLike, angular_velocities: ArrayLike, elapsed: ArrayLike = 0.0) -> float:
+        """Bound of the angle by which the turn over all rows is off, (18.10).
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing.
+        angular_velocities : (N, 3) array
+            Measured, rad/s.
+        elapsed : (N,) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        float
+            rad.
+        """
+        stamps, rates = _times(times), _rows("angular_velocities", angular_velocities, len(np.atleast_1d(times)))
+        speeds = np.linalg.norm(rates, axis=1)
+        duration = stamps[-1] - stamps[0]
+        return float(
+            self._noise_angle(duration, np.trapezoid(speeds, stamps), duration)
+            + np.trapezoid(self.steady_error(speeds, elapsed), stamps)
+        )
+
+    def noise_rate(self, duration: float, turned: float) -> float:
+        """The noise bound to give to one prediction that spans a window, (18.10), rad/s.
+
+        Parameters
+        ----------
+        duration : float
+            Of the window, s.
+        turned : float
+            The angle that the measured rate turned in it, rad.
+
+        Returns
+        -------
+        float
+        """
+        if not duration > 0.0:
+            raise ValueError(f"duration must be positive, not {duration}")
+        return float(self._noise_angle(duration, turned, duration)) / duration
+
+    def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
+        """Either of two bounds, the smaller: linear in time, or from the increment."""
+        linear = self.noise * np.asarray(duration, dtype=np.float64)
+        if np.isinf(self.increment):
+            return linear
+        return np.minimum(linear, self._increment_angle(turned, longest))
+
+    def _increment_angle(self, turned: FloatArray | float, longest: FloatArray | float) -> FloatArray:
+        swept = self.increment * (1.0 + np.asarray(turned, dtype=np.float64))
+        angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
+        return angle
+
+
+@dataclass(frozen=True)
+class MotionBounds:
+    """How the sensor's place moves; what is not known is infinite.
+
+    Parameters
+    ----------
+    velocity : float
+        Bound of the speed at every instant, m/s. In any frame that does not accelerate.
+    position : float
+        Radius of a ball that the sensor does not leave during a window, m; the ball may be another for another window.
+    acceleration : float
+        Bound of the linear acceleration at every instant, m/s².
+    """
+
+    velocity: float = np.inf
+    position: float = np.inf
+    acceleration: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check."""
+        for name in ("velocity", "position", "acceleration"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
+
+    def mean_acceleration_uniform(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Bound of the mean acceleration over [-before, after], (18.5), m/s²."""
+        return np.minimum(self.acceleration, 2.0 * self.velocity / (before + after))
+
+    def mean_acceleration_triangular(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Bound of the mean weighted by a triangle over [-before, after] with its top at 0, (18.6), m/s²."""
+        from_velocity = 4.0 * self.velocity / (before + after)
+        from_position = 4.0 * self.position / (before * after)
+        return np.minimum(self.acceleration, np.minimum(from_velocity, from_position))
+
+
+# --- one sample -------------------------------------------------------------------------------------------------------
+
+
+def angle_to_center(
+    lengths: ArrayLike, magnitude: ArrayLike, radius: ArrayLike, magnitude_error: ArrayLike = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Largest angle between x and y where ‖x - y‖ ≤ radius, ‖y‖ = lengths and ‖x‖ within magnitude ± error, (18.2).
+
+    Parameters
+    ----------
+    lengths : (...) array
+        ‖y‖, at least 0. NaN: not measured.
+    magnitude : (...) array
+        Of x, positive.
+    radius : (...) array
+        At least 0.
+    magnitude_error : (...) array
+        At least 0, below the magnitude.
+
+    Returns
+    -------
+    angles : (...) array
+        rad, at most pi. NaN where not measured or where no x exists.
+    excess : (...) array
+        0 where an x exists; else by how much the radius falls short.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    y, m, r, dm = np.broadcast_arrays(
+        *(np.asarray(array, dtype=np.float64) for array in (lengths, magnitude, radius, magnitude_error))
+    )
+    if np.any(y < 0.0):
+        raise ValueError(f"lengths must be at least 0, not {np.nanmin(y)}")
+    if not np.all(r >= 0.0):
+        raise ValueError("radius must be at least 0 and a number")
+    if not np.all((dm >= 0.0) & (dm < m) & np.isfinite(m)):
+        raise ValueError("magnitude must be finite and positive, and magnitude_error from 0 to below it")
+    least, greatest = m - dm, m + dm
+    r = r + 4.0 * _EPSILON * (y + greatest)  # what rounding may have done to y and m
+    excess = np.fmax(np.maximum(y - greatest, least - y) - r, 0.0)
+    # The angle is largest where x is tangent to the ball, or at the end of the range of ‖x‖ next to that.
+    tangent = np.sqrt(np.maximum((y - r) * (y + r), 0.0))
+    x = np.clip(tangent, least, greatest)
+    difference = np.abs(y - x)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squared_sine = (r - difference) * (r + difference) / (4.0 * x * y)
+    squared_sine = np.where((y == 0.0) | np.isinf(r), 1.0, squared_sine)
+    angles = 2.0 * np.arcsin(np.sqrt(np.clip(squared_sine, 0.0, 1.0)))
+    return np.where(np.isnan(y) | (excess > 0.0), np.nan, angles), excess
+
+
+def _bounded_directions(
+    vectors: FloatArray,
+    radii: ArrayLike,
+    magnitude: ArrayLike,
+    magnitude_error: ArrayLike,
+    stretch: float,
+    added_angle: FloatArray | float,
+) -> DirectionBounds:
+    """Directions of vectors y, where the true vector lies within ``radii`` of ``stretch`` y."""
+    lengths = np.linalg.norm(vectors, axis=1)
+    angles, excess = angle_to_center(
+        stretch * lengths, magnitude, np.where(np.isnan(lengths), 0.0, radii), magnitude_error
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        directions = vectors / lengths[:, None]
+    angles = np.minimum(angles + added_angle, np.pi)
+    return DirectionBounds(directions, np.where(lengths > 0.0, angles, np.nan), excess)
+
+
+def _sensor_ball(lengths: FloatArray, sensor: VectorSensorBounds) -> tuple[float, FloatArray]:
+    """The ball that holds the true vector of a measured one y, (18.3): about ``stretch`` y, and its radius."""
+    k = sensor.scale_error
+    return 1.0 / (1.0 - k * k), k * lengths / (1.0 - k * k) + sensor.error / (1.0 - k)
+
+
+def accelerometer_bounds(
+    specific_forces: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+    gravity_error: ArrayLike = 0.0,
+    sensor: VectorSensorBounds = VectorSensorBounds(),
+    time_offset: ArrayLike = 0.0,
+) -> DirectionBounds:
+    """How far each sample's direction may be from up, where the linear acceleration is bounded, (18.1) to (18.3).
+
+    Parameters
+    ----------
+    specific_forces : (N, 3) array
+        m/s², body axes; at rest it points up. A row with NaN was not measured.
+    acceleration : float or (N,) array
+        Bound α of the linear acceleration, m/s².
+    gravity, gravity_error : float or (N,) array
+        m/s².
+    sensor : VectorSensorBounds
+        The accelerometer's own errors.
+    time_offset : float or (N,) array
+        What `time_offset_angles` gives, rad.
+
+    Returns
+    -------
+    DirectionBounds
+        Of the direction up. A row whose norm differs from gravity by more than the bounds allow is contradicted.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    return _of_samples("specific_forces", specific_forces, acceleration, gravity, gravity_error, sensor, time_offset)
+
+
+def magnetometer_bounds(
+    fields: ArrayLike,
+    disturbance: ArrayLike,
+    *,
+    strength: ArrayLike,
+    strength_error: ArrayLike = 0.0,
+    sensor: VectorSensorBounds = VectorSensorBounds(),
+    time_offset: ArrayLike = 0.0,
+) -> DirectionBounds:
+    """How far each sample's direction may be from the reference field's, where the disturbance is bounded.
+
+    The geometry is that of `accelerometer_bounds`: the field at the sensor is the reference field plus a vector of at
+    most ``disturbance``. How far the reference vector itself may be off belongs there too, or, as far as only its
+    length is in doubt, in ``strength_error``.
+
+    Parameters
+    ----------
+    fields : (N, 3) array
+        Body axes, any unit. A row with NaN was not measured.
+    disturbance : float or (N,) array
+        The fields' unit, as all below.
+    strength, strength_error : float or (N,) array
+        Length of the reference field.
+    sensor : VectorSensorBounds
+        The magnetometer's own errors: hard iron and noise are its error, soft iron and scale its scale error.
+    time_offset : float or (N,) array
+        What `time_offset_angles` gives, rad.
+
+    Returns
+    -------
+    DirectionBounds
+        Of the reference field's direction.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    return _of_samples("fields", fields, disturbance, strength, strength_error, sensor, time_offset)
+
+
+def _of_samples(
+    name: str,
+    vectors: ArrayLike,
+    offset: ArrayLike,
+    magnitude: ArrayLike,
+    magnitude_error: ArrayLike,
+    sensor: VectorSensorBounds,
+    time_offset: ArrayLike,
+) -> DirectionBounds:
+    rows = _rows(name, vectors)
+    stretch, radii = _sensor_ball(np.linalg.norm(rows, axis=1), sensor)
+    return _bounded_directions(
+        rows,
+        radii + np.asarray(offset, dtype=np.float64),
+        magnitude,
+        magnitude_error,
+        stretch,
+        sensor.misalignment + np.asarray(time_offset, dtype=np.float64),
+    )
+
+
+def angle_excess(first: DirectionBounds, second: DirectionBounds, angle: float, angle_error: float = 0.0) -> FloatArray:
+    """By how much the measured angle between two directions contradicts their bounds, (18.4).
+
+    With up and the magnetic field this is the test of the dip: the angle between up and the field is 90° plus the dip.
+
+    Parameters
+    ----------
+    first, second : DirectionBounds
+        N rows each.
+    angle : float
+        Between the two reference directions, rad.
+    angle_error : float
+        How far that may be off, rad.
+
+    Returns
+    -------
+    (N,) array
+        rad; positive proves that a bound is wrong, 0 where the two agree or one was not measured.
+    """
+    across = np.linalg.norm(np.cross(first.directions, second.directions), axis=1)
+    along = np.einsum("ni,ni->n", first.directions, second.directions)
+    measured = np.arctan2(across, along)
+    excess: FloatArray = np.fmax(np.abs(measured - angle) - angle_error - first.angles - second.angles, 0.0)
+    return excess
+
+
+# --- time -------------------------------------------------------------------------------------------------------------
+
+
+def time_offset_angles(
+    times: ArrayLike,
+    angular_velocities: ArrayLike,
+    offset: float,
+    *,
+    gyro: GyroBounds | None = None,
+    angular_acceleration: float = 0.0,
+) -> FloatArray:
+    """How far a direction in body axes may turn between the time on the stamp and the true one, (18.8).
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    angular_velocities : (N, 3) array
+        Measured, rad/s, body axes.
+    offset : float
+        Bound τ of the difference between stamp and true time, s.
+    gyro : GyroBounds, optional
+        Of the measured rates; exact if left out.
+    angular_acceleration : float
+        Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
+
+    Returns
+    -------
+    (N,) array
+        rad; NaN where a rate is missing near the row. Before the first and after the last row the rate counts as
+        that of the row, changing by the angular acceleration.
+    """
+    _not_negative("offset", offset)
+    _not_negative("angular_acceleration", angular_acceleration)
+    stamps = _times(times)
+    speeds = np.linalg.norm(_rows("angular_velocities", angular_velocities, len(stamps)), axis=1)
+    if offset == 0.0:
+        return np.zeros_like(stamps)
+    if gyro is not None:
+        speeds = speeds + gyro.rate_error(speeds)
+    # The samples on both sides of the interval too: between two samples the rate is bounded by both.
+    first = np.maximum(np.searchsorted(stamps, stamps - offset, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(stamps, stamps + offset, side="left"), len(stamps) - 1)
+    steps = np.append(np.diff(stamps), 0.0)
+    between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
+    angles: FloatArray = np.minimum(offset * (_range_maximum(speeds, first, last) + between), np.pi)
+    return angles
+
+
+def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """The largest of values[first..last], each: two overlapping powers of two make up any range."""
+    counts = last - first + 1
+    result = np.empty_like(values)
+    table, width = values, 1
+    while True:
+        rows = (counts >= width) & (counts < 2 * width)
+        result[rows] = np.maximum(table[first[rows]], table[last[rows] - width + 1])
+        if counts.max() < 2 * width:
+            return result
+        table = np.maximum(table[:-width], table[width:])
+        width *= 2
+
+
+def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Put late values where they belong: row n gets the values whose stamp is nearest to its time plus the delay.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    values : (N, ...) array
+        With stamps ``times``, late by ``delay``: they show what was true at their stamp less the delay.
+    delay : float
+        s; negative where values are early.
+
+    Returns
+    -------
+    shifted : (N, ...) array
+        NaN where no value lies within the recording.
+    left : (N,) array
+        How far the chosen value's time is from the row's, s: to be added to the time offset bound.
+    """
+    stamps, numbers = _times(times), np.asarray(values, dtype=np.float64)
+    wanted = stamps + delay
+    after = np.clip(np.searchsorted(stamps, wanted), 1, max(len(stamps) - 1, 1))
+    if len(stamps) == 1:
+        nearest = np.zeros(1, dtype=np.intp)
+    else:
+        nearest = np.where(wanted - stamps[after - 1] <= stamps[after] - wanted, after - 1, after)
+    left = np.abs(stamps[nearest] - wanted)
+    shifted = numbers[nearest].copy()
+    shifted[(wanted < stamps[0]) | (wanted > stamps[-1])] = np.nan
+    return shifted, left
+
+
+# --- windows ----------------------------------------------------------------------------------------------------------
+
+Place = Literal["end", "middle"]
+"""Where in its window a row lies."""
+
+
+def gravity_bounds_over_windows(
+    times: ArrayLike,
+    specific_forces: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    *,
+    motion: MotionBounds,
+    gyro: GyroBounds,
+    sensor: VectorSensorBounds = VectorSensorBounds(),
+    gravity: float = STANDARD_GRAVITY,
+    gravity_error: float = 0.0,
+    time_offset: float = 0.0,
+    at: Place = "end",
+    maximum_step: float = np.inf,
+) -> WindowBounds:
+    """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
+
+    In the mean the linear acceleration is small where the speed or the place is bounded: 2v/T in a window of T with
+    equal weights, 16p/T² with weights like a triangle. Against that stands the gyro's error over the window. All
+    windows are tried and, row by row, the one with the smallest bound is returned; a row where any of them contradicts
+    the bounds is contradicted.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    specific_forces : (N, 3) array
+        m/s², body axes; at rest it points up. No window reaches over a row with NaN.
+    angular_velocities : (N, 3) array
+        rad/s, body axes, the bias known at the first row subtracted. The gyro's error is that of the rates used: in a
+        step the mean of its ends.
+    durations : sequence of float
+        Of the windows, s. At the recording's ends they are as long as it allows.
+    motion : MotionBounds
+    gyro : GyroBounds
+    sensor : VectorSensorBounds
+        The accelerometer's.
+    gravity, gravity_error : float
+        m/s².
+    time_offset : float
+        Bound of the accelerometer's time against the gyro's, s.
+    at : {"end", "middle"}
+        ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
+    maximum_step : float
+        No window reaches over a longer step between rows, s.
+
+    Returns
+    -------
+    WindowBounds
+        Of the direction up in body axes at each row.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    shapes = (motion.mean_acceleration_uniform, motion.mean_acceleration_triangular)
+    return _over_windows(
+        times, specific_forces, angular_velocities, durations, shapes, gyro, sensor, gravity, gravity_error,
+        time_offset, at, maximum_step,
+    )  # fmt: skip
+
+
+def field_bounds_over_windows(
+    times: ArrayLike,
+    fields: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    *,
+    disturbance: float,
+    gyro: GyroBounds,
+    strength: float,
+    strength_error: float = 0.0,
+    sensor: VectorSensorBounds = VectorSensorBounds(),
+    time_offset: float = 0.0,
+    at: Place = "end",
+    maximum_step: float = np.inf,
+) -> WindowBounds:
+    """The reference field's direction, averaged over windows in a frame that the gyro carries along.
+
+    A disturbance does not average out, noise does: this is worth its price where the sensor's ``averaged_error`` is
+    well below its ``error``. Arguments are those of `gravity_bounds_over_windows` and `magnetometer_bounds`.
+
+    Returns
+    -------
+    WindowBounds
+        Of the reference field's direction in body axes at each row.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    _not_negative("disturbance", disturbance)
+
+    def constant(before: FloatArray, after: FloatArray) -> FloatArray:
+        return np.full_like(before, disturbance)
+
+    return _over_windows(
+        times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
+        time_offset, at, maximum_step,
+    )  # fmt: skip
+
+
+MeanOffset = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def _over_windows(
+    times: ArrayLike,
+    vectors: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    offsets: tuple[MeanOffset, ...],
+    gyro: GyroBounds,
+    sensor: VectorSensorBounds,
+    magnitude: float,
+    magnitude_error: float,
+    time_offset: float,
+    at: Place,
+    maximum_step: float,
+) -> WindowBounds:
+    """The offsets are those of equal weights and, if there is a second one, of weights like a triangle."""
+    stamps = _times(times)
+    count = len(stamps)
+    rows, rates = _rows("vectors", vectors, count), _rows("angular_velocities", angular_velocities, count)
+    if not len(durations) or not all(np.isfinite(duration) and duration > 0.0 for duration in durations):
+        raise ValueError(f"durations must be positive and finite, not {list(durations)}")
+    if at not in ("end", "middle"):
+        raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
+    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro)
+
+    directions = np.full((count, 3), np.nan)
+    angles, best, excess = np.full(count, np.nan), np.full(count, np.nan), np.zeros(count)
+    # A scale error and a misalignment act on every sample: k (‖f‖ + e) in the mean, where ‖f‖ is measured.
+    scale = sensor.scale_error + 2.0 * np.sin(0.5 * min(sensor.misalignment, np.pi))
+    if scale >= 1.0:
+        raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
+    mean_error = sensor.error if sensor.averaged_error is None else sensor.averaged_error
+    for block, needed in _blocks(stamps, max(durations), at):
+        pieces = _Piece(
+            stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
+        )
+        here = np.arange(block.start - needed.start, block.stop - needed.start)
+        for duration in durations:
+            window = pieces.window(here, duration, at)
+            for triangular, offset in enumerate(offsets):
+                mean, length, spread, before, after = pieces.average(window, bool(triangular))
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    radius = (
+                        spread + mean_error + scale * (length + sensor.error) / (1.0 - scale) + offset(before, after)
+                    )
+                radius = np.where(np.isnan(length), np.inf, radius)
+                found = _bounded_directions(mean, radius, magnitude, magnitude_error, 1.0, 0.0)
+                better = ~(found.angles >= angles[block]) & ~np.isnan(found.angles)
+                target = np.flatnonzero(better) + block.start
+                directions[target], angles[target] = found.directions[better], found.angles[better]
+                best[target] = (before + after)[better]
+                excess[block] = np.maximum(excess[block], found.excess)
+    return WindowBounds(directions, np.where(excess > 0.0, np.nan, angles), excess, best)
+
+
+def _blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
+    """Rows in pieces, each with the rows that its windows reach: memory stays bounded, and so do running sums."""
+    for start in range(0, len(times), _BLOCK_ROWS):
+        stop = min(start + _BLOCK_ROWS, len(times))
+        reach = longest * (1.0 + 1e-6)
+        before, after = (0.5 * reach, 0.5 * reach) if at == "middle" else (reach, 0.0)
+        first = int(np.searchsorted(times, times[start] - before))
+        last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
+        yield slice(start, stop), slice(first, last)
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """Indices of windows: where they begin, the top of a triangle, where they end, and the row that they are for."""
+
+    start: NDArray[np.intp]
+    top: NDArray[np.intp]
+    stop: NDArray[np.intp]
+    row: NDArray[np.intp]
+    valid: NDArray[np.bool_]
+
+
+class _Piece:
+    """Running integrals of a piece of a recording, from which weighted means over windows are differences."""
+
+    def __init__(
+        self,
+        times: FloatArray,
+        vectors: FloatArray,
+        rates: FloatArray,
+        turned_by_offset: FloatArray,
+        gyro: GyroBounds,
+        bias_known: float,
+        maximum_step: float,
+    ) -> None:
+        self._times = times
+        self._gyro = gyro
+        missing = np.isnan(vectors).any(axis=1) | np.isnan(rates).any(axis=1) | np.isnan(turned_by_offset)
+        vectors, rates = np.where(missing[:, None], 0.0, vectors), np.where(missing[:, None], 0.0, rates)
+        steps = np.diff(times)
+        self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
+        self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
+        self._attitudes = _attitudes_from_rates(steps, rates)
+        speeds = np.linalg.norm(rates, axis=1)
+        lengths = np.linalg.norm(vectors, axis=1)
+        self._steady = self._integral(gyro.steady_error(speeds, times - bias_known))
+        self._turned = self._integral(speeds)
+        in_common_frame = np.einsum("nij,nj->ni", self._attitudes, vectors)
+        # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
+        weights = lengths[:, None] * np.column_stack(
+            [
+                np.ones_like(times),
+                self._steady,
+                self._turned,
+                times - times[0],
+                np.where(missing, 0.0, turned_by_offset),
+            ]
+        )
+        self._once = self._integral(np.column_stack([in_common_frame, weights]))
+        self._twice = self._integral(self._once)
+
+    def _integral(self, values: FloatArray) -> FloatArray:
+        steps = np.diff(self._times).reshape(-1, *(1,) * (values.ndim - 1))
+        return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
+
+    def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> _Window:
+        times, here = self._times, self._times[rows]
+        slack = 1e-9 * duration
+        if at == "middle":
+            start = np.searchsorted(times, here - 0.5 * duration - slack)
+            stop = np.searchsorted(times, here + 0.5 * duration + slack, side="right") - 1
+            top = rows
+        else:
+            start, stop = np.searchsorted(times, here - duration - slack), rows
+            middle = 0.5 * (times[start] + times[stop])
+            top = np.searchsorted(times, middle)
+        missing = self._missing_rows[stop + 1] - self._missing_rows[start]
+        long_steps = self._long_steps[stop] - self._long_steps[start]
+        return _Window(start, top, stop, rows, (stop > start) & (missing == 0) & (long_steps == 0))
+
+    def average(
+        self, window: _Window, triangular: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Weighted means: the vector in body axes at the row, ‖f‖, the turn's effect; the times before and after."""
+        start, top, stop, row = window.start, window.top, window.stop, window.row
+        before, after = self._times[top] - self._times[start], self._times[stop] - self._times[top]
+        valid = window.valid & (before > 0.0) & (after > 0.0) if triangular else window.valid
+        span = before + after
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if triangular:
+                below = (self._twice[top] - self._twice[start]) / before[:, None]
+                above = (self._twice[stop] - self._twice[top]) / after[:, None]
+                rising = 2.0 * (self._once[top] - below) / span[:, None]
+                falling = 2.0 * (above - self._once[top]) / span[:, None]
+            else:
+                rising = (self._once[top] - self._once[start]) / span[:, None]
+                falling = (self._once[stop] - self._once[top]) / span[:, None]
+        valid_column = valid[:, None]
+        rising, falling = np.where(valid_column, rising, np.nan), np.where(valid_column, falling, np.nan)
+        both = rising + falling
+        mean = np.einsum("nji,nj->ni", self._attitudes[row], both[:, :3])
+        length, offset = both[:, 3], both[:, 7]
+
+        # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
+        # or at the end, so that each side of the top lies on one side of the row.
+        def between(column: int, running: FloatArray) -> FloatArray:
+            at_row = running[row]
+            before_row = at_row * rising[:, 3] - rising[:, column]
+            after_row = np.where(
+                row == top, falling[:, column] - at_row * falling[:, 3], at_row * falling[:, 3] - falling[:, column]
+            )
+            return np.maximum(before_row + after_row, 0.0)
+
+        elapsed = between(6, self._times - self._times[0])
+        noise = self._gyro.noise * elapsed
+        if np.isfinite(self._gyro.increment):
+            longest = np.where(row == top, np.maximum(before, after), span)
+            swept = self._gyro.increment * (length + between(5, self._turned))
+            noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
+        return mean, length, between(4, self._steady) + noise + offset, before, after
+
+
+def _attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """Attitudes (N, 3, 3) from the first row's body axes, the rate in a step the mean of its ends."""
+    turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
+    angles = np.linalg.norm(turns, axis=1)
+    quaternions = np.zeros((len(rates), 4))
+    quaternions[0, 0] = 1.0
+    quaternions[1:, 0] = np.cos(0.5 * angles)
+    quaternions[1:, 1:] = 0.5 * np.sinc(angles / (2.0 * np.pi))[:, None] * turns
+    # Products of all that came before, by doubling: after the pass of width w each row holds the last 2w.
+    width = 1
+    while width < len(quaternions):
+        product = _quaternion_product(quaternions[:-width], quaternions[width:])
+        quaternions[width:] = product / np.linalg.norm(product, axis=1)[:, None]
+        width *= 2
+    w, x, y, z = quaternions.T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1),
+        ],
+        axis=1,
+    )
+
+
+def _quaternion_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    scalar = a[:, 0] * b[:, 0] - np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
+    vector = a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
+    return np.column_stack([scalar, vector])
