@@ -1,7 +1,7 @@
 """Rules for bounds: what is known of a kind of recording, as a TOML file, and what follows for one recording.
 
-A rule states numbers once, for every recording of its kind; ``data/bounds/hand_held.toml`` gives its reasons beside each.
-`apply_rule` turns it into a direction bound per row. What comes out holds as far as the rule's statements do.
+A rule states numbers once, for every recording of its kind; ``data/bounds/hand_held.toml`` gives its reasons beside
+each. `apply_rule` turns it into a direction bound per row. What comes out holds as far as the rule's statements do.
 """
 
 import os
@@ -10,7 +10,7 @@ from importlib import resources
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from elliptude.models import Model, Number, read_toml
@@ -25,6 +25,7 @@ from elliptude.physical_bounds import (
     gravity_bounds_over_windows,
     shift,
 )
+from elliptude.proposals import rest_rows
 from elliptude.results import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
@@ -136,8 +137,11 @@ def hand_held() -> Rule:
 
 @dataclass(frozen=True, eq=False)
 class RuledRecording:
-    """What a rule says of a recording with N rows. The reference frame: up is its third axis; the field at the start lies in
-    the plane of the second and third axis, so that the second points to magnetic north."""
+    """What a rule says of a recording with N rows.
+
+    The reference frame: up is its third axis; the field at the start lies in the plane of the second and third axis, so
+    that the second points to magnetic north.
+    """
 
     rest_at_start: slice
     """Rows of the rest at the start."""
@@ -155,53 +159,6 @@ class RuledRecording:
     """Direction of the field in the reference frame, shape (3,)."""
     field_reference_error: float
     """Bound of the reference field's error, µT; it is in the bounds of ``field``."""
-
-
-def rest_rows(
-    times: ArrayLike,
-    angular_velocities: ArrayLike,
-    specific_forces: ArrayLike,
-    *,
-    duration: float,
-    rate_deviation: float,
-    rate: float,
-    acceleration_deviation: float,
-) -> NDArray[np.bool_]:
-    """Rows at rest: the recording is cut into pieces, and all samples of a piece stay near its mean.
-
-    Parameters
-    ----------
-    times : (N,) array
-        s, increasing.
-    angular_velocities, specific_forces : (N, 3) array
-        rad/s and m/s².
-    duration : float
-        Of a piece, s.
-    rate_deviation, acceleration_deviation : float
-        Of a sample from the piece's mean, rad/s and m/s².
-    rate : float
-        Of the piece's mean, rad/s.
-
-    Returns
-    -------
-    (N,) array of bool
-        False in pieces with a missing row.
-    """
-    stamps = np.asarray(times, dtype=np.float64)
-    pieces = np.floor((stamps - stamps[0]) / duration + 1e-9).astype(np.intp)
-    starts = np.flatnonzero(np.diff(pieces, prepend=-1))
-    piece = np.cumsum(np.diff(pieces, prepend=-1) > 0) - 1
-    counts = np.diff(starts, append=len(stamps))
-    resting = counts > 1
-    for values, deviation, most in (
-        (np.asarray(angular_velocities, dtype=np.float64), rate_deviation, rate),
-        (np.asarray(specific_forces, dtype=np.float64), acceleration_deviation, np.inf),
-    ):
-        means = np.add.reduceat(values, starts, axis=0) / counts[:, None]
-        deviations = np.maximum.reduceat(np.linalg.norm(values - means[piece], axis=1), starts)
-        resting &= (deviations <= deviation) & (np.linalg.norm(means, axis=1) <= most)
-    rows: NDArray[np.bool_] = resting[piece]
-    return rows
 
 
 def apply_rule(
@@ -241,20 +198,26 @@ def apply_rule(
     gyro, accelerometer = rule.gyro.bounds(), rule.accelerometer
     rates = rates - bias
     step = 10.0 * float(np.median(np.diff(stamps)))
-    up = gravity_bounds_over_windows(
-        stamps,
-        forces,
-        rates,
-        rule.motion.windows_s,
-        motion=MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m),
-        gyro=gyro,
-        sensor=accelerometer.sensor(),
-        gravity=accelerometer.gravity_m_per_s2,
-        gravity_error=accelerometer.gravity_error_m_per_s2,
-        time_offset=accelerometer.time_offset_bound_s,
-        at=rule.motion.row_at,
-        maximum_step=step,
-    )
+
+    def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
+        return gravity_bounds_over_windows(
+            stamps[rows],
+            forces[rows],
+            rates[rows],
+            rule.motion.windows_s,
+            motion=motion,
+            gyro=gyro,
+            sensor=accelerometer.sensor(),
+            gravity=accelerometer.gravity_m_per_s2,
+            gravity_error=accelerometer.gravity_error_m_per_s2,
+            time_offset=accelerometer.time_offset_bound_s,
+            at=rule.motion.row_at,
+            maximum_step=step,
+        )
+
+    everywhere = slice(0, len(stamps))
+    up = up_within(everywhere, MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m))
+    up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
     speeds = np.linalg.norm(rates, axis=1)
     noise = gyro.rate_error(speeds) - gyro.bias
     if fields is None or rule.magnetometer is None:
@@ -264,24 +227,43 @@ def apply_rule(
     shifted, left = shift(stamps, fields, magnetometer.delay_s)
     reference, error = _field_at_rest(rule, stamps[rest], forces[rest], shifted[rest])
     strength = float(np.linalg.norm(reference))
-    field = field_bounds_over_windows(
-        stamps,
-        shifted,
-        rates,
-        [magnetometer.window_s],
-        disturbance=magnetometer.disturbance_ut + error,
-        gyro=gyro,
-        strength=strength,
-        sensor=magnetometer.sensor(),
-        time_offset=magnetometer.time_offset_bound_s + float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0)),
-        at=rule.motion.row_at,
-        maximum_step=step,
-    )
+    offset = magnetometer.time_offset_bound_s + float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
+
+    def field_within(rows: slice, disturbance: float) -> WindowBounds:
+        return field_bounds_over_windows(
+            stamps[rows],
+            shifted[rows],
+            rates[rows],
+            [magnetometer.window_s],
+            disturbance=disturbance + error,
+            gyro=gyro,
+            strength=strength,
+            sensor=magnetometer.sensor(),
+            time_offset=offset,
+            at=rule.motion.row_at,
+            maximum_step=step,
+        )
+
+    # The reference is the field where the recording starts: there nothing disturbs it.
+    field = field_within(everywhere, magnetometer.disturbance_ut)
+    field = _known_better(field, rest, field_within(rest, 0.0))
     # The dip: a row that contradicts it is as wrong as one whose length does.
     dip_excess = strength * angle_excess(up, field, float(np.arctan2(reference[1], reference[2])))
     excess = np.maximum(field.excess, dip_excess)
     field = WindowBounds(field.directions, np.where(excess > 0.0, np.nan, field.angles), excess, field.durations)
     return RuledRecording(rest, bias, gyro, noise, up, field, reference / strength, error)
+
+
+def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
+    """The bounds with those of some rows put in where they are smaller; both hold, either may contradict the data."""
+    better = ~(there.angles >= bounds.angles[rows]) & ~np.isnan(there.angles)
+    target = np.arange(len(bounds.angles))[rows][better]
+    directions, angles = bounds.directions.copy(), bounds.angles.copy()
+    durations, excess = bounds.durations.copy(), bounds.excess.copy()
+    directions[target], angles[target] = there.directions[better], there.angles[better]
+    durations[target] = there.durations[better]
+    excess[rows] = np.maximum(excess[rows], there.excess)
+    return WindowBounds(directions, np.where(excess > 0.0, np.nan, angles), excess, durations)
 
 
 def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray) -> slice:
@@ -315,7 +297,8 @@ def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: Fl
     tilt, excess = angle_to_center(length, accelerometer.gravity_m_per_s2, radius, accelerometer.gravity_error_m_per_s2)
     if excess > 0.0:
         raise ValueError(
-            f"at rest the specific force is {length:.4g} m/s^2, {excess:.2g} m/s^2 further from gravity than the rule allows"
+            f"at rest the specific force is {length:.4g} m/s^2, "
+            f"{excess:.2g} m/s^2 further from gravity than the rule allows"
         )
     vertical = float(field @ force) / length
     horizontal = float(np.linalg.norm(field - vertical * force / length))

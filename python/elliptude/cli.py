@@ -30,7 +30,7 @@ def make_app() -> typer.Typer:
     import typer
     from typer.core import TyperGroup
 
-    from elliptude import __version__, cli_estimate, cli_simulate
+    from elliptude import __version__, cli_bounds, cli_estimate, cli_simulate
     from elliptude.files import FileError
 
     class Group(TyperGroup):
@@ -72,6 +72,7 @@ def make_app() -> typer.Typer:
     app.command("simulate")(cli_simulate.simulate)
     app.command("estimate")(cli_estimate.estimate)
     app.command("demo")(cli_estimate.demo)
+    app.command("bounds")(cli_bounds.bounds)
     return app
 
 

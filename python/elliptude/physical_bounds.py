@@ -789,7 +789,7 @@ class _Piece:
         steps = np.diff(times)
         self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
         self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
-        self._attitudes = _attitudes_from_rates(steps, rates)
+        self._attitudes = attitudes_from_rates(steps, rates)
         speeds = np.linalg.norm(rates, axis=1)
         lengths = np.linalg.norm(vectors, axis=1)
         self._steady = self._integral(gyro.steady_error(speeds, times - bias_known))
@@ -869,8 +869,21 @@ class _Piece:
         return mean, length, between(4, self._steady) + noise + offset, before, after
 
 
-def _attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
-    """Attitudes (N, 3, 3) from the first row's body axes, the rate in a step the mean of its ends."""
+def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """Attitudes from the first row's body axes, the rate in a step the mean of its ends.
+
+    Parameters
+    ----------
+    steps : (N - 1,) array
+        s.
+    rates : (N, 3) array
+        rad/s, body axes.
+
+    Returns
+    -------
+    (N, 3, 3) array
+        From each row's body axes to those of the first.
+    """
     turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
     angles = np.linalg.norm(turns, axis=1)
     quaternions = np.zeros((len(rates), 4))
