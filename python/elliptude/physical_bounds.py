@@ -123,7 +123,7 @@ class VectorSensorBounds:
 
 @dataclass(frozen=True)
 class GyroBounds:
-    """What a gyro may be off: it shows (I + K) ω + b + v. Section 18.5.
+    """What a gyro may be off: it shows (I + K) ω + b + v. Section 18.4.
 
     Parameters
     ----------

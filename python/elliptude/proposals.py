@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from elliptude.physical_bounds import STANDARD_GRAVITY, attitudes_from_rates
 from elliptude.results import FloatArray
 
-WINDOWS_S = (1.0, 2.0, 4.0, 8.0)
-"""Over which the turn by the gyro is compared with the reference's."""
+WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
+"""Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +178,8 @@ def propose_gyro(
         turned = _integrated(stamps, np.where(finite[:, None], rates, 0.0) - offset)
         missing = np.concatenate([[0], np.cumsum(~(finite & known))])
         for duration in WINDOWS_S:
+            if duration > 0.25 * (stamps[-1] - stamps[0]):
+                break
             end = np.searchsorted(stamps, stamps + duration)
             start = np.flatnonzero(end < len(stamps))
             end = end[start]
