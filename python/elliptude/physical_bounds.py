@@ -8,6 +8,7 @@ Nothing is clipped in silence. Where data and stated bounds contradict each othe
 and its `DirectionBounds.excess` says by how much; where a bound says nothing, the angle is pi.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -233,6 +234,50 @@ class GyroBounds:
             raise ValueError(f"duration must be positive, not {duration}")
         return float(self._noise_angle(duration, turned, duration)) / duration
 
+    def anchored_turns(self, times: ArrayLike, angular_velocities: ArrayLike, duration: float) -> "AnchoredTurns":
+        """Predictions that span a window, so that the increment bound is worth something, (18.12).
+
+        Every row is reached from an anchor, the last one before it of rows about ``duration`` apart.
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing; the bias was known at the first.
+        angular_velocities : (N, 3) array
+            Measured, the known bias subtracted, rad/s.
+        duration : float
+            Between anchors, s.
+
+        Returns
+        -------
+        AnchoredTurns
+        """
+        stamps = _times(times)
+        rates = _rows("angular_velocities", angular_velocities, len(stamps))
+        if not 0.0 < duration < np.inf:
+            raise ValueError(f"duration must be positive and finite, not {duration}")
+        anchors = np.zeros(len(stamps), dtype=np.intp)
+        mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
+        anchor = 0
+        while anchor < len(stamps) - 1:
+            following = int(np.searchsorted(stamps, stamps[anchor] + duration * (1.0 + 1e-9), side="right")) - 1
+            piece = slice(anchor, max(following, anchor + 1) + 1)
+            spans = stamps[piece] - stamps[anchor]
+            speeds = np.linalg.norm(rates[piece], axis=1)
+            steady = self.steady_error(speeds, stamps[piece] - stamps[0])
+            errors = _running_integral(spans, steady) + self._noise_angle(
+                spans, _running_integral(spans, speeds), spans
+            )
+            turns = _rotation_vectors(quaternions_from_rates(np.diff(spans), rates[piece]))
+            # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
+            half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
+            rows = slice(anchor + 1, piece.stop)
+            anchors[rows] = anchor
+            mean_rates[rows] = turns[1:] / spans[1:, None]
+            noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
+            anchor = piece.stop - 1
+        return AnchoredTurns(anchors, mean_rates, noise)
+
     def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
         """Either of two bounds, the smaller: linear in time, or from the increment."""
         linear = self.noise * np.asarray(duration, dtype=np.float64)
@@ -244,6 +289,18 @@ class GyroBounds:
         swept = self.increment * (1.0 + np.asarray(turned, dtype=np.float64))
         angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
         return angle
+
+
+@dataclass(frozen=True, eq=False)
+class AnchoredTurns:
+    """How each row's attitude follows from that of an earlier row, its anchor."""
+
+    anchors: NDArray[np.intp]
+    """Row of the anchor, shape (N,); 0 for the first row, which is its own."""
+    rates: FloatArray
+    """The constant rate that turns the anchor's attitude into the row's, rad/s, shape (N, 3), at most pi in all."""
+    noise: FloatArray
+    """Bound of that rate's error, bias included, rad/s, shape (N,); enormous where the turn may be a whole one."""
 
 
 @dataclass(frozen=True)
@@ -322,8 +379,8 @@ def angle_to_center(
     if not np.all((dm >= 0.0) & (dm < m) & np.isfinite(m)):
         raise ValueError("magnitude must be finite and positive, and magnitude_error from 0 to below it")
     least, greatest = m - dm, m + dm
-    r = r + 4.0 * _EPSILON * (y + greatest)  # what rounding may have done to y and m
-    excess = np.fmax(np.maximum(y - greatest, least - y) - r, 0.0)
+    r = _rounded_up(r, y, greatest)
+    excess = _excess(y, least, greatest, r)
     # The angle is largest where x is tangent to the ball, or at the end of the range of ‖x‖ next to that.
     tangent = np.sqrt(np.maximum((y - r) * (y + r), 0.0))
     x = np.clip(tangent, least, greatest)
@@ -333,6 +390,20 @@ def angle_to_center(
     squared_sine = np.where((y == 0.0) | np.isinf(r), 1.0, squared_sine)
     angles = 2.0 * np.arcsin(np.sqrt(np.clip(squared_sine, 0.0, 1.0)))
     return np.where(np.isnan(y) | (excess > 0.0), np.nan, angles), excess
+
+
+def _rounded_up(radius: FloatArray, lengths: FloatArray, magnitude: FloatArray | float) -> FloatArray:
+    """The radius with what rounding may have done to the lengths."""
+    rounded: FloatArray = radius + 4.0 * _EPSILON * (lengths + magnitude)
+    return rounded
+
+
+def _excess(
+    lengths: FloatArray, least: FloatArray | float, greatest: FloatArray | float, radius: FloatArray
+) -> FloatArray:
+    """By how much a radius is too small for any length from least to greatest; 0 where it is not."""
+    excess: FloatArray = np.fmax(np.maximum(lengths - greatest, least - lengths) - radius, 0.0)
+    return excess
 
 
 def _bounded_directions(
@@ -717,34 +788,39 @@ def _over_windows(
         raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
     turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro)
 
-    directions = np.full((count, 3), np.nan)
-    angles, best, excess = np.full(count, np.nan), np.full(count, np.nan), np.zeros(count)
+    means, radii = np.full((count, 3), np.nan), np.full(count, np.inf)
+    best, excess = np.full(count, np.nan), np.zeros(count)
     # A scale error and a misalignment act on every sample: k (‖f‖ + e) in the mean, where ‖f‖ is measured.
     scale = sensor.scale_error + 2.0 * np.sin(0.5 * min(sensor.misalignment, np.pi))
     if scale >= 1.0:
         raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
     mean_error = sensor.error if sensor.averaged_error is None else sensor.averaged_error
+    least, greatest = magnitude - magnitude_error, magnitude + magnitude_error
     for block, needed in _blocks(stamps, max(durations), at):
-        pieces = _Piece(
+        piece = _Piece(
             stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
         )
         here = np.arange(block.start - needed.start, block.stop - needed.start)
         for duration in durations:
-            window = pieces.window(here, duration, at)
-            for triangular, offset in enumerate(offsets):
-                mean, length, spread, before, after = pieces.average(window, bool(triangular))
+            window = piece.window(here, duration, at)
+            span = window.before + window.after
+            for average, offset in zip(piece.averages(window, triangular=len(offsets) > 1), offsets, strict=True):
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    radius = (
-                        spread + mean_error + scale * (length + sensor.error) / (1.0 - scale) + offset(before, after)
-                    )
-                radius = np.where(np.isnan(length), np.inf, radius)
-                found = _bounded_directions(mean, radius, magnitude, magnitude_error, 1.0, 0.0)
-                better = ~(found.angles >= angles[block]) & ~np.isnan(found.angles)
+                    radius = average.turn + mean_error + scale * (average.length + sensor.error) / (1.0 - scale)
+                    radius += offset(window.before, window.after)
+                lengths = np.linalg.norm(average.mean, axis=1)
+                # NaN where there is no window: no excess, and not better.
+                excess[block] = np.maximum(
+                    excess[block], _excess(lengths, least, greatest, _rounded_up(radius, lengths, greatest))
+                )
+                better = radius <= radii[block]
                 target = np.flatnonzero(better) + block.start
-                directions[target], angles[target] = found.directions[better], found.angles[better]
-                best[target] = (before + after)[better]
-                excess[block] = np.maximum(excess[block], found.excess)
-    return WindowBounds(directions, np.where(excess > 0.0, np.nan, angles), excess, best)
+                means[target], radii[target], best[target] = average.mean[better], radius[better], span[better]
+        # From the common frame to the body axes of each row.
+        means[block] = np.einsum("nji,nj->ni", piece.attitudes[here], means[block])
+    found = _bounded_directions(means, radii, magnitude, magnitude_error, 1.0, 0.0)
+    excess = np.maximum(excess, found.excess)
+    return WindowBounds(found.directions, np.where(excess > 0.0, np.nan, found.angles), excess, best)
 
 
 def _blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
@@ -766,7 +842,22 @@ class _Window:
     top: NDArray[np.intp]
     stop: NDArray[np.intp]
     row: NDArray[np.intp]
-    valid: NDArray[np.bool_]
+    before: FloatArray
+    """From the beginning to the top, s; NaN where the window is not whole."""
+    after: FloatArray
+    """From the top to the end, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Average:
+    """Weighted means over windows."""
+
+    mean: FloatArray
+    """Of the vector, in the common frame."""
+    length: FloatArray
+    """Of the vectors' lengths."""
+    turn: FloatArray
+    """Of the lengths times the bound of the turn's error between sample and row."""
 
 
 class _Piece:
@@ -789,28 +880,25 @@ class _Piece:
         steps = np.diff(times)
         self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
         self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
-        self._attitudes = attitudes_from_rates(steps, rates)
+        self.attitudes = attitudes_from_rates(steps, rates)
+        self._elapsed = times - times[0]
         speeds = np.linalg.norm(rates, axis=1)
         lengths = np.linalg.norm(vectors, axis=1)
-        self._steady = self._integral(gyro.steady_error(speeds, times - bias_known))
-        self._turned = self._integral(speeds)
-        in_common_frame = np.einsum("nij,nj->ni", self._attitudes, vectors)
+        self._steady = _running_integral(times, gyro.steady_error(speeds, times - bias_known))
+        self._turned = _running_integral(times, speeds)
+        in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
         # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
         weights = lengths[:, None] * np.column_stack(
             [
                 np.ones_like(times),
                 self._steady,
                 self._turned,
-                times - times[0],
+                self._elapsed,
                 np.where(missing, 0.0, turned_by_offset),
             ]
         )
-        self._once = self._integral(np.column_stack([in_common_frame, weights]))
-        self._twice = self._integral(self._once)
-
-    def _integral(self, values: FloatArray) -> FloatArray:
-        steps = np.diff(self._times).reshape(-1, *(1,) * (values.ndim - 1))
-        return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
+        self._once = _running_integral(times, np.column_stack([in_common_frame, weights]))
+        self._twice = _running_integral(times, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> _Window:
         times, here = self._times, self._times[rows]
@@ -825,48 +913,48 @@ class _Piece:
             top = np.searchsorted(times, middle)
         missing = self._missing_rows[stop + 1] - self._missing_rows[start]
         long_steps = self._long_steps[stop] - self._long_steps[start]
-        return _Window(start, top, stop, rows, (stop > start) & (missing == 0) & (long_steps == 0))
+        whole = (stop > start) & (missing == 0) & (long_steps == 0)
+        before = np.where(whole, times[top] - times[start], np.nan)
+        return _Window(start, top, stop, rows, before, times[stop] - times[top])
 
-    def average(
-        self, window: _Window, triangular: bool
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Weighted means: the vector in body axes at the row, ‖f‖, the turn's effect; the times before and after."""
-        start, top, stop, row = window.start, window.top, window.stop, window.row
-        before, after = self._times[top] - self._times[start], self._times[stop] - self._times[top]
-        valid = window.valid & (before > 0.0) & (after > 0.0) if triangular else window.valid
+    def averages(self, window: _Window, *, triangular: bool) -> Iterator[_Average]:
+        """With equal weights, then with those of a triangle."""
+        before, after = window.before[:, None], window.after[:, None]
         span = before + after
-        with np.errstate(invalid="ignore", divide="ignore"):
-            if triangular:
-                below = (self._twice[top] - self._twice[start]) / before[:, None]
-                above = (self._twice[stop] - self._twice[top]) / after[:, None]
-                rising = 2.0 * (self._once[top] - below) / span[:, None]
-                falling = 2.0 * (above - self._once[top]) / span[:, None]
-            else:
-                rising = (self._once[top] - self._once[start]) / span[:, None]
-                falling = (self._once[stop] - self._once[top]) / span[:, None]
-        valid_column = valid[:, None]
-        rising, falling = np.where(valid_column, rising, np.nan), np.where(valid_column, falling, np.nan)
+        once = self._once[window.top]
+        below, above = once - self._once[window.start], self._once[window.stop] - once
+        yield self._average(window, below / span, above / span)
+        if triangular:
+            twice = self._twice[window.top]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                below = once - (twice - self._twice[window.start]) / before
+                above = (self._twice[window.stop] - twice) / after - once
+            yield self._average(window, 2.0 * below / span, 2.0 * above / span)
+
+    def _average(self, window: _Window, rising: FloatArray, falling: FloatArray) -> _Average:
         both = rising + falling
-        mean = np.einsum("nji,nj->ni", self._attitudes[row], both[:, :3])
-        length, offset = both[:, 3], both[:, 7]
+        row, at_top = window.row, window.row == window.top
 
         # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
         # or at the end, so that each side of the top lies on one side of the row.
         def between(column: int, running: FloatArray) -> FloatArray:
             at_row = running[row]
             before_row = at_row * rising[:, 3] - rising[:, column]
-            after_row = np.where(
-                row == top, falling[:, column] - at_row * falling[:, 3], at_row * falling[:, 3] - falling[:, column]
-            )
-            return np.maximum(before_row + after_row, 0.0)
+            after_row = falling[:, column] - at_row * falling[:, 3]
+            return np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
 
-        elapsed = between(6, self._times - self._times[0])
-        noise = self._gyro.noise * elapsed
+        noise = self._gyro.noise * between(6, self._elapsed)
         if np.isfinite(self._gyro.increment):
-            longest = np.where(row == top, np.maximum(before, after), span)
-            swept = self._gyro.increment * (length + between(5, self._turned))
+            longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
+            swept = self._gyro.increment * (both[:, 3] + between(5, self._turned))
             noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
-        return mean, length, between(4, self._steady) + noise + offset, before, after
+        return _Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7])
+
+
+def _running_integral(times: FloatArray, values: FloatArray) -> FloatArray:
+    """By the trapezoidal rule, along the first axis."""
+    steps = np.diff(times).reshape(-1, *(1,) * (values.ndim - 1))
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
 
 
 def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
@@ -884,19 +972,7 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
     (N, 3, 3) array
         From each row's body axes to those of the first.
     """
-    turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
-    angles = np.linalg.norm(turns, axis=1)
-    quaternions = np.zeros((len(rates), 4))
-    quaternions[0, 0] = 1.0
-    quaternions[1:, 0] = np.cos(0.5 * angles)
-    quaternions[1:, 1:] = 0.5 * np.sinc(angles / (2.0 * np.pi))[:, None] * turns
-    # Products of all that came before, by doubling: after the pass of width w each row holds the last 2w.
-    width = 1
-    while width < len(quaternions):
-        product = _quaternion_product(quaternions[:-width], quaternions[width:])
-        quaternions[width:] = product / np.linalg.norm(product, axis=1)[:, None]
-        width *= 2
-    w, x, y, z = quaternions.T
+    w, x, y, z = quaternions_from_rates(steps, rates).T
     return np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=1),
@@ -907,7 +983,46 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
     )
 
 
+def quaternions_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """What `attitudes_from_rates` gives, as quaternions (qw, qx, qy, qz), shape (N, 4)."""
+    turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
+    angles = np.linalg.norm(turns, axis=1)
+    quaternions = np.zeros((len(rates), 4))
+    quaternions[0, 0] = 1.0
+    quaternions[1:, 0] = np.cos(0.5 * angles)
+    quaternions[1:, 1:] = 0.5 * np.sinc(angles / (2.0 * np.pi))[:, None] * turns
+    # Products of all that came before: along the rows of a square first, then down its last column.
+    width = math.isqrt(len(rates) - 1) + 1
+    padding = np.zeros((-len(rates) % width, 4))
+    square = np.concatenate([quaternions, padding]).reshape(-1, width, 4)
+    for column in range(1, width):
+        square[:, column] = _quaternion_product(square[:, column - 1], square[:, column])
+    for row in range(1, len(square)):
+        square[row] = _quaternion_product(square[row - 1, -1:], square[row])
+    products = square.reshape(-1, 4)[: len(rates)]
+    unit: FloatArray = products / np.linalg.norm(products, axis=1)[:, None]
+    return unit
+
+
+def _rotation_vectors(quaternions: FloatArray) -> FloatArray:
+    """Of the shorter way round."""
+    signs = np.where(quaternions[:, :1] < 0.0, -1.0, 1.0)
+    vectors = signs * quaternions[:, 1:]
+    sines = np.linalg.norm(vectors, axis=1)
+    angles = 2.0 * np.arctan2(sines, np.abs(quaternions[:, 0]))
+    factors = np.where(sines > 0.0, angles / np.where(sines > 0.0, sines, 1.0), 2.0)
+    return factors[:, None] * vectors
+
+
 def _quaternion_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    scalar = a[:, 0] * b[:, 0] - np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
-    vector = a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
-    return np.column_stack([scalar, vector])
+    aw, ax, ay, az = a.T
+    bw, bx, by, bz = b.T
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=1,
+    )

@@ -209,6 +209,39 @@ def test_increment_beats_the_noise_bound_over_long_windows():
     assert bounds.noise_rate(100.0, 0.07) == pytest.approx(1e-6 * 1.07 * (1.0 + 0.5e-2))
 
 
+@pytest.mark.parametrize("duration", [0.004, 0.3, 2.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_anchored_turns_hold(seed, duration):
+    """Noise that turns, a bias and a scale error: the true turn from the anchor, as a rate, within the noise bound."""
+    draws = np.random.default_rng(seed)
+    times = np.cumsum(draws.uniform(0.004, 0.006, 800))
+    true_rates = np.array([tumbling(t) for t in times])
+    attitudes = [Rotation.identity()]
+    for step, rate in zip(np.diff(times), 0.5 * (true_rates[1:] + true_rates[:-1]), strict=True):
+        attitudes.append(attitudes[-1] * Rotation.from_rotvec(step * rate))
+    attitudes = Rotation.concatenate(attitudes)
+    axis, start = unit(draws), unit(draws)
+    noise = 0.1 * Rotation.from_rotvec(30.0 * times[:, None] * axis).apply(start)
+    gyro = GyroBounds(noise=0.1, bias=0.01, drift=0.002, scale_error=0.01, increment=2.0 * 0.1 / 30.0 + 0.1 * 0.006)
+    bias = 0.01 + 0.002 * (times - times[0])[:, None]
+    # The component of the noise along its axis does not turn: none of it is left in.
+    noise -= (noise @ axis)[:, None] * axis
+    turns = gyro.anchored_turns(times, 1.01 * true_rates + bias * unit(draws) + noise, duration)
+    rows = np.arange(1, 800)
+    assert (turns.anchors[rows] < rows).all()
+    spans = times[rows] - times[turns.anchors[rows]]
+    assert (spans <= max(duration, 0.006) + 1e-9).all()
+    relative = (attitudes[turns.anchors[rows]].inv() * attitudes[rows]).as_rotvec()
+    error = np.linalg.norm(relative / spans[:, None] - turns.rates[rows], axis=1)
+    assert (error <= turns.noise[rows]).all()
+    assert (error / turns.noise[rows]).max() > 0.3
+    if duration == 2.0:
+        longest = spans > 1.9
+        assert (
+            turns.noise[rows][longest] < 0.6 * gyro.rate_error(np.linalg.norm(true_rates, axis=1)[rows][longest])
+        ).all()
+
+
 def test_time_offset():
     times = np.arange(0.0, 4.0, 0.01)
     rates = np.zeros((400, 3))
