@@ -22,6 +22,7 @@ STANDARD_GRAVITY = 9.80665
 """m/s²."""
 
 _BLOCK_ROWS = 1 << 16
+_SQRT3 = math.sqrt(3.0)
 _EPSILON = float(np.finfo(np.float64).eps)
 
 
@@ -135,7 +136,7 @@ class GyroBounds:
     drift : float
         How fast the bias changes, rad/s².
     scale_error : float
-        Of the spectral norm of K, from 0 to below 1.
+        Of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
     increment : float
         Of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window where the noise changes sign.
     """
@@ -264,11 +265,13 @@ class GyroBounds:
             piece = slice(anchor, max(following, anchor + 1) + 1)
             spans = stamps[piece] - stamps[anchor]
             speeds = np.linalg.norm(rates[piece], axis=1)
-            steady = self.steady_error(speeds, stamps[piece] - stamps[0])
-            errors = _running_integral(spans, steady) + self._noise_angle(
-                spans, _running_integral(spans, speeds), spans
-            )
-            turns = _rotation_vectors(quaternions_from_rates(np.diff(spans), rates[piece]))
+            elapsed, turned = stamps[piece] - stamps[0], _running_integral(spans, speeds)
+            errors = _running_integral(spans, self.steady_error(speeds, elapsed))
+            errors += self._noise_angle(spans, turned, spans)
+            quaternions = quaternions_from_rates(np.diff(spans), rates[piece])
+            turns = _rotation_vectors(quaternions)
+            by_matrix = _running_integral(spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece]))
+            errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
             # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
             half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
             rows = slice(anchor + 1, piece.stop)
@@ -277,6 +280,20 @@ class GyroBounds:
             noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
             anchor = piece.stop - 1
         return AnchoredTurns(anchors, mean_rates, noise)
+
+    def _angle_with_one_matrix(
+        self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
+    ) -> FloatArray:
+        """Bound of the angle, (18.13): the scale error of the turn back undoes that of the turn there."""
+        # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
+        scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
+        of_scale = _SQRT3 * scale * _largest_stretch(by_matrix)
+        of_noise = other * np.minimum(self.noise * spans, self.increment * (1.0 + turned))
+        farthest = np.maximum.accumulate(of_scale + of_noise)
+        second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
+        of_bias = other * _running_integral(spans, self.bias + self.drift * elapsed)
+        angle: FloatArray = of_scale + of_noise + second_order + of_bias
+        return angle
 
     def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
         """Either of two bounds, the smaller: linear in time, or from the increment."""
@@ -972,7 +989,12 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
     (N, 3, 3) array
         From each row's body axes to those of the first.
     """
-    w, x, y, z = quaternions_from_rates(steps, rates).T
+    return rotations_from_quaternions(quaternions_from_rates(steps, rates))
+
+
+def rotations_from_quaternions(quaternions: FloatArray) -> FloatArray:
+    """Rotation matrices (N, 3, 3) of unit quaternions (qw, qx, qy, qz)."""
+    w, x, y, z = quaternions.T
     return np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=1),
@@ -981,6 +1003,20 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
         ],
         axis=1,
     )
+
+
+def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:
+    """The matrices (N, 3, 9) that take the entries of K' to C K' ω."""
+    effects: FloatArray = attitudes[:, :, :, None] * rates[:, None, None, :]
+    return effects.reshape(-1, 3, 9)
+
+
+def _largest_stretch(matrices: FloatArray) -> FloatArray:
+    """Largest singular values of matrices (N, 3, 9); NaN where an entry is."""
+    squares = matrices @ matrices.transpose(0, 2, 1)
+    missing = np.isnan(np.einsum("nii->n", squares))
+    values = np.linalg.eigvalsh(np.where(missing[:, None, None], 0.0, squares))[:, -1]
+    return np.where(missing, np.nan, np.sqrt(np.maximum(values, 0.0)))
 
 
 def quaternions_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:

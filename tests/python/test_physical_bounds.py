@@ -242,6 +242,34 @@ def test_anchored_turns_hold(seed, duration):
         ).all()
 
 
+def test_scale_errors_cancel_where_a_turn_goes_back():
+    """One matrix K: the turn there and back leaves nothing of first order, and a spin leaves k times the angle."""
+    times = np.linspace(0.0, 4.0, 801)
+    swinging = np.zeros((801, 3))
+    swinging[:, 0] = 2.0 * np.sin(np.pi * times)  # two periods, 2.55 rad there and back in each
+    gyro = GyroBounds(noise=0.0, scale_error=0.02)
+    turns = gyro.anchored_turns(times, swinging, 4.0)
+    linear = 0.02 / 0.98 * np.trapezoid(np.abs(swinging[:, 0]), times)
+    bounds = turns.noise * (times - times[turns.anchors])
+    assert bounds[-1] < 0.06 * linear
+    # Truths: any K on its bound; K is that of the measured rate here, K' = K (I + K)^-1.
+    draws = np.random.default_rng(8)
+    largest = 0.0
+    for _ in range(30):
+        left, right = Rotation.random(2, random_state=draws.integers(1 << 30)).as_matrix()
+        matrix = 0.02 * left @ np.diag(draws.choice([-1.0, 1.0], 3)) @ right
+        true = np.linalg.solve(np.eye(3) + matrix, swinging.T).T
+        middles = 0.5 * (true[1:] + true[:-1]), 0.5 * (swinging[1:] + swinging[:-1])
+        attitudes = [Rotation.identity(), Rotation.identity()]
+        for n, (real, shown) in enumerate(zip(*middles, strict=True)):
+            step = times[n + 1] - times[n]
+            attitudes = [a * Rotation.from_rotvec(step * w) for a, w in zip(attitudes, (real, shown), strict=True)]
+            error = (attitudes[1].inv() * attitudes[0]).magnitude()
+            assert error <= bounds[n + 1] + 1e-12
+            largest = max(largest, error / bounds[n + 1])
+    assert largest > 0.4
+
+
 def test_time_offset():
     times = np.arange(0.0, 4.0, 0.01)
     rates = np.zeros((400, 3))
