@@ -4,6 +4,7 @@ A rule states numbers once, for every recording of its kind; ``data/bounds/hand_
 each. `apply_rule` turns it into a direction bound per row. What comes out holds as far as the rule's statements do.
 """
 
+import dataclasses
 import os
 from dataclasses import dataclass
 from importlib import resources
@@ -15,12 +16,14 @@ from pydantic import Field
 
 from elliptude.models import Model, Number, read_toml
 from elliptude.physical_bounds import (
+    DirectionBounds,
     GyroBounds,
     MotionBounds,
     VectorSensorBounds,
     WindowBounds,
     angle_excess,
     angle_to_center,
+    cross_bounds,
     field_bounds_over_windows,
     gravity_bounds_over_windows,
     shift,
@@ -100,6 +103,8 @@ class MagnetometerRule(Model):
     window_s: Positive
     delay_s: Number
     time_offset_bound_s: NotNegative
+    contradiction_voids: Literal["row", "recording"]
+    """What a row that contradicts the bounds takes away: itself, or all that rests on the field."""
 
     def sensor(self) -> VectorSensorBounds:
         """In µT."""
@@ -154,7 +159,13 @@ class RuledRecording:
     up: WindowBounds
     """Of the direction (0, 0, 1)."""
     field: WindowBounds | None
-    """Of the direction ``field_reference``; a row whose dip contradicts the bounds is contradicted."""
+    """Of the direction ``field_reference``; a row whose dip contradicts the bounds is contradicted, too.
+
+    Such a row proves that a statement about the field does not hold for this recording. The rule says whether any bound
+    is left then.
+    """
+    east: DirectionBounds | None
+    """Of the direction (1, 0, 0), from both: what they say of the heading."""
     field_reference: FloatArray | None
     """Direction of the field in the reference frame, shape (3,)."""
     field_reference_error: float
@@ -167,6 +178,8 @@ def apply_rule(
     angular_velocities: ArrayLike,
     specific_forces: ArrayLike,
     fields: ArrayLike | None = None,
+    *,
+    every: int = 1,
 ) -> RuledRecording:
     """Work out what a rule says of a recording.
 
@@ -181,6 +194,8 @@ def apply_rule(
         m/s², body axes; at rest it points up.
     fields : (N, 3) array, optional
         µT, body axes.
+    every : int
+        Only each row whose index is a multiple of this gets directions, which saves time.
 
     Returns
     -------
@@ -213,6 +228,7 @@ def apply_rule(
             time_offset=accelerometer.time_offset_bound_s,
             at=rule.motion.row_at,
             maximum_step=step,
+            every=every,
         )
 
     everywhere = slice(0, len(stamps))
@@ -221,7 +237,7 @@ def apply_rule(
     speeds = np.linalg.norm(rates, axis=1)
     noise = gyro.rate_error(speeds) - gyro.bias
     if fields is None or rule.magnetometer is None:
-        return RuledRecording(rest, bias, gyro, noise, up, None, None, 0.0)
+        return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
 
     magnetometer = rule.magnetometer
     shifted, left = shift(stamps, fields, magnetometer.delay_s)
@@ -242,6 +258,7 @@ def apply_rule(
             time_offset=offset,
             at=rule.motion.row_at,
             maximum_step=step,
+            every=every,
         )
 
     # The reference is the field where the recording starts: there nothing disturbs it.
@@ -250,20 +267,35 @@ def apply_rule(
     # The dip: a row that contradicts it is as wrong as one whose length does.
     dip_excess = strength * angle_excess(up, field, float(np.arctan2(reference[1], reference[2])))
     excess = np.maximum(field.excess, dip_excess)
-    field = WindowBounds(field.directions, np.where(excess > 0.0, np.nan, field.angles), excess, field.durations)
-    return RuledRecording(rest, bias, gyro, noise, up, field, reference / strength, error)
+    void = excess > 0.0
+    if magnetometer.contradiction_voids == "recording":
+        void = np.full_like(void, void.any())
+    field = dataclasses.replace(field, angles=np.where(void, np.nan, field.angles), excess=excess)
+    east = cross_bounds(up, field, reference, in_plane_error=error)
+    return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
     """The bounds with those of some rows put in where they are smaller; both hold, either may contradict the data."""
-    better = ~(there.angles >= bounds.angles[rows]) & ~np.isnan(there.angles)
-    target = np.arange(len(bounds.angles))[rows][better]
-    directions, angles = bounds.directions.copy(), bounds.angles.copy()
-    durations, excess = bounds.durations.copy(), bounds.excess.copy()
-    directions[target], angles[target] = there.directions[better], there.angles[better]
-    durations[target] = there.durations[better]
+    better = np.zeros(len(bounds.angles), dtype=np.bool_)
+    better[rows] = ~(there.angles >= bounds.angles[rows]) & ~np.isnan(there.angles)
+
+    def chosen(everywhere: FloatArray, there: FloatArray) -> FloatArray:
+        result = everywhere.copy()
+        result[better] = there[better[rows]]
+        return result
+
+    excess = bounds.excess.copy()
     excess[rows] = np.maximum(excess[rows], there.excess)
-    return WindowBounds(directions, np.where(excess > 0.0, np.nan, angles), excess, durations)
+    angles = np.where(excess > 0.0, np.nan, chosen(bounds.angles, there.angles))
+    return WindowBounds(
+        chosen(bounds.directions, there.directions),
+        angles,
+        excess,
+        chosen(bounds.durations, there.durations),
+        chosen(bounds.lengths, there.lengths),
+        chosen(bounds.radii, there.radii),
+    )
 
 
 def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray) -> slice:

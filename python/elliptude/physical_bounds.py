@@ -90,6 +90,10 @@ class WindowBounds(DirectionBounds):
 
     durations: FloatArray
     """Of the window that was best, s, shape (N,); NaN where there was none."""
+    lengths: FloatArray
+    """Of the averaged vector, the sensor's unit, shape (N,)."""
+    radii: FloatArray
+    """How far the averaged vector may be from the true one, the sensor's unit, shape (N,)."""
 
 
 @dataclass(frozen=True)
@@ -573,6 +577,39 @@ def angle_excess(first: DirectionBounds, second: DirectionBounds, angle: float, 
     return excess
 
 
+def cross_bounds(
+    up: DirectionBounds, field: WindowBounds, reference: ArrayLike, *, in_plane_error: float
+) -> DirectionBounds:
+    """The direction of field × up: horizontal, and east if the horizontal field points north, (18.14).
+
+    It says of the heading what the field says, without what is in doubt only in the plane of up and the field.
+
+    Parameters
+    ----------
+    up, field : DirectionBounds, WindowBounds
+        N rows each.
+    reference : (3,) array
+        The reference field, the unit of ``field``, in axes whose third is up.
+    in_plane_error : float
+        How far the reference field may be off within the plane that it spans with up; it is part of ``field.radii``.
+
+    Returns
+    -------
+    DirectionBounds
+        Rows where either is not measured are not measured.
+    """
+    vector = np.asarray(reference, dtype=np.float64)
+    horizontal, strength = float(np.linalg.norm(vector[:2])), float(np.linalg.norm(vector))
+    _not_negative("in_plane_error", in_plane_error)
+    if not in_plane_error < horizontal:
+        raise ValueError(f"in_plane_error must be below the horizontal field {horizontal}, not {in_plane_error}")
+    crossed = np.cross(field.lengths[:, None] * field.directions, up.directions)
+    missing = np.isnan(up.angles) | np.isnan(field.angles)
+    crossed[missing] = np.nan
+    radii = field.radii - in_plane_error + 2.0 * (strength + in_plane_error) * np.sin(0.5 * up.angles)
+    return _bounded_directions(crossed, radii, horizontal, in_plane_error, 1.0, 0.0)
+
+
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
@@ -688,6 +725,7 @@ def gravity_bounds_over_windows(
     time_offset: float = 0.0,
     at: Place = "end",
     maximum_step: float = np.inf,
+    every: int = 1,
 ) -> WindowBounds:
     """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
 
@@ -719,6 +757,8 @@ def gravity_bounds_over_windows(
         ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
     maximum_step : float
         No window reaches over a longer step between rows, s.
+    every : int
+        Only each row whose index is a multiple of this gets a bound, which saves time; the others are not measured.
 
     Returns
     -------
@@ -733,7 +773,7 @@ def gravity_bounds_over_windows(
     shapes = (motion.mean_acceleration_uniform, motion.mean_acceleration_triangular)
     return _over_windows(
         times, specific_forces, angular_velocities, durations, shapes, gyro, sensor, gravity, gravity_error,
-        time_offset, at, maximum_step,
+        time_offset, at, maximum_step, every,
     )  # fmt: skip
 
 
@@ -751,6 +791,7 @@ def field_bounds_over_windows(
     time_offset: float = 0.0,
     at: Place = "end",
     maximum_step: float = np.inf,
+    every: int = 1,
 ) -> WindowBounds:
     """The reference field's direction, averaged over windows in a frame that the gyro carries along.
 
@@ -774,7 +815,7 @@ def field_bounds_over_windows(
 
     return _over_windows(
         times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
-        time_offset, at, maximum_step,
+        time_offset, at, maximum_step, every,
     )  # fmt: skip
 
 
@@ -794,6 +835,7 @@ def _over_windows(
     time_offset: float,
     at: Place,
     maximum_step: float,
+    every: int,
 ) -> WindowBounds:
     """The offsets are those of equal weights and, if there is a second one, of weights like a triangle."""
     stamps = _times(times)
@@ -803,6 +845,8 @@ def _over_windows(
         raise ValueError(f"durations must be positive and finite, not {list(durations)}")
     if at not in ("end", "middle"):
         raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
+    if every < 1:
+        raise ValueError(f"every must be at least 1, not {every}")
     turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro)
 
     means, radii = np.full((count, 3), np.nan), np.full(count, np.inf)
@@ -817,7 +861,8 @@ def _over_windows(
         piece = _Piece(
             stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
         )
-        here = np.arange(block.start - needed.start, block.stop - needed.start)
+        wanted = np.arange(-(-block.start // every) * every, block.stop, every)
+        here = wanted - needed.start
         for duration in durations:
             window = piece.window(here, duration, at)
             span = window.before + window.after
@@ -827,17 +872,18 @@ def _over_windows(
                     radius += offset(window.before, window.after)
                 lengths = np.linalg.norm(average.mean, axis=1)
                 # NaN where there is no window: no excess, and not better.
-                excess[block] = np.maximum(
-                    excess[block], _excess(lengths, least, greatest, _rounded_up(radius, lengths, greatest))
+                excess[wanted] = np.maximum(
+                    excess[wanted], _excess(lengths, least, greatest, _rounded_up(radius, lengths, greatest))
                 )
-                better = radius <= radii[block]
-                target = np.flatnonzero(better) + block.start
+                better = radius <= radii[wanted]
+                target = wanted[better]
                 means[target], radii[target], best[target] = average.mean[better], radius[better], span[better]
         # From the common frame to the body axes of each row.
-        means[block] = np.einsum("nji,nj->ni", piece.attitudes[here], means[block])
+        means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], means[wanted])
     found = _bounded_directions(means, radii, magnitude, magnitude_error, 1.0, 0.0)
     excess = np.maximum(excess, found.excess)
-    return WindowBounds(found.directions, np.where(excess > 0.0, np.nan, found.angles), excess, best)
+    angles = np.where(excess > 0.0, np.nan, found.angles)
+    return WindowBounds(found.directions, angles, excess, best, np.linalg.norm(means, axis=1), radii)
 
 
 def _blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from elliptude.physical_bounds import (
+    DirectionBounds,
     GyroBounds,
     MotionBounds,
     VectorSensorBounds,
+    WindowBounds,
     accelerometer_bounds,
     angle_excess,
     angle_to_center,
+    cross_bounds,
     field_bounds_over_windows,
     gravity_bounds_over_windows,
     magnetometer_bounds,
@@ -143,6 +146,32 @@ def test_dip():
     second = magnetometer_bounds(fields, 0.0, strength=1.0)
     excess = angle_excess(first, second, angle, angle_error=0.2 - first.angles[0])
     np.testing.assert_allclose(excess, [0.0, 0.0, 0.02], atol=1e-7)
+
+
+def test_cross_product_of_field_and_up():
+    """Up, field and reference wrong by as much as they may be: the third direction holds, close to its edge."""
+    draws = np.random.default_rng(9)
+    count, reference_error, radius, tilt = 200_000, 2.0, 3.0, np.deg2rad(3.0)
+    shown = np.array([0.0, 16.0, -40.0])  # what the reference field is taken for
+    turns = draws.uniform(0.0, 2.0 * np.pi, count)
+    reference = shown + reference_error * np.column_stack([np.zeros(count), np.cos(turns), np.sin(turns)])
+    east = np.array([1.0, 0.0, 0.0])
+    push = np.where(draws.random((count, 1)) < 0.5, unit(draws, count), [0.0, 1.0, 0.0])
+    axis = np.where(draws.random((count, 1)) < 0.5, unit(draws, count), [0.0, 1.0, 0.0])
+    up = Rotation.from_rotvec(tilt * axis).apply(UP)
+    fields = reference + radius * push
+    lengths = np.linalg.norm(fields, axis=1)
+    zero, none = np.zeros(count), np.full(count, 0.5)
+    bounds = cross_bounds(
+        DirectionBounds(up, np.full(count, tilt), zero),
+        WindowBounds(fields / lengths[:, None], none, zero, none, lengths, np.full(count, radius + reference_error)),
+        shown,
+        in_plane_error=reference_error,
+    )
+    assert not bounds.contradicted.any()
+    ratio = angle_between(bounds.directions, east) / bounds.angles
+    assert ratio.max() <= 1.0
+    assert ratio.max() > 0.8
 
 
 # --- gyro and time ----------------------------------------------------------------------------------------------------

@@ -120,6 +120,10 @@ def test_without_motion_there_is_no_delay():
 # --- the rule ---------------------------------------------------------------------------------------------------------
 
 
+def directions_of(ruled):
+    return ((ruled.up, [0.0, 0.0, 1.0]), (ruled.field, ruled.field_reference), (ruled.east, [1.0, 0.0, 0.0]))
+
+
 def ruled_by_hand_held(recording):
     return apply_rule(
         hand_held(), recording.times, recording.angular_velocities, recording.specific_forces, recording.fields
@@ -133,7 +137,7 @@ def test_rule_on_a_made_recording(seed):
     attitudes = Rotation.from_quat(recording.attitudes, scalar_first=True).inv()
     np.testing.assert_allclose(ruled.bias, BIAS, atol=np.deg2rad(0.05))
     assert 4.0 < recording.times[ruled.rest_at_start][-1] < 5.5
-    for bounds, true in ((ruled.up, [0.0, 0.0, 1.0]), (ruled.field, ruled.field_reference)):
+    for bounds, true in directions_of(ruled):
         measured = np.isfinite(bounds.angles)
         assert measured.mean() > 0.98
         assert not bounds.contradicted.any()
@@ -146,10 +150,25 @@ def test_a_magnet_is_contradicted():
     recording = made()
     fields = recording.fields.copy()
     fields[4000:4400] *= 1.6
-    ruled = apply_rule(hand_held(), recording.times, recording.angular_velocities, recording.specific_forces, fields)
+    arrays = (recording.times, recording.angular_velocities, recording.specific_forces, fields)
+    ruled = apply_rule(hand_held(), *arrays)
     assert ruled.field.contradicted[4100:4300].all()
-    assert np.isnan(ruled.field.angles[4100:4300]).all()
     assert not ruled.field.contradicted[:3900].any()
+    assert not np.isfinite(ruled.field.angles).any()
+    assert not np.isfinite(ruled.east.angles).any()
+    rule = hand_held()
+    magnetometer = rule.magnetometer.model_copy(update={"contradiction_voids": "row"})
+    ruled = apply_rule(rule.model_copy(update={"magnetometer": magnetometer}), *arrays)
+    np.testing.assert_array_equal(np.isnan(ruled.field.angles[100:-100]), ruled.field.contradicted[100:-100])
+
+
+def test_directions_for_some_rows():
+    recording = made()
+    arrays = (recording.times, recording.angular_velocities, recording.specific_forces, recording.fields)
+    all_rows, some = apply_rule(hand_held(), *arrays), apply_rule(hand_held(), *arrays, every=7)
+    for name in ("up", "field", "east"):
+        np.testing.assert_allclose(getattr(some, name).angles[::7], getattr(all_rows, name).angles[::7])
+        assert np.isnan(getattr(some, name).angles[3::7]).all()
 
 
 def test_rule_needs_a_rest():
@@ -169,7 +188,7 @@ def test_rule_on_broad(trial):
     ruled = ruled_by_hand_held(recording)
     known = np.isfinite(recording.attitudes).all(axis=1)
     attitudes = Rotation.from_quat(np.where(known[:, None], recording.attitudes, [1, 0, 0, 0]), scalar_first=True).inv()
-    for bounds, true in ((ruled.up, [0.0, 0.0, 1.0]), (ruled.field, ruled.field_reference)):
+    for bounds, true in directions_of(ruled):
         rows = known & np.isfinite(bounds.angles)
         assert rows.sum() > 0.98 * known.sum()
         inside = angle_between(bounds.directions, attitudes.apply(true)) <= bounds.angles + np.deg2rad(0.5)
