@@ -155,7 +155,12 @@ class RuledRecording:
     gyro: GyroBounds
     """Of the gyro's error once that bias is subtracted."""
     gyro_noise: FloatArray
-    """Bound of the rate's error without the bias, row by row, rad/s, shape (N,): noise and scale error."""
+    """Bound of the rate's error, row by row, rad/s, shape (N,): noise, scale error, and what is left of the bias.
+
+    In an interval the larger one of its ends counts. The bias may change with the pose within its bound, so that a
+    filter must take all of this as noise and estimate no bias. `GyroBounds.anchored_turns` bounds turns over longer
+    times better.
+    """
     up: WindowBounds
     """Of the direction (0, 0, 1)."""
     field: WindowBounds | None
@@ -235,7 +240,7 @@ def apply_rule(
     up = up_within(everywhere, MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m))
     up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
     speeds = np.linalg.norm(rates, axis=1)
-    noise = gyro.rate_error(speeds) - gyro.bias
+    noise = gyro.rate_error(speeds, stamps - stamps[0])
     if fields is None or rule.magnetometer is None:
         return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
 

@@ -144,6 +144,10 @@ def test_rule_on_a_made_recording(seed):
         assert (angle_between(bounds.directions, attitudes.apply(true)) <= bounds.angles)[measured].all()
     np.testing.assert_allclose(ruled.field_reference, FIELD / np.linalg.norm(FIELD), atol=0.02)
     assert np.median(np.rad2deg(ruled.up.angles)) < 15.0
+    # The gyro of this recording has noise alone, and three of its standard deviations are 0.3 °/s.
+    true = rate(recording.times)
+    error = np.linalg.norm(recording.angular_velocities - ruled.bias - true, axis=1)
+    assert (error <= ruled.gyro_noise).all()
 
 
 def test_a_magnet_is_contradicted():
