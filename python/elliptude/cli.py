@@ -30,7 +30,7 @@ def make_app() -> typer.Typer:
     import typer
     from typer.core import TyperGroup
 
-    from elliptude import __version__, cli_check, cli_estimate, cli_simulate, cli_validate
+    from elliptude import __version__, cli_bounds, cli_check, cli_estimate, cli_simulate, cli_validate
     from elliptude.files import FileError
 
     class Group(TyperGroup):
@@ -49,7 +49,6 @@ def make_app() -> typer.Typer:
     app = typer.Typer(
         cls=Group,
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
         help="Attitude estimation with ellipsoidal bounds: simulate measurements, estimate from logs.",
@@ -75,6 +74,7 @@ def make_app() -> typer.Typer:
     app.command("convert")(cli_check.convert)
     app.command("demo")(cli_estimate.demo)
     app.command("validate")(cli_validate.validate)
+    app.command("bounds")(cli_bounds.bounds)
     return app
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from elliptude import estimation, fermi, logs
+from elliptude.physical_bounds import GyroBounds
 from scipy.spatial.transform import Rotation
 
 
@@ -99,3 +100,25 @@ def test_half_widths_about_a_line(with_star):
         directions = np.cos(angles)[:, None] * first[0] + np.sin(angles)[:, None] * first[1]
         widths = np.sqrt(np.einsum("ni,ij,nj->n", directions, shape, directions))
         assert across[k] == pytest.approx(widths.max(), rel=1e-5)
+
+
+def test_increment_bound_of_the_gyro():
+    """Any window's noise integrates to at most 0.2°: the recorded turns hold, far within what 0.005 °/s would allow."""
+    recorded = fermi.telemetry()
+    attitudes = Rotation.from_quat(recorded.quaternions, scalar_first=True)
+    per_sample = GyroBounds(noise=np.deg2rad(0.005))
+    with_increments = GyroBounds(noise=np.deg2rad(0.005), increment=np.deg2rad(0.2))
+    times = recorded.met - recorded.met[0]
+    for duration, gain in ((16.0, 1.0), (256.0, 0.25), (1024.0, 0.1)):
+        turns = with_increments.anchored_turns(times, recorded.angular_velocities, duration)
+        rows = np.arange(1, len(times))
+        spans = times[rows] - times[turns.anchors[rows]]
+        shown = Rotation.from_rotvec(turns.rates[rows] * spans[:, None])
+        true = attitudes[turns.anchors[rows]].inv() * attitudes[rows]
+        bounds = turns.noise[rows] * spans
+        assert ((shown.inv() * true).magnitude() <= bounds).all()
+        linear = per_sample.anchored_turns(times, recorded.angular_velocities, duration).noise[rows] * spans
+        whole = spans > 0.95 * duration
+        assert (bounds <= linear * (1.0 + 1e-12)).all()
+        # Where the spacecraft turns far within a window, less is gained.
+        assert np.median(bounds[whole] / linear[whole]) <= gain
