@@ -205,8 +205,8 @@ TEST_CASE("weights that were found against a search over the only ratio there is
       const auto least = static_cast<double>(elliptude::testing::least_value(size_at, -20, 20, 400));
       CHECK(size(set.error.shape) >= least - 1e-9);
       CHECK(size(set.error.shape) <= least + 5e-3);
-      const double first =
-          static_cast<double>(size_at(std::log((1 - std::cos(p.bounds(0))) / (1 - std::cos(p.bounds(1))))));
+      const double first_ratio = std::log((1 - std::cos(p.bounds(0))) / (1 - std::cos(p.bounds(1))));
+      const auto first = static_cast<double>(size_at(static_cast<long double>(first_ratio)));
       CHECK(size(set.error.shape) <= first + 1e-12);
       found_better += size(set.error.shape) < first - 1e-3 ? 1 : 0;
       CHECK(weights.maxCoeff() == 1);
