@@ -98,6 +98,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     filter.knows_attitude_ = false;
     filter.knows_vector_ = false;
     filter.bounds_vector_ = false;
+    filter.rests_on_drops_ = false;
     filter.claim_ = Claim::none;
     filter.agreeing_updates_ = 0;
     return Status::ok;
@@ -121,8 +122,11 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return status;
       }
     }
+    set_.center.attitude = renormalized(set_.center.attitude);
     knows_attitude_ = true;
     knows_vector_ = false;
+    rests_on_drops_ = false;
+    agreeing_updates_ = 0;
     claim_ = Claim::unconditional;
     return Status::ok;
   }
@@ -389,6 +393,13 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return invalid;
       }
     }
+    if (measurements.attitude != nullptr) {
+      Quadric<Scalar, 3> quadric;
+      if (const Status invalid = to_quadric(measurements.attitude->attitude, *measurements.attitude, quadric);
+          invalid != Status::ok) {
+        return invalid;
+      }
+    }
     return status;
   }
 
@@ -443,12 +454,18 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (number_of(all) > 8) {
       return Status::out_of_range;
     }
+    if (const Status status = checked(measurements, Status::ok); status != Status::ok) {
+      return status;
+    }
     bool found = false;
     bool uses_prediction = true;
     Sensors kept_by_some = 0;
     result.margin = Scalar(-1);
     Status failure = Status::ok;
     const auto add = [&](Sensors kept) {
+      if (failure != Status::ok) {
+        return;  // what one choice leaves unbounded, no other bounds
+      }
       Solution trial;
       Status status = knows_attitude_ ? Status::ok : Status::unbounded;
       if (knows_attitude_ || kept != 0) {
@@ -472,7 +489,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       }
       uses_prediction = uses_prediction && trial.used_prediction;
       Ellipsoid<Scalar, 6> both;
-      failure = enclosing(solution.fusion.set, trial.fusion.set, both);
+      if (const Status joined = enclosing(solution.fusion.set, trial.fusion.set, both); joined != Status::ok) {
+        failure = joined;
+        return;
+      }
       solution.fusion.set = both;
       solution.fusion.prediction_alone = false;
     };
@@ -537,20 +557,21 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded, Solution& solution,
                               GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
     const bool contradicted = result.margin < Scalar(0) || (settings_.policy != Policy::relaxed && result.dropped != 0);
-    Claim claim = claim_ == Claim::conditional || contradicted ? Claim::conditional : Claim::unconditional;
+    bool rests_on_drops = rests_on_drops_ || contradicted;
     int agreeing = contradicted ? 0 : agreeing_updates_ + (all != 0 ? 1 : 0);
-    if (bounded && claim == Claim::conditional && !contradicted && agreeing >= settings_.regain_after) {
+    if (bounded && knows_attitude_ && rests_on_drops && !contradicted && agreeing >= settings_.regain_after) {
       Solution alone;
       if (solve(measurements, all, false, alone) == Status::ok) {
         solution = alone;
-        claim = Claim::unconditional;
+        rests_on_drops = false;
       }
     }
     if (bounded) {
       Set next = set_;
       if (!(solution.used_prediction && solution.fusion.prediction_alone)) {
         if (const Status status = recentred(solution.center, solution.fusion.set, next); status == Status::unbounded) {
-          bounded = false;  // half turns: the measurements say too little
+          bounded = false;  // half turns: the measurements say too little, and what was kept is kept
+          rests_on_drops = rests_on_drops_;
         } else if (status != Status::ok) {
           return status;
         }
@@ -561,12 +582,22 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         knows_vector_ = false;
       }
     }
-    if (!bounded && !knows_attitude_ && (all & angular_velocity_bit & ~result.dropped) != 0) {
-      if (const Status status = update_vector(*measurements.angular_velocity); status != Status::ok) {
+    const bool may_be_wrong = settings_.policy == Policy::relaxed && settings_.most_wrong > 0;
+    if (!bounded && !knows_attitude_ && !may_be_wrong && (all & angular_velocity_bit & ~result.dropped) != 0) {
+      const Status status = update_vector(*measurements.angular_velocity);
+      if (status == Status::empty_intersection && settings_.policy != Policy::raise) {
+        rests_on_drops = true;
+        if (settings_.policy == Policy::restart) {
+          vector_ = {measurements.angular_velocity->value, measurements.angular_velocity->bound};
+        } else {
+          result.dropped |= angular_velocity_bit;
+        }
+      } else if (status != Status::ok) {
         return status;
       }
     }
-    claim_ = knows_attitude_ ? claim : Claim::none;
+    rests_on_drops_ = rests_on_drops;
+    claim_ = !knows_attitude_ ? Claim::none : rests_on_drops ? Claim::conditional : Claim::unconditional;
     agreeing_updates_ = agreeing;
     result.claim = claim_;
     result.prediction_used = bounded && solution.used_prediction;
@@ -602,6 +633,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   bool knows_attitude_;
   bool knows_vector_;
   bool bounds_vector_;
+  bool rests_on_drops_;  // whether what is known, of the attitude or of the vector, rests on what was dropped
   Claim claim_;
   int agreeing_updates_;
 };
