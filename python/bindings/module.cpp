@@ -34,5 +34,7 @@ PYBIND11_MODULE(_core, module) {
   define_potentials(module);
   define_integrator(module);
   define_wahba(module);
+  define_state_ellipsoids(module);
+  define_flows(module);
   define_filter(module);
 }
