@@ -81,6 +81,14 @@ void require_measured(const Vector3<double>& row, const std::string& label) {
   }
 }
 
+std::unique_lock<std::mutex> exclusive(std::mutex& mutex) {
+  std::unique_lock lock(mutex, std::try_to_lock);
+  if (!lock.owns_lock()) {
+    throw std::runtime_error("the filter is in use by another thread");
+  }
+  return lock;
+}
+
 SizeCriterion<double, 6> size_criterion_of(const std::string& criterion, const py::object& weight) {
   using Criterion = SizeCriterion<double, 6>;
   if (criterion == "weighted_trace") {

@@ -4,6 +4,7 @@
 /// Arguments of the filters: bounds of errors, and measurements.
 
 #include <elliptude/measurement.hpp>
+#include <mutex>
 #include <optional>
 
 #include "arrays.hpp"
@@ -63,6 +64,10 @@ class OptionalRows {
  private:
   std::optional<Items> items_;
 };
+
+/// One call of a filter at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's
+/// lock. \throws RuntimeError.
+[[nodiscard]] std::unique_lock<std::mutex> exclusive(std::mutex& mutex);
 
 /// What `criterion` and `weight` ask for. \throws ValueError.
 [[nodiscard]] SizeCriterion<double, 6> size_criterion_of(const std::string& criterion, const py::object& weight);

@@ -1,7 +1,6 @@
 #include <pybind11/stl.h>
 
 #include <elliptude/filter.hpp>
-#include <mutex>
 #include <utility>
 #include <variant>
 
@@ -35,6 +34,9 @@ class PythonFilter {
       : flow_(std::move(flow)), mode_(std::move(mode)), criterion_(std::move(criterion)) {
     const double start = single(time, "time", {}).number(0);
     const SizeCriterion<double, 6> size = size_criterion_of(criterion_, weight);
+    if (ellipsoid.is_gibbs) {
+      value_error("ellipsoid must be in the chart 'exponential': see StateEllipsoid.converted");
+    }
     if (mode_ != "paper" && mode_ != "first_order") {
       value_error("mode must be 'paper' or 'first_order', not '" + mode_ + "'");
     }
@@ -81,17 +83,13 @@ class PythonFilter {
   }
 
   void resume(const py::object& transition, const py::object& prior_shape) {
-    const auto matrix = [](const py::object& value, const char* name) {
-      return Matrix6<double>(
-          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(value, name, {6, 6})[0]));
-    };
-    const Matrix6<double> a = matrix(transition, "transition");
-    const Matrix6<double> p = matrix(prior_shape, "prior_shape");
+    const Matrix6<double> a = single_matrix6(transition, "transition");
+    const Matrix6<double> p = single_matrix6(prior_shape, "prior_shape");
     raise_unless_ok(std::visit([&](auto& filter) { return filter.resume(a, p); }, filter_), "prior_shape");
   }
 
   void predict(const py::object& time, const py::object& control_torque, const py::object& gyro) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const double end = single(time, "time", {}).number(0);
     const Vector3<double> input = input_of(control_torque, gyro);
     std::visit([&](auto& filter) { predict_to(filter, end, input, ""); }, filter_);
@@ -100,7 +98,7 @@ class PythonFilter {
   [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
                                   const py::object& weights, const py::object& angular_velocity,
                                   const py::object& rate_bound, const std::string& sensor, bool diagnostics) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     std::vector<Direction<double>> given;
     if (!directions.is_none()) {
       const Items body(directions, "directions", {3});
@@ -144,7 +142,7 @@ class PythonFilter {
 
   [[nodiscard]] py::object update_attitude(const py::object& attitude, const py::object& bound,
                                            const std::string& sensor) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const MeasuredAttitude<double> measured{single_attitude(attitude, "attitude"), one_bound(bound, "bound", false)};
     return std::visit(
         [&](auto& filter) {
@@ -157,7 +155,7 @@ class PythonFilter {
 
   [[nodiscard]] py::object update_linear(const py::object& y, const py::object& h, const py::object& bound,
                                          const std::string& sensor) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const Items values = single(y, "y", {any_length});
     const Index rows = values.item()[0];
     if (rows > 6) {
@@ -223,12 +221,8 @@ class PythonFilter {
     }
   }
 
-  /// One call at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's lock.
-  [[nodiscard]] std::unique_lock<std::mutex> exclusive() {
-    std::unique_lock lock(*mutex_, std::try_to_lock);
-    if (!lock.owns_lock()) {
-      throw std::runtime_error("the filter is in use by another thread");
-    }
+  [[nodiscard]] std::unique_lock<std::mutex> begin_call() {
+    std::unique_lock lock = exclusive(*mutex_);
     *failure_ = Failure();
     return lock;
   }
@@ -339,7 +333,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
                              const py::object& bounds, const py::object& weights, const py::object& angular_velocity,
                              const py::object& rate_bound, const py::object& gyro, const py::object& control_torque,
                              const std::string& on_inconsistent) {
-  const std::unique_lock lock = exclusive();
+  const std::unique_lock lock = begin_call();
   const Items time = single(times, "times", {any_length});
   const Index rows = time.item()[0];
   if (on_inconsistent != "raise" && on_inconsistent != "skip") {

@@ -37,4 +37,6 @@ PYBIND11_MODULE(_core, module) {
   define_state_ellipsoids(module);
   define_flows(module);
   define_filter(module);
+  define_guaranteed_flows(module);
+  define_guaranteed_filter(module);
 }
