@@ -153,6 +153,36 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// Whether there is a set; `ellipsoid` is only then of use.
   [[nodiscard]] bool knows_attitude() const noexcept { return knows_attitude_; }
   [[nodiscard]] const Set& ellipsoid() const noexcept { return set_; }
+  /// Whether something is known of the angular velocity or the bias while the attitude is not; `vector` is only then of use.
+  [[nodiscard]] bool knows_vector() const noexcept { return knows_vector_; }
+  [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return vector_; }
+  /// How many updates in a row were without contradiction (`Settings::regain_after`).
+  [[nodiscard]] int agreeing_updates() const noexcept { return agreeing_updates_; }
+
+  /// Goes on as a filter that was stored, after `make` with its settings and time, `start` with its set if it knew the attitude,
+  /// and `bound_vector`.
+  /// \param vector what it knew without the attitude, or null.
+  /// \return `out_of_range` of a negative count, and of a claim or a vector that does not go with the attitude's being known or
+  /// not; what `validate` says; `not_positive_definite` of a flat one.
+  [[nodiscard]] Status resume(Claim claim, int agreeing_updates, const Ellipsoid<Scalar, 3>* vector) noexcept {
+    if (agreeing_updates < 0 || (claim != Claim::none) != knows_attitude_ || (knows_attitude_ && vector != nullptr)) {
+      return Status::out_of_range;
+    }
+    if (vector != nullptr) {
+      if (const Status status = validate(*vector); status != Status::ok) {
+        return status;
+      }
+      Matrix3<Scalar> factor;
+      if (const Status status = cholesky(vector->shape, factor); status != Status::ok) {
+        return status;
+      }
+      vector_ = *vector;
+    }
+    knows_vector_ = vector != nullptr;
+    claim_ = claim;
+    agreeing_updates_ = agreeing_updates;
+    return Status::ok;
+  }
 
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
   /// the vector is kept.
