@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cstdlib>
+#include <string>
 #include <vector>
 
 #include "guaranteed.hpp"
@@ -147,7 +148,7 @@ TEST_CASE("the state of the continuous motion is in the predicted set") {
                   uncertainty, input, trial, random, tally);
         }
       }
-      MESSAGE(c.name << ", potential " << field << ": worst form " << tally.form << ", needed/computed inflation "
+      MESSAGE(std::string(c.name) << ", potential " << field << ": worst form " << tally.form << ", needed/computed inflation "
                      << tally.least_share << " to " << tally.best_share << ", closed " << tally.closed << ", refused "
                      << tally.refused);
       CHECK(tally.closed > 0);
