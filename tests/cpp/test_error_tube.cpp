@@ -49,13 +49,13 @@ TEST_CASE("a tube that has not moved is its set, none smaller") {
   }
 }
 
-TEST_CASE("a tiny set is carried by the linear part of the exact flow") {
+TEST_CASE("a small set is carried by the linear part of the exact flow") {
   Random random(2);
   double worst = 0;
   for (int trial = 0; trial < 30; ++trial) {
     const Case c = random_case(random);
     const double h = random.log_uniform(0.005, 0.03);
-    const Matrix6<double> shape = 1e-14 * random.positive_definite<6>(100);
+    const Matrix6<double> shape = 1e-10 * random.positive_definite<6>(100);
     Tube tube;
     REQUIRE(tube.start(shape) == Status::ok);
     Series series(c.body, c.gravity);
@@ -87,7 +87,7 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
   for (int trial = 0; trial < 20; ++trial) {
     const Case c = random_case(random);
     const double h = random.log_uniform(0.01, 0.05);
-    const double size = 1e-4;
+    const double size = 3e-3;
     const Matrix6<double> shape = size * size * Matrix6<double>(random.positive_definite<6>(9));
     Tube tube;
     REQUIRE(tube.start(shape) == Status::ok);
@@ -109,9 +109,9 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
     double largest = 0;
     for (int k = 0; k < 400; ++k) {
       const RealVector6 u = random.unit_vector<6>().cast<Real>();
-      const RealVector6 y = 10 * frame * u;  // larger, for the difference's sake
+      const RealVector6 y = frame * u;
       const RealVector6 second =
-          (moved(c, series.end, y, h) - 2 * center + moved(c, series.end, RealVector6(-y), h)) / 200;
+          (moved(c, series.end, y, h) - 2 * center + moved(c, series.end, RealVector6(-y), h)) / 2;
       largest = std::fmax(largest, static_cast<double>(RealVector6(back * second).norm()));
     }
     const double ratio = tube.displacement() / largest;

@@ -102,9 +102,10 @@ TEST_CASE("the end of a step, and the bounds of its error at any length") {
       check_step(body, FreeBody<double>{}, none, h, random, result);
       check_step(body, gravity, by_gravity, h, random, result);
       check_step(body, gradient, by_gradient, h, random, result);
-      check_step(body, SumPotential<UniformGravity<double>, GravityGradient<double>>(gravity, gradient),
-                 [&](const RealMatrix& a, Real t) { return RealVector(by_gravity(a, t) + by_gradient(a, t)); }, h,
-                 random, result);
+      check_step(
+          body, SumPotential<UniformGravity<double>, GravityGradient<double>>(gravity, gradient),
+          [&](const RealMatrix& a, Real t) { return RealVector(by_gravity(a, t) + by_gradient(a, t)); }, h, random,
+          result);
     }
     MESSAGE("h = " << h << ": accepted " << result.accepted << " of 160, largest share of the bound: attitude "
                    << result.attitude_share << ", impulse " << result.impulse_share);

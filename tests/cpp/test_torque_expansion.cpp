@@ -157,9 +157,10 @@ TEST_CASE("series, expansion and bounds of each potential's torque") {
     const auto gradient = [&](const RealMatrix& a, Real t) { return gradient_torque(inertia, field.rate, a, t); };
     check_expansion(field.gravity, gravity, random, third[0], fourth[0]);
     check_expansion(field.gradient, gradient, random, third[1], fourth[1]);
-    check_expansion(SumPotential<UniformGravity<double>, GravityGradient<double>>(field.gravity, field.gradient),
-                    [&](const RealMatrix& a, Real t) { return RealVector(gravity(a, t) + gradient(a, t)); }, random,
-                    third[2], fourth[2]);
+    check_expansion(
+        SumPotential<UniformGravity<double>, GravityGradient<double>>(field.gravity, field.gradient),
+        [&](const RealMatrix& a, Real t) { return RealVector(gravity(a, t) + gradient(a, t)); }, random, third[2],
+        fourth[2]);
   }
   for (std::size_t i = 0; i < 3; ++i) {
     MESSAGE("potential " << i << ": third order " << third[i] << ", rest " << fourth[i] << " of its bound");
@@ -200,8 +201,8 @@ TEST_CASE("the constants of third and fourth order hold for any trigonometric po
     for (const double g : {-0.3, 0.1, 0.7, 2.0, -5.0, 30.0}) {
       const double left = f(2 * std::atan(g / 2)) - f(0) - g * (first + g * (second + g * cubic));
       const double size = std::fabs(g);
-      rest = std::fmax(rest, std::fabs(left) / (std::pow(degree, 3) / 8 * std::pow(size, 4) * (1 + 0.625 * size) * largest +
-                                                1e-13));
+      rest = std::fmax(
+          rest, std::fabs(left) / (std::pow(degree, 3) / 8 * std::pow(size, 4) * (1 + 0.625 * size) * largest + 1e-13));
     }
   }
   MESSAGE("third order " << third << ", rest " << rest << " of the bound");

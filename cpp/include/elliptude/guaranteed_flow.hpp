@@ -141,7 +141,8 @@ class GuaranteedRigidBodyFlow {
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
     State state = ellipsoid.center;
-    state.attitude = renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
     ErrorTube<Scalar, Potential> tube;
     if (const Status status = tube.start(ellipsoid.shape); status != Status::ok) {
       return status;
