@@ -76,7 +76,7 @@ def _estimate_pieces(
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
-    pieces = plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log))
+    pieces = plausibility.plausible_pieces(logs.ahead(logs.read_pieces(log, configuration)), configuration, str(log))
     estimator = PieceEstimator(configuration)
     summary, thinned = Summary(), Thinned()
     try:

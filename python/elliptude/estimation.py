@@ -266,9 +266,13 @@ def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts
 
 def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
     """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
-    choices, rows = np.unique(chosen, axis=0, return_inverse=True)
-    texts = [" ".join(name for name, is_chosen in zip(names, row, strict=True) if is_chosen) for row in choices]
-    return [texts[row] for row in rows.reshape(-1).tolist()]
+    codes = np.zeros(len(chosen), dtype=np.intp)
+    texts = [""]
+    for name, column in zip(names, chosen.T, strict=True):
+        # Codes of what was chosen so far that go on with and without this name.
+        found, codes = np.unique(2 * codes + column, return_inverse=True)
+        texts = [f"{texts[code // 2]} {name}".strip() if code % 2 else texts[code // 2] for code in found]
+    return [texts[code] for code in codes.tolist()]
 
 
 def compare(
