@@ -76,7 +76,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Fi
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
         bounds = np.rad2deg(results.half_widths[:, part])
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
-        limit = _limit(bounds, deviations)
+        limit = error_limit(bounds, deviations)
         for i in range(3):
             axes = figure.add_subplot(grid[i, j], sharex=first)
             first = first or axes
@@ -236,13 +236,11 @@ def _marks(results: Results) -> Style:
     return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
 
 
-def _limit(bounds: FloatArray, errors: FloatArray | None) -> float:
+def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
     settled = bounds[min(len(bounds) // 8, len(bounds) - 1) :]
-    known = settled[np.isfinite(settled)]
-    highest = float(known.max()) if len(known) else 0.0
-    if errors is not None and np.isfinite(errors).any():
-        highest = max(highest, float(np.nanquantile(np.abs(errors), 0.98)))
+    values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
+    highest = max((float(np.quantile(some, 0.98)) for some in values if len(some)), default=0.0)
     return 1.15 * highest if highest > 0.0 else 1.0
 
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.body_axes import axis_patches
+from elliptude.figures import error_limit
 from elliptude.files import FileError, replacing
 from elliptude.results import FloatArray
-from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS
+from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, time_text
 from elliptude.runs import CLAIMS, SPELL_GAP, Run, Spell, chosen_rows, pieces, worst_claims
 
 FRAMES = 240
@@ -64,7 +65,7 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         "largest_angle_deg": _spread(largest),
         "half_width_deg": {axis: _spread(widths[:, i]) for i, axis in enumerate("xyz")},
         "left_out": {
-            what: sum(spell.count for spell in spells if spell.what == what) for what in ("dropped", "refused")
+            what: sum(spell.measurements for spell in spells if spell.what == what) for what in ("dropped", "refused")
         },
         "compared_with": label if compared.any() else None,
     }
@@ -204,7 +205,7 @@ def _spell_table(spells: list[Spell]) -> str:
         return "<p>None.</p>"
     lines = "\n".join(
         f"<tr><td>{spell.first:g}</td><td>{spell.last:g}</td><td>{escape(spell.sensors)}</td>"
-        f"<td>{spell.what}</td><td>{spell.count}</td></tr>"
+        f"<td>{spell.what}</td><td>{spell.measurements}</td></tr>"
         for spell in spells[:LISTED]
     )
     more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
@@ -244,7 +245,11 @@ def _footnote(run: Run, rows: int, frames: int) -> str:
 
 def _plots(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
     """Plotly's data and layout for each place in the page."""
-    plots = {"size": _size(run, rows), "bands": _bands(run, rows, label), "sphere": _sphere(run.compared.any(), label)}
+    plots = {
+        "size": _size(run, rows),
+        "bands": _bands(run, rows, label),
+        "sphere": _sphere(bool(run.compared.any()), label),
+    }
     if run.claims is not None or spells:
         plots["strip"] = _strip(run, spells)
     return plots
@@ -297,35 +302,39 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
         }
     )
     scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
-    axis = {"title": {"text": "angle (deg)"}, "type": scale, "dtick": "D2" if scale == "log" else None}
+    axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
+    if scale == "log":
+        ticks = [step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5)]
+        axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
     return {"data": traces, "layout": _layout(xaxis={"title": {"text": "time (s)"}}, yaxis=axis)}
 
 
 def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     time, known = _times(run, rows), run.known[rows]
     traces: list[dict[str, Any]] = []
+    bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
+    limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
     layout = _layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis={"title": {"text": "time (s)"}})
     for i, axis in enumerate("xyz"):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
-        for sign, more in (
-            (-1.0, {"hoverinfo": "skip"}),
-            (1.0, {"fill": "tonexty", "fillcolor": "rgba(0,114,178,0.22)"}),
-        ):
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "name": "bound",
-                    "legendgroup": "bound",
-                    "showlegend": i == 0 and sign > 0.0,
-                    "x": time,
-                    "y": _list(sign * bound),
-                    "line": {"color": _BLUE, "width": 1},
-                    **more,
-                    **place,
-                }
-            )
+        x, y = _band(run.times[rows], bound)
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": "bound",
+                "legendgroup": "bound",
+                "showlegend": i == 0,
+                "x": x,
+                "y": y,
+                "fill": "toself",
+                "fillcolor": "rgba(0,114,178,0.22)",
+                "line": {"color": _BLUE, "width": 1},
+                "hoverinfo": "skip",
+                **place,
+            }
+        )
         if run.errors is not None and run.compared.any():
             error = np.rad2deg(run.errors[rows, i])
             outside = np.abs(error) > bound
@@ -357,8 +366,25 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
                         **place,
                     }
                 )
-        layout[f"yaxis{i + 1}" if i else "yaxis"] = {"title": {"text": f"about {axis} (deg)"}, "zeroline": True}
+        layout[f"yaxis{i + 1}" if i else "yaxis"] = {
+            "title": {"text": f"about {axis} (deg)"},
+            "zeroline": True,
+            "range": [-limit, limit],
+        }
     return {"data": traces, "layout": layout}
+
+
+def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    """The outline of -bound to bound, a closed one for each piece between gaps."""
+    known = np.flatnonzero(np.isfinite(bound))
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        around = np.concatenate([piece, piece[::-1], piece[:1]])
+        sides = np.concatenate([bound[piece], -bound[piece[::-1]], bound[piece[:1]]])
+        x += [*time[around].tolist(), None]
+        y += [*_list(sides), None]
+    return x, y
 
 
 def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
@@ -455,7 +481,7 @@ def _frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
 
 
 def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
-    parts = [f"{run.times[row]:.6g} s"]
+    parts = [f"{time_text(run, row)} s"]
     if not run.known[row]:
         return f"{parts[0]}: nothing is known"
     parts.append(f"within {np.rad2deg(run.largest_angles[row]):.3g}°")
@@ -512,7 +538,8 @@ def _globe() -> dict[str, Any]:
         "colorscale": [[0, "#d8dbe0"], [1, "#d8dbe0"]],
         "hoverinfo": "skip",
         "contours": {name: {"highlight": False} for name in "xyz"},
-        "lighting": {"ambient": 0.75, "diffuse": 0.3, "specular": 0.0, "fresnel": 0.0},
+        "opacity": 0.8,
+        "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     }
 
 
@@ -612,8 +639,9 @@ def _sphere(compares: bool, label: str) -> dict[str, Any]:
             "xaxis": hidden,
             "yaxis": hidden,
             "zaxis": hidden,
-            "aspectmode": "cube",
-            "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}},
+            "aspectmode": "manual",
+            "aspectratio": {"x": 1.7, "y": 1.7, "z": 1.7},
+            "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}, "projection": {"type": "orthographic"}},
             "dragmode": "orbit",
         },
         uirevision="kept",

@@ -7,14 +7,16 @@ it left out.
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from elliptude.body_axes import axis_outlines
-from elliptude.figures import BLACK, BLUE, GREY, ORANGE, degrees_on_log_axis, new_figure
+from elliptude.body_axes import axis_patches
+from elliptude.figures import BLACK, BLUE, GREY, ORANGE, degrees_on_log_axis, error_limit, new_figure
 from elliptude.results import FloatArray
 from elliptude.runs import CLAIMS, Run, chosen_rows, pieces, worst_claims
 
@@ -27,6 +29,7 @@ _MOST_PIECES = 1000
 _MOST_STRIP_PIECES = 400
 # Where the sphere is seen from, in reference axes.
 _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
+_MERIDIANS, _RINGS = 120, 16
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
@@ -48,7 +51,7 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     bounds[~run.known[rows]] = np.nan
     figure, axes, strip = _over_time(run, title, 3, 6.4)
     errors = None if run.errors is None or not run.compared.any() else np.rad2deg(run.errors[rows])
-    limit = _limit(bounds, errors)
+    limit = error_limit(bounds, errors)
     for i, panel in enumerate(axes):
         panel.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
         # A band that is thinner than a pixel, and one between two gaps, is seen all the same.
@@ -150,14 +153,19 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     for panel, row in zip(panels, rows, strict=False):
         _draw_sphere(panel, view)
         for i in range(3):
-            outline = axis_outlines(attitudes[row][None], run.shapes[row][None], i, chart=run.chart, points=180)[0]
-            _draw_outline(panel, outline @ view.T, AXIS_COLOURS[i])
+            patch = axis_patches(
+                attitudes[row][None], run.shapes[row][None], i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS
+            )[0]
+            _draw_patch(panel, patch @ view.T, AXIS_COLOURS[i])
             _draw_tip(panel, view @ attitudes[row][:, i], AXIS_COLOURS[i], "xyz"[i])
             true = view @ true_axes[row][:, i]
             if np.isfinite(true).all():
                 panel.plot(*true[:2], "x", color=BLACK, markersize=5, alpha=1.0 if true[2] >= 0.0 else 0.4, zorder=6)
         panel.set_title(
-            f"{run.times[row]:g} s: within {np.rad2deg(run.largest_angles[row]):.3g}°", fontsize=9.5, y=-0.04, va="top"
+            f"{time_text(run, row)} s: within {np.rad2deg(run.largest_angles[row]):.3g}°",
+            fontsize=9.5,
+            y=-0.04,
+            va="top",
         )
     if len(rows) == 0:
         panels[0].text(0.5, 0.5, "nothing is known", transform=panels[0].transAxes, ha="center", color=GREY)
@@ -169,6 +177,13 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
         handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     return figure
+
+
+def time_text(run: Run, row: int) -> str:
+    """A row's time, s, to a thousandth of the run's duration."""
+    duration = float(run.times[-1] - run.times[0])
+    digits = max(0, 3 - int(np.ceil(np.log10(duration)))) if duration > 0.0 else 3
+    return f"{run.times[row]:.{digits}f}"
 
 
 def _over_time(run: Run, title: str, count: int, height: float) -> tuple[Figure, list[Axes], Axes | None]:
@@ -196,7 +211,7 @@ def _lanes(run: Run) -> int:
     return (run.claims is not None) + len(_names(run))
 
 
-def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[object], labels: Sequence[str]) -> None:
+def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
     """Draw the strip and put one legend below everything."""
     handles, labels = list(handles), list(labels)
     if strip is not None:
@@ -233,13 +248,6 @@ def _claim_runs(run: Run) -> tuple[FloatArray, list[str]]:
     return edges, words
 
 
-def _limit(bounds: FloatArray, errors: FloatArray | None) -> float:
-    """Where the axis of errors ends: it shows nearly all of the band and of the errors; a wide start is cut."""
-    values = [bounds[np.isfinite(bounds)]] + ([np.abs(errors[np.isfinite(errors)])] if errors is not None else [])
-    highest = max((float(np.quantile(part, 0.98)) for part in values if len(part)), default=0.0)
-    return 1.15 * highest if highest > 0.0 else 1.0
-
-
 def _rows_at(run: Run, times: Sequence[float] | None) -> NDArray[np.intp]:
     known = np.flatnonzero(run.known)
     if len(known) == 0:
@@ -272,8 +280,8 @@ def _draw_sphere(panel: Axes, view: FloatArray) -> None:
         panel.plot(*tip[:2], ".", color=GREY, markersize=4, zorder=2)
         panel.annotate(
             ("X", "Y", "Z")[i],
-            tip[:2],
-            xytext=1.13 * tip[:2] if np.hypot(*tip[:2]) > 0.85 else (tip[0], tip[1] + 0.09),
+            (tip[0], tip[1]),
+            xytext=(1.13 * tip[0], 1.13 * tip[1]) if np.hypot(*tip[:2]) > 0.85 else (tip[0], tip[1] + 0.09),
             color=GREY,
             fontsize=8,
             ha="center",
@@ -282,19 +290,26 @@ def _draw_sphere(panel: Axes, view: FloatArray) -> None:
         )
 
 
-def _draw_outline(panel: Axes, seen: FloatArray, colour: str) -> None:
-    """A closed curve: what is behind the sphere dashed, the area in front filled."""
+def _draw_patch(panel: Axes, seen: FloatArray, colour: str) -> None:
+    """A patch in rings, the rim first: filled in front of the sphere, behind it the dotted rim alone."""
     if not np.isfinite(seen).all():
         return
-    closed = np.vstack([seen, seen[:1]])
-    in_front = closed[:, 2] >= 0.0
-    if in_front.any():
-        # What is behind goes to the limb, so that the area ends there.
-        length = np.maximum(np.hypot(closed[:, 0], closed[:, 1]), 1e-12)
-        filled = np.where(in_front[:, None], closed[:, :2], closed[:, :2] / length[:, None])
-        panel.fill(filled[:, 0], filled[:, 1], color=colour, alpha=0.35, linewidth=0, zorder=3)
-    front = np.where(in_front[:, None], closed[:, :2], np.nan)
-    behind = np.where(in_front[:, None], np.nan, closed[:, :2])
+    closed = np.concatenate([seen, seen[:, :1]], axis=1)
+    corners = np.stack([closed[:-1, :-1], closed[:-1, 1:], closed[1:, 1:], closed[1:, :-1]], axis=2).reshape(-1, 4, 3)
+    in_front = corners[..., 2] >= 0.0
+    # What is behind goes to the limb, so that the area ends there.
+    limb = corners[..., :2] / np.maximum(np.hypot(corners[..., 0], corners[..., 1]), 1e-12)[..., None]
+    flat = np.where(in_front[..., None], corners[..., :2], limb)
+    quads = flat[in_front.any(axis=1)]
+    # One path of them all is filled once: no seams.
+    outlines = np.concatenate([quads, quads[:, :1]], axis=1)
+    codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(quads))
+    if len(quads):
+        path = Path(outlines.reshape(-1, 2), codes)
+        panel.add_patch(PathPatch(path, facecolor=colour, edgecolor="none", alpha=0.35, zorder=3))
+    rim = closed[0]
+    is_front = rim[:, 2:] >= 0.0
+    front, behind = np.where(is_front, rim[:, :2], np.nan), np.where(is_front, np.nan, rim[:, :2])
     panel.plot(front[:, 0], front[:, 1], color=colour, linewidth=1.2, zorder=4)
     panel.plot(behind[:, 0], behind[:, 1], color=colour, linewidth=0.8, linestyle=":", alpha=0.8, zorder=2)
 
@@ -311,5 +326,12 @@ def _draw_tip(panel: Axes, seen: FloatArray, colour: str, name: str) -> None:
         zorder=5,
     )
     panel.annotate(
-        name, seen[:2], xytext=(6, 5), textcoords="offset points", color=colour, fontsize=10, weight="bold", zorder=6
+        name,
+        (seen[0], seen[1]),
+        xytext=(6, 5),
+        textcoords="offset points",
+        color=colour,
+        fontsize=10,
+        weight="bold",
+        zorder=6,
     )

@@ -61,8 +61,8 @@ class Spell(NamedTuple):
     """Names, a space between them."""
     what: str
     """As of `Refusal`."""
-    count: int
-    """Of measurements."""
+    measurements: int
+    """How many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ class Run:
             key = (refusal.sensors, refusal.what)
             i = last.get(key)
             if i is not None and refusal.time - spells[i].last <= SPELL_GAP:
-                spells[i] = spells[i]._replace(last=refusal.time, count=spells[i].count + 1)
+                spells[i] = spells[i]._replace(last=refusal.time, measurements=spells[i].measurements + 1)
             else:
                 last[key] = len(spells)
                 spells.append(Spell(refusal.time, refusal.time, *key, 1))
