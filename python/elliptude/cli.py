@@ -30,8 +30,16 @@ def make_app() -> typer.Typer:
     import typer
     from typer.core import TyperGroup
 
-    from elliptude import __version__, cli_bounds, cli_check, cli_compare, cli_estimate, cli_simulate, cli_validate
-    from elliptude import __version__, cli_bounds, cli_check, cli_estimate, cli_report, cli_simulate, cli_validate
+    from elliptude import (
+        __version__,
+        cli_bounds,
+        cli_check,
+        cli_compare,
+        cli_estimate,
+        cli_report,
+        cli_simulate,
+        cli_validate,
+    )
     from elliptude.files import FileError
 
     class Group(TyperGroup):
