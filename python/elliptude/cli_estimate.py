@@ -21,8 +21,9 @@ from elliptude.estimation import Estimation
 from elliptude.files import FileError, replacing, write_json
 from elliptude.logs import Log
 from elliptude.results import FloatArray
+from elliptude.tables import write_columns
 
-_FIGURE, _SUMMARY = "estimate.png", "summary.json"
+_FIGURE, _SUMMARY, _DROPPED = "estimate.png", "summary.json", "dropped.csv"
 
 
 def estimate(
@@ -40,14 +41,17 @@ def estimate(
 ) -> None:
     """Estimate attitudes and their bounds from a log of measurements.
 
-    Writes a table of results, a figure and, last, summary.json. Where the configuration names a truth to compare with,
-    they say how far off the estimates are and how often the truth lies inside the set.
+    Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
+    measurement that was left out. Where the configuration names a truth to compare with, they say how far off the
+    estimates are and how often the truth lies inside the set.
     """
+    configuration = read_configuration(config)
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
+    if configuration.estimator.mode == "guaranteed":
+        files.insert(1, out / _DROPPED)
     for file in files:
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
-    configuration = read_configuration(config)
     console = Console(stderr=True)
     with _progress(console) as progress:
         task = progress.add_task("Reading", total=3)
@@ -57,12 +61,24 @@ def estimate(
         estimated = _estimate(measured, configuration, log)
         progress.update(task, advance=1, description="Writing")
         out.mkdir(parents=True, exist_ok=True)
+        if estimated.guaranteed is not None:
+            write_columns(out / _DROPPED, "dropped", estimation.dropped_columns(estimated, measured))
         summary = _write(estimated, configuration, out, title=log.name, table=files[0].name)
         progress.advance(task)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
-    typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    _say(log, summary)
+    for file in files:
+        typer.echo(f"  {file}")
+
+
+def _say(log: Path, summary: dict[str, Any]) -> None:
+    """The summary's essence."""
+    if summary["mode"] == "guaranteed":
+        _say_of_guaranteed(log, summary)
+    else:
+        typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(
@@ -74,8 +90,28 @@ def estimate(
         typer.echo(
             f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of updates"
         )
-    for file in files:
-        typer.echo(f"  {file}")
+
+
+def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
+    claims = summary["claim_share_of_rows"]
+    shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
+    typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    for sensor, rows in summary["contradicted_rows"].items():
+        what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
+        typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
+    if summary["dropped_measurements"]:
+        typer.echo(
+            f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
+        )
+    if summary["heading"] == "from the first row":
+        typer.echo("  nothing tells the heading: it counts from the first row")
+    for name, part in summary["sizes"].items():
+        means = part["half_width_reference_deg"]["mean"]
+        if means is not None:
+            tilt = part["tilt_bound_deg"]
+            said = ", ".join(f"{width:.3g}" for width in means)
+            up = "" if tilt is None else f", up within {tilt['mean']:.3g}"
+            typer.echo(f"  half-widths about the reference axes {said} degrees{up} (mean, {name.replace('_', ' ')})")
 
 
 def _estimate(measured: Log, configuration: Configuration, log: Path) -> Estimation:

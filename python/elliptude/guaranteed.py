@@ -75,6 +75,7 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             "most_wrong": self.most_wrong,
             "regain_after": self.regain_after,
             "vector_bound": _pair_to_lists(self.vector_bound),
+            "estimate_vector": self.estimate_vector,
             "claim": self.claim,
             "agreeing_updates": self._agreeing_updates,
             "vector": _pair_to_lists(self._vector),
@@ -107,6 +108,7 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
                 most_wrong=fields["most_wrong"],
                 regain_after=fields["regain_after"],
                 vector_bound=None if bound is None else tuple(bound),
+                estimate_vector=fields["estimate_vector"],
             )
             stored._resume(fields["claim"], fields["agreeing_updates"], None if vector is None else tuple(vector))
         except KeyError as error:
@@ -139,5 +141,6 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             most_wrong=other.most_wrong,
             regain_after=other.regain_after,
             vector_bound=other.vector_bound,
+            estimate_vector=other.estimate_vector,
         )
         self._resume(other.claim, other._agreeing_updates, other._vector)
