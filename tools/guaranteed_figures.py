@@ -11,6 +11,7 @@ import elliptude as el
 import numpy as np
 from elliptude import cli_simulate, estimation, logs, scenarios, simulation
 from elliptude.configuration import Configuration
+from elliptude.summary import SETTLED_UPDATE
 
 NOISES: tuple[simulation.Noise, ...] = ("inside", "perpendicular", "common")
 
@@ -54,7 +55,7 @@ def table(name: str, seeds: int, criterion: str) -> None:
     )
     potential = settings.flow.build().potential
     flow = guaranteed_flow(scenario, potential)
-    settled = slice(estimation.SETTLED_UPDATE - 1, None)
+    settled = slice(SETTLED_UPDATE - 1, None)
     print(f"\n{name}, {seeds} seeds, criterion {criterion}; mean trace of P, guaranteed over paper")
     print(
         f"{'directions, bound':<20}{'noise':<15}{'ratio':>8}{'scatter':>9}"

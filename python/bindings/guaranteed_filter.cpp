@@ -244,7 +244,7 @@ class PythonGuaranteedFilter {
  public:
   PythonGuaranteedFilter(py::object flow, const std::optional<AnyStateEllipsoid>& start, const py::object& time,
                          std::string criterion, const py::object& weight, const std::string& policy, int most_wrong,
-                         int regain_after, const py::object& vector_bound)
+                         int regain_after, const py::object& vector_bound, bool estimate_vector)
       : flow_(std::move(flow)), criterion_(std::move(criterion)) {
     const double begin = single(time, "time", {}).number(0);
     BodyFilter::Settings settings;
@@ -261,14 +261,23 @@ class PythonGuaranteedFilter {
     }
     settings.most_wrong = most_wrong;
     settings.regain_after = regain_after;
+    settings.estimates_vector = estimate_vector;
+    if (!estimate_vector && vector_bound.is_none()) {
+      value_error("estimate_vector=False needs vector_bound, which is then all that is known of the vector");
+    }
     if (!vector_bound.is_none()) {
       vector_bound_ = vector_bound_of(vector_bound);
     }
     if (py::isinstance<GuaranteedBodyFlowSettings>(flow_)) {
+      if (!estimate_vector) {
+        throw py::type_error("estimate_vector=False is for a GuaranteedGyroFlow, whose bias need not be estimated");
+      }
       make<BodyFilter>(flow_.cast<const GuaranteedBodyFlowSettings&>().flow, settings, begin, start);
     } else if (py::isinstance<GuaranteedGyroFlowSettings>(flow_)) {
-      make<GyroFilter>(flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
-                       {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after}, begin, start);
+      make<GyroFilter>(
+          flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
+          {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after, settings.estimates_vector},
+          begin, start);
     } else {
       throw py::type_error(std::string("flow must be a GuaranteedRigidBodyFlow or a GuaranteedGyroFlow, not ") +
                            Py_TYPE(flow_.ptr())->tp_name);
@@ -300,6 +309,9 @@ class PythonGuaranteedFilter {
   }
   [[nodiscard]] int regain_after() const {
     return std::visit([](const auto& filter) { return filter.settings().regain_after; }, filter_);
+  }
+  [[nodiscard]] bool estimate_vector() const {
+    return std::visit([](const auto& filter) { return filter.settings().estimates_vector; }, filter_);
   }
   [[nodiscard]] int agreeing_updates() const {
     return std::visit([](const auto& filter) { return filter.agreeing_updates(); }, filter_);
@@ -844,7 +856,7 @@ void define_guaranteed_filter(py::module_& module) {
 
   py::class_<Filter>(
       module, "GuaranteedFilter", collectable<Filter>(),
-      R"(GuaranteedFilter(flow, start=None, *, time=0.0, criterion='volume', weight=None, policy='raise', most_wrong=0, regain_after=10, vector_bound=None)
+      R"(GuaranteedFilter(flow, start=None, *, time=0.0, criterion='volume', weight=None, policy='raise', most_wrong=0, regain_after=10, vector_bound=None, estimate_vector=True)
 --
 
 A set that holds attitude and angular velocity (or gyro bias) whenever what it was told of errors holds, to the last term.
@@ -875,6 +887,9 @@ regain_after : int
 vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of these, optional
     The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
     about a center.
+estimate_vector : bool
+    Of a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
+    sets, fused by themselves, are smaller.
 
 Raises
 ------
@@ -882,10 +897,10 @@ ValueError
     If an argument is not finite or out of its range, or the start is flat or holds half turns.
 )")
       .def(py::init<py::object, const std::optional<AnyStateEllipsoid>&, const py::object&, std::string,
-                    const py::object&, const std::string&, int, int, const py::object&>(),
+                    const py::object&, const std::string&, int, int, const py::object&, bool>(),
            "flow"_a, "start"_a = py::none(), py::kw_only(), "time"_a = 0.0, "criterion"_a = "volume",
            "weight"_a = py::none(), "policy"_a = "raise", "most_wrong"_a = 0, "regain_after"_a = 10,
-           "vector_bound"_a = py::none())
+           "vector_bound"_a = py::none(), "estimate_vector"_a = true)
       .def_property_readonly("flow", &Filter::flow, "The flow, as it was given.")
       .def_property_readonly("time", &Filter::time, "Of the set, s.")
       .def_property_readonly("criterion", &Filter::criterion, "What the smallest ellipsoid is.")
@@ -898,6 +913,8 @@ ValueError
                              "After how many updates without contradiction a conditional claim ends.")
       .def_property_readonly("vector_bound", &Filter::vector_bound,
                              "What the vector is always in: (center, shape), rad/s and (rad/s)²; or None.")
+      .def_property_readonly("estimate_vector", &Filter::estimate_vector,
+                             "Whether the gyro's bias is estimated, and not only bounded; True for a body.")
       .def_property_readonly(
           "claim", &Filter::claim,
           "What the truth's being in the set rests on: 'unconditional', on what the filter was told of errors; "

@@ -108,7 +108,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:
     """Whether, and where, there is a row that a start from the first measurement needs."""
-    if configuration.start.kind != "first_measurement":
+    if configuration.start is None or configuration.start.kind != "first_measurement":
         return []
     try:
         first = estimation.first_complete_row(log, configuration)

@@ -23,10 +23,10 @@ from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
 from elliptude.results import FloatArray
 from elliptude.summary import SETTLED_UPDATE, Summary
-from elliptude.tables import Results, writing_columns
+from elliptude.tables import Results, write_columns, writing_columns
 from elliptude.thinning import Thinned
 
-_FIGURE, _SUMMARY = "estimate.png", "summary.json"
+_FIGURE, _SUMMARY, _DROPPED = "estimate.png", "summary.json", "dropped.csv"
 
 
 def estimate(
@@ -44,20 +44,33 @@ def estimate(
 ) -> None:
     """Estimate attitudes and their bounds from a log of measurements.
 
-    Writes a table of results, a figure and, last, summary.json. Where the configuration names a truth to compare with,
-    they say how far off the estimates are and how often the truth lies inside the set.
+    Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
+    measurement that was left out. Where the configuration names a truth to compare with, they say how far off the
+    estimates are and how often the truth lies inside the set.
     """
+    configuration = read_configuration(config)
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
+    if configuration.estimator.mode == "guaranteed":
+        files.insert(1, out / _DROPPED)
     for file in files:
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
-    configuration = read_configuration(config)
     with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
-    typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    _say(log, summary)
+    for file in files:
+        typer.echo(f"  {file}")
+
+
+def _say(log: Path, summary: dict[str, Any]) -> None:
+    """The summary's essence."""
+    if summary["mode"] == "guaranteed":
+        _say_of_guaranteed(log, summary)
+    else:
+        typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
@@ -67,8 +80,28 @@ def estimate(
         typer.echo(
             f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of updates"
         )
-    for file in files:
-        typer.echo(f"  {file}")
+
+
+def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
+    claims = summary["claim_share_of_rows"]
+    shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
+    typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    for sensor, rows in summary["contradicted_rows"].items():
+        what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
+        typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
+    if summary["dropped_measurements"]:
+        typer.echo(
+            f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
+        )
+    if summary["heading"] == "from the first row":
+        typer.echo("  nothing tells the heading: it counts from the first row")
+    for name, part in summary["sizes"].items():
+        means = part["half_width_reference_deg"]["mean"]
+        if means is not None:
+            tilt = part["tilt_bound_deg"]
+            said = ", ".join(f"{width:.3g}" for width in means)
+            up = "" if tilt is None else f", up within {tilt['mean']:.3g}"
+            typer.echo(f"  half-widths about the reference axes {said} degrees{up} (mean, {name.replace('_', ' ')})")
 
 
 def _estimate_pieces(
@@ -90,11 +123,13 @@ def _estimate_pieces(
             (out / _SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # sets that do not meet among them
         raise FileError(f"{log}: {error}") from error
-    truth = configuration.truth
+    if estimator.guaranteed is not None:
+        write_columns(out / _DROPPED, "dropped", estimator.guaranteed.dropped_columns())
     figures_of = summary.to_dict(
         configuration,
-        vector_is_compared=truth is not None and truth.vector_columns is not None,
+        vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
+        guaranteed=estimator.guaranteed,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

@@ -38,13 +38,15 @@ bounds that come from motion, is in ``docs/logs.md``.
 
 import math
 import os
-from typing import Annotated, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 import elliptude
-from elliptude import units
+from elliptude import bound_rules, units
+from elliptude.bound_rules import Rule
 from elliptude.models import (
     Bound,
     Column,
@@ -52,6 +54,7 @@ from elliptude.models import (
     Diagonal6,
     Matrix,
     Model,
+    NotNegative,
     NotNegativeBound,
     Positive,
     Quaternion,
@@ -60,6 +63,7 @@ from elliptude.models import (
     exactly_one,
     read_toml,
 )
+from elliptude.physical_bounds import GyroBounds
 from elliptude.results import FloatArray
 from elliptude.sensors import (
     Accelerometer,
@@ -124,11 +128,27 @@ class RigidBodyFlow(Model):
     potential: Annotated[FreeBody | UniformGravity | GravityGradient, Field(discriminator="kind")] = FreeBody()
     unknown_torque_n_m: NotNegativeBound = 0.0
     control_torque_columns: Columns | None = None
+    # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
+    # body, N m s, body axes, each row until its time.
+    inertia_error_kg_m2: NotNegative = 0.0
+    wheel_momentum_columns: Columns | None = None
 
     @model_validator(mode="after")
     def _is_a_body(self) -> Self:
         self.build()
         return self
+
+    def guaranteed(self) -> elliptude.GuaranteedRigidBodyFlow:
+        """The core's guaranteed flow."""
+        inertia = np.asarray(self.inertia_kg_m2)
+        body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
+        return elliptude.GuaranteedRigidBodyFlow(
+            body,
+            self.potential.build(body),
+            step=self.step_s,
+            unknown_torque=self.unknown_torque_n_m or None,
+            inertia_error=self.inertia_error_kg_m2,
+        )
 
     def build(self) -> elliptude.RigidBodyFlow:
         """The core's flow."""
@@ -151,11 +171,49 @@ class GyroFlow(Timed):
     # The rate over an interval is the mean of the samples at its ends, or (for a gyro that integrates) the first one.
     # Between its samples, at another sensor's stamp, it is on the straight line, or still the one before.
     interval_rate: Literal["mean_of_ends", "first_sample"] = "mean_of_ends"
-    noise_deg_per_s: Bound
+    noise_deg_per_s: Bound | None = None
     drift_deg_per_s2: NotNegativeBound = 0.0
+    # For the guaranteed mode.
+    # A bias that is known is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
+    # may be estimated where it moves no faster than the drift says (one that depends on the pose does).
+    known_bias_deg_per_s: Vector = (0.0, 0.0, 0.0)
+    bias_deg_per_s: NotNegative = 0.0
+    estimate_bias: bool = False
+    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
+    # How fast the rate changes between samples, where that is not part of the noise.
+    angular_acceleration_deg_per_s2: NotNegative = 0.0
+    # What the noise integrates to over any window; predictions span windows so long, each from an anchor.
+    increment_deg: Positive | None = None
+    anchor_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _predicts_over_windows(self) -> Self:
+        if self.increment_deg is not None and self.anchor_s is None:
+            raise ValueError("increment_deg needs anchor_s, the length of the windows that a prediction spans")
+        if self.anchor_s is not None and self.estimate_bias:
+            raise ValueError("estimate_bias does not go with anchor_s: over a window the bias is an error of the turn")
+        if self.anchor_s is not None and self.angular_acceleration_deg_per_s2:
+            raise ValueError("angular_acceleration_deg_per_s2 does not go with anchor_s: take it into the noise")
+        if self.anchor_s is not None and self.interval_rate != "mean_of_ends":
+            raise ValueError("anchor_s needs interval_rate = 'mean_of_ends'")
+        if self.estimate_bias and not self.bias_deg_per_s:
+            raise ValueError("estimate_bias needs bias_deg_per_s, the bound of the bias")
+        return self
+
+    def bounds(self) -> GyroBounds:
+        """What the gyro may be off, in SI units."""
+        assert self.noise_deg_per_s is not None  # the configuration's check
+        return GyroBounds(
+            noise=math.radians(self.noise_deg_per_s),
+            bias=math.radians(self.bias_deg_per_s),
+            drift=math.radians(self.drift_deg_per_s2),
+            scale_error=self.scale_error,
+            increment=math.inf if self.increment_deg is None else math.radians(self.increment_deg),
+        )
 
     def build(self) -> elliptude.GyroFlow:
         """The core's flow."""
+        assert self.noise_deg_per_s is not None  # the configuration's check
         return elliptude.GyroFlow(math.radians(self.noise_deg_per_s), math.radians(self.drift_deg_per_s2))
 
 
@@ -165,10 +223,35 @@ class GyroFlow(Timed):
 class Estimator(Model):
     """Which estimator, what it minimises, and what it does when sets do not meet."""
 
-    mode: Literal["paper", "first_order"] = "first_order"
+    mode: Literal["paper", "first_order", "guaranteed"] = "first_order"
+    # If left out: the volume in the guaranteed mode, the trace in the others.
     criterion: Literal["trace", "weighted_trace", "volume"] = "trace"
     weight_diagonal: Diagonal6 | None = None
     when_sets_do_not_meet: Literal["raise", "skip"] = "raise"
+    # Of the guaranteed mode.
+    policy: Literal["raise", "drop_measurement", "restart", "relaxed"] = "raise"
+    most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
+    regain_after: Annotated[int, Field(ge=1)] = 10
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_mode(cls, table: Any) -> Any:
+        if not isinstance(table, dict):
+            return table
+        guaranteed = table.get("mode") == "guaranteed"
+        others = ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after")
+        for key in others:
+            if key in table:
+                raise ValueError(
+                    f"{key} is not of mode = 'guaranteed'" if guaranteed else f"{key} needs mode = 'guaranteed'"
+                )
+        return {"criterion": "volume"} | table if guaranteed else table
+
+    @model_validator(mode="after")
+    def _tolerates_what_it_says(self) -> Self:
+        if (self.policy == "relaxed") != (self.most_wrong > 0):
+            raise ValueError("most_wrong, 1 or 2, belongs to policy = 'relaxed', which needs it")
+        return self
 
     @model_validator(mode="after")
     def _weighs_what_it_weighs(self) -> Self:
@@ -219,6 +302,43 @@ class FirstMeasurementStart(Model):
     bias_bound_deg_per_s: Bound | None = None
 
 
+_SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "axes", "at_rest"}
+
+
+class HandHeldRule(Model):
+    """The rule for a sensor in the hand."""
+
+    kind: Literal["hand_held"]
+    anchor_s: Positive | None = None
+
+    def rule(self) -> Rule:
+        """All that it says."""
+        return bound_rules.hand_held()
+
+
+class RuleFile(Model):
+    """A rule in a file of its own, which a relative name finds beside the configuration."""
+
+    kind: Literal["file"]
+    file: Column
+    anchor_s: Positive | None = None
+
+    def rule(self) -> Rule:
+        """All that it says."""
+        return bound_rules.read_rule(self.file)
+
+
+class StatedRule(Rule):
+    """A rule in the configuration itself."""
+
+    kind: Literal["stated"]
+    anchor_s: Positive | None = None
+
+    def rule(self) -> Rule:
+        """All that it says."""
+        return self
+
+
 class Configuration(Model):
     """An estimation."""
 
@@ -231,7 +351,10 @@ class Configuration(Model):
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
-    start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")]
+    # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
+    rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
+    # The guaranteed mode starts from nothing if it is left out.
+    start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")] | None = None
     estimator: Estimator = Estimator()
     truth: Truth | None = None
 
@@ -242,19 +365,62 @@ class Configuration(Model):
             raise ValueError("directions must have different names")
         if "rate" in names:
             raise ValueError("directions: the name 'rate' is that of the measured angular velocity")
+        if self.start is None and self.estimator.mode != "guaranteed":
+            raise ValueError("start: missing; the guaranteed mode alone needs none")
+        if self.estimator.mode == "guaranteed" and isinstance(self.start, FirstMeasurementStart):
+            raise ValueError(
+                "start.kind = 'first_measurement' is what the guaranteed mode does where start is left out; "
+                "flow.bias_deg_per_s bounds a gyro's bias"
+            )
+        if isinstance(self.flow, GyroFlow) and self.rate is not None:
+            raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
+        if not isinstance(self.start, FirstMeasurementStart):
+            return self
         if isinstance(self.flow, GyroFlow):
-            if self.rate is not None:
-                raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
-            if self.start.kind == "first_measurement" and self.start.bias_bound_deg_per_s is None:
+            if self.start.bias_bound_deg_per_s is None:
                 raise ValueError("start.bias_bound_deg_per_s is needed to start a gyro flow from the first measurement")
-        elif self.start.kind == "first_measurement":
-            if self.rate is None:
-                raise ValueError("start.kind = 'first_measurement' needs a rate beside the directions")
-            if self.start.bias_bound_deg_per_s is not None:
-                raise ValueError("start.bias_bound_deg_per_s belongs to flow.kind = 'gyro'")
-        if self.start.kind == "first_measurement" and len(self.directions) < 2:
+        elif self.rate is None:
+            raise ValueError("start.kind = 'first_measurement' needs a rate beside the directions")
+        elif self.start.bias_bound_deg_per_s is not None:
+            raise ValueError("start.bias_bound_deg_per_s belongs to flow.kind = 'gyro'")
+        if len(self.directions) < 2:
             raise ValueError("start.kind = 'first_measurement' needs two directions or more")
         return self
+
+    @model_validator(mode="after")
+    def _has_the_bounds_it_needs(self) -> Self:
+        if self.rule is not None:
+            self._require_what_a_rule_is_of()
+            return self
+        if isinstance(self.flow, GyroFlow) and self.flow.noise_deg_per_s is None:
+            raise ValueError("flow.noise_deg_per_s: missing")
+        for i, sensor in enumerate(self.directions):
+            try:
+                sensor.require_complete()
+            except ValueError as error:
+                raise ValueError(f"directions[{i}] ({sensor.name}): {error}") from error
+        return self
+
+    def _require_what_a_rule_is_of(self) -> None:
+        if self.estimator.mode != "guaranteed":
+            raise ValueError("rule needs estimator.mode = 'guaranteed'")
+        if self.start is not None:
+            raise ValueError("start: a rule says how a recording starts")
+        if self.reference_frame not in {None, "ENU"}:
+            raise ValueError("reference_frame: a rule's is ENU, with magnetic north where the recording starts")
+        given = self.flow.model_fields_set - _SAID_OF_A_RULES_SENSOR
+        if not isinstance(self.flow, GyroFlow) or given:
+            raise ValueError(
+                "flow: a rule is of a gyro, kind = 'gyro'"
+                if not isinstance(self.flow, GyroFlow)
+                else f"flow.{min(given)}: is for the rule to say"
+            )
+        kinds = sorted(sensor.kind for sensor in self.directions)
+        if kinds not in (["accelerometer"], ["accelerometer", "magnetometer"]):
+            raise ValueError("directions: a rule is of one accelerometer and, if there is one, one magnetometer")
+        for i, sensor in enumerate(self.directions):
+            if given := sensor.model_fields_set - _SAID_OF_A_RULES_SENSOR:
+                raise ValueError(f"directions[{i}].{min(given)}: is for the rule to say")
 
     @model_validator(mode="after")
     def _has_the_frame_it_needs(self) -> Self:
@@ -263,7 +429,11 @@ class Configuration(Model):
             by_gravity = isinstance(reference, RestPhase) and reference.attitude_qw_qx_qy_qz is None
             if by_gravity and self.accelerometer is None:
                 raise ValueError(f"directions[{i}]: a rest phase without an attitude needs an accelerometer")
-            on_earth = isinstance(sensor, Accelerometer) or isinstance(reference, WorldModel) or by_gravity
+            on_earth = (
+                (self.rule is None and isinstance(sensor, Accelerometer))
+                or isinstance(reference, WorldModel)
+                or by_gravity
+            )
             if on_earth and self.reference_frame not in {"ENU", "NED", "NWU"}:
                 raise ValueError(f"directions[{i}] ({sensor.name}) needs reference_frame = 'ENU', 'NED' or 'NWU'")
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
@@ -284,4 +454,9 @@ def read_configuration(path: str | os.PathLike[str]) -> Configuration:
     FileError
         If the file cannot be read, is not TOML, or does not fit; with the file and every key at fault.
     """
-    return read_toml(path, Configuration)
+    configuration = read_toml(path, Configuration)
+    if not isinstance(configuration.rule, RuleFile):
+        return configuration
+    beside = configuration.rule.model_copy(update={"file": str(Path(path).parent / configuration.rule.file)})
+    beside.rule()
+    return configuration.model_copy(update={"rule": beside})

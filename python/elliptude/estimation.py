@@ -6,6 +6,7 @@ The estimator sees the measurements alone. What the log knows of the truth is co
 import re
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,14 +16,14 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude import logs, tables
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
-from elliptude.logs import Log
-from elliptude.results import FilterLog, FloatArray
+from elliptude.containment import compare
+from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed, turned_to_start
+from elliptude.logs import Log, interval_rates
+from elliptude.results import CLAIMS, FilterLog
 from elliptude.summary import Summary
 from elliptude.tables import Results
 
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
-# rad/s; the squares of larger ones are no numbers for a small set.
-_LARGEST_ERROR = 1e50
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,8 @@ class Estimation:
     """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
     elapsed: float
     """What filter and bounds took, s."""
+    guaranteed: GuaranteedRun | None = None
+    """What the guaranteed mode did, in that mode."""
 
 
 def estimate(log: Log, configuration: Configuration) -> Estimation:
@@ -58,14 +61,19 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     """
     estimator = PieceEstimator(configuration)
     (results,) = estimator.run([log])
-    return Estimation(results=results, vector_is_compared=log.true_vectors is not None, elapsed=estimator.elapsed)
+    return Estimation(
+        results=results,
+        vector_is_compared=estimator.vector_is_compared,
+        elapsed=estimator.elapsed,
+        guaranteed=estimator.guaranteed,
+    )
 
 
 class PieceEstimator:
     """A filter that goes through a log piece by piece, so that memory does not grow with the log.
 
     What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other, what `estimate` makes of the
-    whole log.
+    whole log. The guaranteed mode puts them together first: its bounds are of windows, or follow from the whole log.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -74,6 +82,10 @@ class PieceEstimator:
         self._last: Log | None = None
         self.elapsed = 0.0
         """What filter and bounds took, s; reading is not in it."""
+        self.vector_is_compared = False
+        """As `Estimation` has it, of the rows so far."""
+        self.guaranteed: GuaranteedRun | None = None
+        """As `Estimation` has it, after the last row."""
 
     def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
         """Go through the pieces of a log.
@@ -93,14 +105,26 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
+        take = self._take
+        if self._configuration.estimator.mode == "guaranteed":
+            pieces, take = [logs.joined(list(pieces))], self._take_whole
+        has_started = False
         for piece in pieces:
             begin = time.perf_counter()
-            results = self._take(piece)
+            results = take(piece)
             self.elapsed += time.perf_counter() - begin
             if results is not None:
+                has_started = True
                 yield results
-        if self._filter is None:
+        if not has_started:
             raise _no_start(self._configuration)
+
+    def _take_whole(self, log: Log) -> Results | None:
+        """The results of all rows, in the guaranteed mode."""
+        with _placed(log):
+            self.guaranteed = run_guaranteed(log, self._configuration)
+        self.vector_is_compared = log.true_vectors is not None and _truth_error(self._configuration) == 0.0
+        return _guaranteed_results(self.guaranteed, self._configuration)
 
     def _take(self, log: Log) -> Results | None:
         """The next rows' results, or None before the start."""
@@ -132,7 +156,12 @@ class PieceEstimator:
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
+        self.vector_is_compared = log.true_vectors is not None and _truth_error(configuration) == 0.0
         return _results(log, configuration, filtered, starts_here)
+
+
+def _truth_error(configuration: Configuration) -> float:
+    return 0.0 if configuration.truth is None else float(np.deg2rad(configuration.truth.error_deg))
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
@@ -164,26 +193,23 @@ def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Con
         arguments |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
     if log.control_torques is not None:
         arguments["control_torque"] = log.control_torques
-    try:
+    with _placed(log):
         return attitude_filter.run(log.times, **arguments)
+
+
+@contextmanager
+def _placed(log: Log) -> Iterator[None]:
+    """Errors within it have the place in the file in their messages, instead of the row of the arrays."""
+
+    def message(error: ValueError) -> str:
+        return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
+
+    try:
+        yield
     except elliptude.InconsistentMeasurement as error:
-        raise elliptude.InconsistentMeasurement(
-            _with_place(error, log), error.margin, error.time, error.sensor
-        ) from error
+        raise elliptude.InconsistentMeasurement(message(error), error.margin, error.time, error.sensor) from error
     except ValueError as error:
-        raise ValueError(_with_place(error, log)) from error
-
-
-def _with_place(error: ValueError, log: Log) -> str:
-    """The message with the place in the file, where it has the row of the arrays."""
-    return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
-
-
-def interval_rates(samples: FloatArray) -> FloatArray:
-    """The rate from each sample to the next as the mean of the two, shape (N, 3); nothing follows the last one."""
-    rates = samples.copy()
-    rates[:-1] = 0.5 * (samples[:-1] + samples[1:])
-    return rates
+        raise ValueError(message(error)) from error
 
 
 def first_complete_row(log: Log, configuration: Configuration) -> int:
@@ -219,6 +245,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     start = configuration.start
     if isinstance(start, GivenStart):
         return start.build()
+    assert start is not None  # the configuration's check
     sensors = configuration.directions
     there = np.flatnonzero(np.isfinite(log.directions[0, :, 0]))
     directions, references = log.directions[0, there], log.references[0, there]
@@ -236,17 +263,14 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
 
 
 def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
-    names = [sensor.name for sensor in configuration.directions]
-    present = np.isfinite(log.directions[:, :, 0])
-    if not isinstance(configuration.flow, GyroFlow):
-        names.append("rate")
-        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        present = np.column_stack([present, rate_present])
+    names, present = _measured(
+        log, configuration, [sensor.name for sensor in configuration.directions], np.isfinite(log.directions[:, :, 0])
+    )
     refused = filtered.outcomes == _REFUSED
     shares = np.where(filtered.outcomes == _UPDATED, filtered.shares, np.nan)
     if starts_here:
         shares[0] = 0.0
-    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors)
+    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, _truth_error(configuration))
     return Results(
         times=filtered.times,
         quaternions=tables.quaternions_from_attitudes(filtered.attitudes),
@@ -264,6 +288,46 @@ def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts
     )
 
 
+def _guaranteed_results(run: GuaranteedRun, configuration: Configuration) -> Results:
+    log, guaranteed = run.measured, run.log
+    names, present = _measured(log, configuration, list(run.rows.names), run.rows.angles < np.pi)
+    dropped = guaranteed.dropped[:, : len(names)]
+    true_attitudes = log.true_attitudes
+    if run.starts_heading and true_attitudes is not None:
+        true_attitudes = turned_to_start(true_attitudes, run)
+    errors, forms = compare(guaranteed, true_attitudes, log.true_vectors, _truth_error(configuration))
+    shapes = guaranteed.shapes_exponential()
+    return Results(
+        times=guaranteed.times,
+        quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
+        vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
+        vectors=guaranteed.vectors,
+        shapes=shapes,
+        half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
+        largest_angles=guaranteed.extents().largest_angles,
+        used=_names(names, present & ~dropped),
+        refused=[""] * len(log.times),
+        shares=np.full(len(log.times), np.nan),
+        margins=guaranteed.margins,
+        errors=errors,
+        forms=forms,
+        claims=[CLAIMS[claim] for claim in guaranteed.claims],
+        prediction_used=np.where(np.isfinite(shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
+        dropped=_names(names, present & dropped),
+        tilt_bounds=run.tilt_bounds,
+    )
+
+
+def _measured(
+    log: Log, configuration: Configuration, names: list[str], present: NDArray[np.bool_]
+) -> tuple[list[str], NDArray[np.bool_]]:
+    """The names of what is measured, and where: of the directions as given, and of a rate that is not the gyro's."""
+    if isinstance(configuration.flow, GyroFlow):
+        return names, present
+    rate = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
+    return [*names, "rate"], np.column_stack([present, rate])
+
+
 def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
     """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
     codes = np.zeros(len(chosen), dtype=np.intp)
@@ -275,50 +339,13 @@ def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
     return [texts[code] for code in codes.tolist()]
 
 
-def compare(
-    filtered: FilterLog, true_attitudes: FloatArray | None, true_vectors: FloatArray | None
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """How far the truth is from the estimates, and where in their sets.
-
-    Parameters
-    ----------
-    filtered : FilterLog
-        Of N rows.
-    true_attitudes : (N, 3, 3) array, optional
-    true_vectors : (N, 3) array, optional
-        Angular velocities or gyro biases.
-
-    Returns
-    -------
-    errors : (N, 6) array
-        [ζ; δ], rad and rad/s; NaN where there is nothing to compare with. None without true attitudes.
-    forms : (N,) array
-        [ζ; δ]ᵀ P⁻¹ [ζ; δ], or ζᵀ P_ζζ⁻¹ ζ where δ is not known: at most 1 in the set, or in its projection on attitude.
-    """
-    if true_attitudes is None:
-        return None, None
-    count = len(filtered.times)
-    errors = np.full((count, 6), np.nan)
-    known = np.isfinite(true_attitudes[:, 0, 0])
-    errors[known, :3] = elliptude.log(filtered.attitudes[known].swapaxes(1, 2) @ true_attitudes[known])
-    if true_vectors is not None:
-        errors[:, 3:] = true_vectors - filtered.vectors
-    forms = np.full(count, np.nan)
-    if np.nanmax(np.abs(errors), initial=0.0) > _LARGEST_ERROR:
-        row = np.argmax((np.abs(errors) > _LARGEST_ERROR).any(axis=1))
-        raise ValueError(
-            f"what the estimate is compared with is {np.nanmax(np.abs(errors[row])):.3g} rad/s off at "
-            f"{filtered.times[row]:.6f} s, more than {_LARGEST_ERROR:g} rad/s"
-        )
-    whole = known & np.isfinite(errors[:, 3])
-    for rows, size in ((whole, 6), (known & ~whole, 3)):
-        offsets = errors[rows, :size, None]
-        forms[rows] = (offsets * np.linalg.solve(filtered.shapes[rows, :size, :size], offsets)).sum(axis=(1, 2))
-    return errors, forms
-
-
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
     """Figures of an estimation for ``summary.json``: see `elliptude.summary`."""
     summary = Summary()
     summary.add(estimation.results)
-    return summary.to_dict(configuration, vector_is_compared=estimation.vector_is_compared, elapsed=estimation.elapsed)
+    return summary.to_dict(
+        configuration,
+        vector_is_compared=estimation.vector_is_compared,
+        elapsed=estimation.elapsed,
+        guaranteed=estimation.guaranteed,
+    )

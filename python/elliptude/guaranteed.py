@@ -74,6 +74,7 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             "most_wrong": self.most_wrong,
             "regain_after": self.regain_after,
             "vector_bound": _pair_to_lists(self.vector_bound),
+            "estimate_vector": self.estimate_vector,
             "ellipsoid": None if self.ellipsoid is None else self.ellipsoid.to_dict(),
             "vector": _pair_to_lists(self._vector),
             "rests_on_drops": self._rests_on_drops,
@@ -106,6 +107,7 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
                 most_wrong=fields["most_wrong"],
                 regain_after=fields["regain_after"],
                 vector_bound=None if bound is None else tuple(bound),
+                estimate_vector=fields["estimate_vector"],
             )
             stored._resume(
                 None if ellipsoid is None else _core.StateEllipsoid.from_dict(ellipsoid),
@@ -142,5 +144,6 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             most_wrong=other.most_wrong,
             regain_after=other.regain_after,
             vector_bound=other.vector_bound,
+            estimate_vector=other.estimate_vector,
         )
         self._resume(other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates)

@@ -53,6 +53,8 @@ class Log:
     """Measured angular velocities (rigid body) or gyro samples (gyro flow), rad/s, body axes, shape (N, 3)."""
     control_torques: FloatArray | None = None
     """N m, body axes, row k acting until times[k], shape (N, 3)."""
+    wheel_momenta: FloatArray | None = None
+    """Angular momentum of wheels within the body, N m s, body axes, row k until times[k], shape (N, 3)."""
     true_attitudes: FloatArray | None = None
     """From body to reference axes, shape (N, 3, 3)."""
     true_vectors: FloatArray | None = None
@@ -72,11 +74,14 @@ class Log:
 
     def place(self, k: int) -> str:
         """Where row k is, for a message: "line 812" of the file if that is known, and the time."""
-        at = f"{self.times[k]:.6f} s"
-        if self.file is None or self.rows is None or self.rows[k] < 0:
-            return at
-        place = self.file.place_of_row(int(self.rows[k]))
+        at, place = f"{self.times[k]:.6f} s", self.place_in_file(k)
         return f"{place} ({at})" if place else at
+
+    def place_in_file(self, k: int) -> str:
+        """Which line or row of the file, "line 812", or nothing where that is not known."""
+        if self.file is None or self.rows is None or self.rows[k] < 0:
+            return ""
+        return self.file.place_of_row(int(self.rows[k])) or ""
 
 
 def log_of(measurements: Measurements) -> Log:
@@ -164,7 +169,14 @@ def ahead(pieces: Iterator[Log]) -> Iterator[Log]:
 
 
 def _filled(configuration: Configuration) -> str:
-    return "the gyro" if isinstance(configuration.flow, GyroFlow) else "the control torque"
+    return "the gyro" if isinstance(configuration.flow, GyroFlow) else "the control torque or the wheel momentum"
+
+
+def interval_rates(samples: FloatArray) -> FloatArray:
+    """The rate from each sample to the next as the mean of the two, shape (N, 3); nothing follows the last one."""
+    rates = samples.copy()
+    rates[:-1] = 0.5 * (samples[:-1] + samples[1:])
+    return rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +184,7 @@ class Samples:
     """What one sensor measured, before sensors are put into rows together."""
 
     name: str
-    """Of a direction; else "the gyro", "rate", "the control torque", "true attitude" or "true vector"."""
+    """Of a direction; else as `sensor_names` has it."""
     rows: int
     """How many the file has, empty ones among them."""
     times: FloatArray
@@ -188,6 +200,7 @@ def sensor_names(configuration: Configuration) -> list[str]:
     flow, truth = configuration.flow, configuration.truth
     names = ["the gyro"] if isinstance(flow, GyroFlow) else []
     names += ["the control torque"] if not isinstance(flow, GyroFlow) and flow.control_torque_columns else []
+    names += ["the wheel momentum"] if not isinstance(flow, GyroFlow) and flow.wheel_momentum_columns else []
     names += [sensor.name for sensor in configuration.directions]
     names += ["rate"] if configuration.rate is not None else []
     names += ["true attitude"] if truth is not None else []
@@ -276,8 +289,13 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
     if isinstance(flow, GyroFlow):
         fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
         add(flow, Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
-    elif flow.control_torque_columns is not None:
-        add(None, Channel("the control torque", flow.control_torque_columns, lambda values: values, "next"))
+    else:
+        for name, columns in (
+            ("the control torque", flow.control_torque_columns),
+            ("the wheel momentum", flow.wheel_momentum_columns),
+        ):
+            if columns is not None:
+                add(None, Channel(name, columns, lambda values: values, "next"))
     for sensor in configuration.directions:
         scale = 1.0
         moving: tuple[str, ...] = ()
@@ -346,6 +364,7 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         references=vectors,
         rates=rates,
         control_torques=values.get("the control torque"),
+        wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),
         origin=piece.origin,
         rows=piece.rows,
@@ -374,6 +393,8 @@ def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> Flo
 def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> FloatArray | None:
     """The reference vector (3,) of a direction sensor, if it does not move, with the length that belongs to it."""
     sensor, frame = configuration.directions[i], configuration.reference_frame
+    if configuration.rule is not None:  # only that it stands still is of use: the rule finds the field's direction
+        return np.array([0.0, 0.0, 1.0])
     if isinstance(sensor, Accelerometer):
         return sensor.gravity_m_per_s2 * references.up(frame)
     if isinstance(sensor, Direction):

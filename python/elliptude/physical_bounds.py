@@ -263,6 +263,7 @@ class GyroBounds:
             raise ValueError(f"duration must be positive and finite, not {duration}")
         anchors = np.zeros(len(stamps), dtype=np.intp)
         mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
+        angles = np.zeros(len(stamps))
         anchor = 0
         while anchor < len(stamps) - 1:
             following = int(np.searchsorted(stamps, stamps[anchor] + duration * (1.0 + 1e-9), side="right")) - 1
@@ -279,11 +280,11 @@ class GyroBounds:
             # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
             half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
             rows = slice(anchor + 1, piece.stop)
-            anchors[rows] = anchor
+            anchors[rows], angles[rows] = anchor, errors[1:]
             mean_rates[rows] = turns[1:] / spans[1:, None]
             noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
             anchor = piece.stop - 1
-        return AnchoredTurns(anchors, mean_rates, noise)
+        return AnchoredTurns(anchors, mean_rates, noise, angles)
 
     def _angle_with_one_matrix(
         self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
@@ -322,6 +323,8 @@ class AnchoredTurns:
     """The constant rate that turns the anchor's attitude into the row's, rad/s, shape (N, 3), at most pi in all."""
     noise: FloatArray
     """Bound of that rate's error, bias included, rad/s, shape (N,); enormous where the turn may be a whole one."""
+    angles: FloatArray
+    """Bound of the angle between this turn and the true one, rad, shape (N,)."""
 
 
 @dataclass(frozen=True)

@@ -208,12 +208,27 @@ class DirectionBase(Timed):
     bound_deg: Angle | None = None
     bound_rad2: Matrix | None = None
     bound_from: AngleBound | AccelerationBound | VelocityWindowBound | FieldBound | None = None
+    # How far the reference direction and the sensor's axes may be off: they add to the bound.
+    reference_error_deg: NotNegative = 0.0
+    alignment_error_deg: NotNegative = 0.0
     weight: Positive = 1.0
 
     @model_validator(mode="after")
-    def _has_a_bound(self) -> Self:
-        exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
+    def _has_one_bound(self) -> Self:
+        if any(getattr(self, key) is not None for key in ("bound_deg", "bound_rad2", "bound_from")):
+            exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
+        if self.bound_rad2 is not None and self.added_angle:
+            raise ValueError("reference_error_deg and alignment_error_deg add to an angle, not to bound_rad2")
         return self
+
+    @property
+    def added_angle(self) -> float:
+        """What errors of reference and alignment add to the bound, rad."""
+        return math.radians(self.reference_error_deg + self.alignment_error_deg)
+
+    def require_complete(self) -> None:
+        """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""
+        exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
 
     def bound(self) -> FloatArray:
         """The shape (3, 3) of its error ellipsoid, rad², where it is the same for every sample.
@@ -230,7 +245,7 @@ class DirectionBase(Timed):
             assert self.bound_from is not None
             why = f"its bound of kind {self.bound_from.kind!r} is another at each sample, which this mode does not take"
             raise ValueError(f"{self.name!r}: {why}; give bound_deg or bound_rad2")
-        return np.eye(3) * math.radians(angle_deg) ** 2
+        return np.eye(3) * (math.radians(angle_deg) + self.added_angle) ** 2
 
 
 class Direction(DirectionBase):
@@ -272,9 +287,15 @@ class Magnetometer(DirectionBase):
     bound_from: Annotated[AngleBound | FieldBound, Field(discriminator="kind")] | None = None
 
     @model_validator(mode="after")
-    def _has_a_reference(self) -> Self:
-        exactly_one(self, "reference", "reference_ut")
+    def _has_one_reference(self) -> Self:
+        if self.reference is not None or self.reference_ut is not None:
+            exactly_one(self, "reference", "reference_ut")
         return self
+
+    def require_complete(self) -> None:
+        """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""
+        super().require_complete()
+        exactly_one(self, "reference", "reference_ut")
 
 
 def _direction_kind(table: Any) -> str:
@@ -320,3 +341,5 @@ class Truth(Timed):
     vector_columns: Columns | None = None
     vector_unit: units.AngularVelocityUnit = "rad/s"
     label: str = "truth"
+    # How far it may itself be off: it counts as inside where an attitude so near to it is.
+    error_deg: NotNegative = 0.0

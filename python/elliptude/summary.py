@@ -4,6 +4,7 @@ Shares and errors are over the rows with an update, as what holds between them i
 """
 
 import platform
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude import tables
 from elliptude.configuration import Configuration
-from elliptude.results import FloatArray
+from elliptude.guaranteed_run import GuaranteedRun
+from elliptude.results import CLAIMS, FloatArray
 from elliptude.tables import Results
 
 SETTLED_UPDATE = 6
@@ -32,6 +34,7 @@ class Summary:
         self._is_compared = False
         self._inside_updates = _Share()
         self._inside_rows = _Share()
+        self._inside_unconditional = _Share()
         self._largest_form = -np.inf
 
     @property
@@ -42,7 +45,7 @@ class Summary:
     def add(self, results: Results) -> None:
         """Take the next rows into account."""
         updated = np.array([bool(names) for names in results.used], dtype=np.bool_)
-        rows = np.flatnonzero(updated)
+        rows = np.flatnonzero(updated & np.isfinite(results.largest_angles))
         settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
         self._vector = results.vector
         self._rows += len(results.times)
@@ -58,8 +61,17 @@ class Summary:
         self._inside_updates.add(results.forms[rows])
         self._inside_rows.add(results.forms)
         self._largest_form = float(np.fmax.reduce(results.forms, initial=self._largest_form))
+        if results.claims is not None:
+            self._inside_unconditional.add(results.forms[np.array(results.claims) == "unconditional"])
 
-    def to_dict(self, configuration: Configuration, *, vector_is_compared: bool, elapsed: float) -> dict[str, Any]:
+    def to_dict(
+        self,
+        configuration: Configuration,
+        *,
+        vector_is_compared: bool,
+        elapsed: float,
+        guaranteed: GuaranteedRun | None = None,
+    ) -> dict[str, Any]:
         """For ``summary.json``; None for what is not known.
 
         Parameters
@@ -69,6 +81,8 @@ class Summary:
             Whether forms are of [ζ; δω], or of ζ alone.
         elapsed : float
             What the filter took, s.
+        guaranteed : GuaranteedRun, optional
+            What the results are of, in the guaranteed mode.
 
         Returns
         -------
@@ -103,7 +117,54 @@ class Summary:
                 "inside_share_of_rows": self._inside_rows.value(),
                 "largest_form": self._largest_form if np.isfinite(self._largest_form) else None,
             }
+        if guaranteed is not None:
+            summary |= {"policy": configuration.estimator.policy} | _of_guaranteed(guaranteed)
+            if self._is_compared:
+                summary |= {
+                    "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
+                    "compared_unconditional_rows": self._inside_unconditional.known,
+                }
         return summary
+
+
+def _of_guaranteed(run: GuaranteedRun) -> dict[str, Any]:
+    """What its sets rest on, how large they are, and what was left out."""
+    half_widths = np.rad2deg(run.log.extents().half_widths_reference)
+    has_set = np.isfinite(half_widths[:, 0])
+    parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
+    if run.resting is not None:
+        parts |= {"at_rest": run.resting, "moving": ~run.resting}
+
+    def sizes(rows: NDArray[np.bool_]) -> dict[str, Any]:
+        chosen = rows & has_set
+        some, any_is = half_widths[chosen], bool(chosen.any())
+        return {
+            "rows": int(rows.sum()),
+            "with_set": len(some),
+            "half_width_reference_deg": {
+                "mean": some.mean(axis=0).tolist() if any_is else None,
+                "median": np.median(some, axis=0).tolist() if any_is else None,
+            },
+            "tilt_bound_deg": None if run.tilt_bounds is None else _centers(np.rad2deg(run.tilt_bounds[chosen])),
+        }
+
+    return {
+        "claim_share_of_rows": {name: float(np.mean(run.log.claims == i)) for i, name in enumerate(CLAIMS)},
+        "set_share_of_rows": float(has_set.mean()),
+        "prediction_used_share_of_sets": float(run.log.prediction_used[has_set].mean()) if has_set.any() else None,
+        "sizes": {name: sizes(rows) for name, rows in parts.items()},
+        "heading": "from the first row" if run.starts_heading else "as referenced",
+        "dropped_measurements": int(run.log.dropped.sum()),
+        "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
+        "void": list(run.rows.void),
+    }
+
+
+def _centers(values: FloatArray) -> dict[str, float] | None:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    return {"mean": float(values.mean()), "median": float(np.median(values)), "max": float(values.max())}
 
 
 class _Mean:
@@ -151,12 +212,12 @@ class _Share:
     """How many of the known forms are at most 1."""
 
     def __init__(self) -> None:
-        self._inside = self._known = 0
+        self._inside = self.known = 0
 
     def add(self, forms: FloatArray) -> None:
         known = forms[np.isfinite(forms)]
-        self._known += len(known)
+        self.known += len(known)
         self._inside += int((known <= 1.0).sum())
 
     def value(self) -> float | None:
-        return self._inside / self._known if self._known else None
+        return self._inside / self.known if self.known else None

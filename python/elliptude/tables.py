@@ -27,7 +27,7 @@ from elliptude.results import FloatArray
 VERSION = 1
 """Of the format. A reader takes this version and older ones; a new column does not make a new version."""
 
-Kind: TypeAlias = Literal["measurements", "results"]
+Kind: TypeAlias = Literal["measurements", "results", "dropped"]
 VectorName: TypeAlias = Literal["rate", "bias"]
 Column: TypeAlias = FloatArray | Sequence[str]
 
@@ -132,7 +132,10 @@ class Measurements:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side."""
+    """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side.
+
+    The guaranteed mode says more of each row; there numbers are NaN where no set is known.
+    """
 
     times: FloatArray
     """s, strictly increasing, shape (N,)."""
@@ -160,10 +163,18 @@ class Results:
     """[ζ; δω] or [ζ; δβ] of the truth from the estimate, rad and rad/s, NaN where it is not known, shape (N, 6)."""
     forms: FloatArray | None = None
     """[ζ; δω]ᵀ P⁻¹ [ζ; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
+    claims: Sequence[str] | None = None
+    """What each set rests on: "unconditional", "conditional" or "none"; in the guaranteed mode, as the next three."""
+    prediction_used: FloatArray | None = None
+    """1 where the prediction went into the set, 0 where it did not, shape (N,)."""
+    dropped: Sequence[str] | None = None
+    """The sensors that were left out or proved wrong, with a space between their names."""
+    tilt_bounds: FloatArray | None = None
+    """Bound of the angle between estimated and true up, rad, shape (N,); None where up is not known."""
 
     @property
     def attitudes(self) -> FloatArray:
-        """From body to reference axes, shape (N, 3, 3)."""
+        """From body to reference axes, NaN where they are not known, shape (N, 3, 3)."""
         return attitudes_from_quaternions(self.quaternions)
 
     def write(self, path: str | os.PathLike[str]) -> None:
@@ -198,6 +209,10 @@ class Results:
         }
         _add(columns, _per_axis("error", vector), self.errors)
         _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
+        if self.claims is not None and self.dropped is not None:
+            columns |= {"claim": self.claims, "dropped": self.dropped}
+        for name, values in (("prediction_used", self.prediction_used), ("tilt_bound", self.tilt_bounds)):
+            _add(columns, (name,), None if values is None else values[:, None])
         return columns
 
     @classmethod
@@ -221,12 +236,15 @@ class Results:
         names = column_names(path, "results")
         vector: VectorName = "bias" if "bias_x" in names else "rate"
         half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
-        with_errors, with_forms = errors[0] in names, "form" in names
+        with_errors = errors[0] in names
+        estimates = (*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle")
+        guaranteed = "claim" in names
+        further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
         columns = read_columns(
             path,
-            numbers=(*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle"),
-            optional=[("share",), ("margin",)] + [errors] * with_errors + [("form",)] * with_forms,
-            texts=("used", "refused"),
+            numbers=() if guaranteed else estimates,
+            optional=[("share",), ("margin",)] + [errors] * with_errors + further + [estimates] * guaranteed,
+            texts=("used", "refused", *(("claim", "dropped") if guaranteed else ())),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))
         shapes[:, *_UPPER] = _stack(columns, _SHAPE)
@@ -244,18 +262,30 @@ class Results:
             shares=columns["share"],
             margins=columns["margin"],
             errors=_stack(columns, errors) if with_errors else None,
-            forms=columns["form"] if with_forms else None,
+            forms=columns.get("form"),
+            claims=tuple(columns["claim"]) if guaranteed else None,
+            prediction_used=columns.get("prediction_used"),
+            dropped=tuple(columns["dropped"]) if guaranteed else None,
+            tilt_bounds=columns.get("tilt_bound"),
         )
 
 
 def quaternions_from_attitudes(attitudes: FloatArray) -> FloatArray:
-    """(qw, qx, qy, qz) with qw ≥ 0, shape (N, 4), of rotations of shape (N, 3, 3)."""
-    return np.asarray(Rotation.from_matrix(attitudes).as_quat(canonical=True, scalar_first=True), dtype=np.float64)
+    """(qw, qx, qy, qz) with qw ≥ 0, shape (N, 4), of rotations of shape (N, 3, 3); NaN where they are."""
+    known = np.isfinite(attitudes[:, 0, 0])
+    quaternions = np.full((len(attitudes), 4), np.nan)
+    if known.any():
+        quaternions[known] = Rotation.from_matrix(attitudes[known]).as_quat(canonical=True, scalar_first=True)
+    return quaternions
 
 
 def attitudes_from_quaternions(quaternions: FloatArray) -> FloatArray:
-    """Rotations, shape (N, 3, 3), of (qw, qx, qy, qz), shape (N, 4)."""
-    return np.asarray(Rotation.from_quat(quaternions, scalar_first=True).as_matrix(), dtype=np.float64)
+    """Rotations, shape (N, 3, 3), of (qw, qx, qy, qz), shape (N, 4); NaN where they are."""
+    known = np.isfinite(quaternions[:, 0])
+    attitudes = np.full((len(quaternions), 3, 3), np.nan)
+    if known.any():
+        attitudes[known] = Rotation.from_quat(quaternions[known], scalar_first=True).as_matrix()
+    return attitudes
 
 
 def measured(sensor: str) -> tuple[str, str, str]:
@@ -294,7 +324,7 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
     ----------
     path : path-like
         Ends in ``.csv`` or ``.parquet``.
-    kind : {"measurements", "results"}
+    kind : {"measurements", "results", "dropped"}
         Written into the file, with the version of the format.
     columns : mapping of str to array of shape (N,), or to N texts
         NaN becomes an empty cell. Texts hold no comma, quote or line break.

@@ -77,6 +77,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     /// After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the
     /// measurements of that moment alone, if they bound one.
     int regain_after = 10;
+    /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`, which is all
+    /// that is ever known of it, and the attitude is fused by itself: its sets are smaller, as no part of a sum of constraints
+    /// has to bound the bias. (theory, section 16.7)
+    bool estimates_vector = true;
   };
 
   /// A filter that knows nothing at `time`.
@@ -86,7 +90,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
-    if (settings.most_wrong < 0 || settings.most_wrong > 2 || settings.regain_after < 1) {
+    if (settings.most_wrong < 0 || settings.most_wrong > 2 || settings.regain_after < 1 ||
+        (measures_rate && !settings.estimates_vector)) {
       return Status::out_of_range;
     }
     if (const Status status = validate(settings.criterion); status != Status::ok) {
@@ -374,6 +379,9 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; what `validate` says.
   [[nodiscard]] Status solve(const Measurements<Scalar>& measurements, Sensors selected, bool with_prediction,
                              Solution& solution) const noexcept {
+    if (!settings_.estimates_vector) {
+      return solve_attitude(measurements, selected, with_prediction, solution);
+    }
     std::array<Quadric<Scalar, 6>, most_quadrics> quadrics;
     std::size_t count = 0;
     if (with_prediction) {
@@ -422,6 +430,62 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         with_prediction && status == Status::ok &&
         (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > scalar::constant<Scalar>(1e-6L));
     return status;
+  }
+
+  /// As `solve`, of the attitude alone: the vector is in its bound. The state is in the product of both sets, and so in
+  /// (1 − s) γᵀP⁻¹γ + s δᵀV⁻¹δ ≤ 1, whose attitudes are larger by no more than s.
+  [[nodiscard]] Status solve_attitude(const Measurements<Scalar>& measurements, Sensors selected, bool with_prediction,
+                                      Solution& solution) const noexcept {
+    if (!bounds_vector_) {
+      return Status::unbounded;
+    }
+    if (with_prediction) {
+      solution.center = set_.center;
+    } else if (const Status status = measured_center(measurements, solution.center); status != Status::ok) {
+      return checked(measurements, status);
+    }
+    const Matrix3<Scalar>& attitude = solution.center.attitude;
+    std::array<Quadric<Scalar, 3>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+      if ((selected & direction_bit(i)) != 0) {
+        if (const Status status = cone(attitude, measurements.directions[i], quadrics[count]); status != Status::ok) {
+          return status;
+        }
+        ++count;
+      }
+    }
+    if ((selected & attitude_bit) != 0) {
+      if (const Status status = to_quadric(attitude, *measurements.attitude, quadrics[count]); status != Status::ok) {
+        return status;
+      }
+      ++count;
+    }
+    const Ellipsoid<Scalar, 3> predicted{Vector3<Scalar>::Zero(), set_.shape.template topLeftCorner<3, 3>()};
+    const SizeCriterion<Scalar, 3> criterion{
+        settings_.criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume ? SizeCriterion<Scalar, 3>::Kind::volume
+                                                                           : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
+        settings_.criterion.weight.template topLeftCorner<3, 3>()};
+    QuadricFusion<Scalar, 3> fusion;
+    fusion.contradiction = QuadricFusion<Scalar, 3>::none;
+    const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, fusion);
+    solution.fusion.margin = fusion.margin;
+    solution.fusion.contradiction = fusion.contradiction;
+    if (status != Status::ok) {
+      return status;
+    }
+    const Scalar share = scalar::constant<Scalar>(1e-6L);
+    const Vector3<Scalar> offset = vector_bound_.center - vector_part(solution.center);
+    solution.fusion.set.center << fusion.set.center, offset;
+    solution.fusion.set.shape.setZero();
+    solution.fusion.set.shape.template topLeftCorner<3, 3>() = (Scalar(1) / (Scalar(1) - share)) * fusion.set.shape;
+    solution.fusion.set.shape.template bottomRightCorner<3, 3>() = (Scalar(1) / share) * vector_bound_.shape;
+    solution.fusion.multipliers = fusion.multipliers;
+    solution.fusion.predicted_multiplier = fusion.predicted_multiplier;
+    solution.fusion.prediction_alone = false;  // what is left of correlations with the vector goes, too
+    solution.used_prediction =
+        with_prediction && (fusion.prediction_alone || fusion.predicted_multiplier > scalar::constant<Scalar>(1e-6L));
+    return Status::ok;
   }
 
   /// Measurements that are not valid are refused also where they would not have been used.
