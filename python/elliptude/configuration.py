@@ -398,7 +398,7 @@ class Configuration(Model):
             try:
                 sensor.require_complete()
             except ValueError as error:
-                raise ValueError(f"directions[{i}] ({sensor.name}): {error}") from error
+                raise ValueError(f"directions[{i}]: {error}") from error
         return self
 
     def _require_what_a_rule_is_of(self) -> None:
