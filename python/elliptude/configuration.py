@@ -365,6 +365,8 @@ class Configuration(Model):
             raise ValueError("directions must have different names")
         if "rate" in names:
             raise ValueError("directions: the name 'rate' is that of the measured angular velocity")
+        if self.rule is not None and self.estimator.mode != "guaranteed":
+            raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is None and self.estimator.mode != "guaranteed":
             raise ValueError("start: missing; the guaranteed mode alone needs none")
         if self.estimator.mode == "guaranteed" and isinstance(self.start, FirstMeasurementStart):
@@ -402,8 +404,6 @@ class Configuration(Model):
         return self
 
     def _require_what_a_rule_is_of(self) -> None:
-        if self.estimator.mode != "guaranteed":
-            raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is not None:
             raise ValueError("start: a rule says how a recording starts")
         if self.reference_frame not in {None, "ENU"}:

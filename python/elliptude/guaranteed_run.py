@@ -19,6 +19,8 @@ CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
 _NO_BIAS = 1e-9
 # s of a clock of its own, on which a known turn takes no time; a power of two, so that products with it are exact.
 _INSTANT = 2.0**-30
+# rad; a bound so near to half a turn says next to nothing.
+_NEXT_TO_NOTHING = 0.75 * np.pi
 # Of a turn that is integrated over n steps, rad: rounding in each.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
@@ -252,7 +254,7 @@ def _run_from_anchors(
     rotation_vectors = turns.rates * spans[:, None]
     angles = turns.angles + _ROUNDING * steps
     flow = elliptude.GuaranteedGyroFlow(1.0)
-    measured = rows.angles < np.pi
+    measured = rows.angles < _NEXT_TO_NOTHING
     result = GuaranteedLog(
         times=log.times,
         attitudes=np.full((count, 3, 3), np.nan),

@@ -236,7 +236,7 @@ class Results:
         columns = read_columns(
             path,
             numbers=() if guaranteed else estimates,
-            optional=[("share",), ("margin",)] + [errors] * with_errors + further + [estimates] * guaranteed,
+            optional=[("share",), ("margin",)] + [errors[:3], errors[3:]] * with_errors + further + [estimates] * guaranteed,
             texts=("used", "refused", *(("claim", "dropped") if guaranteed else ())),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))

@@ -134,7 +134,7 @@ def test_reference_and_alignment_errors_add_to_the_bound():
     log = gyro_log(bound=0.05, noise=0.001)
     flow = {"noise_deg_per_s": np.rad2deg(0.001)}
     base = configured(flow, bound=0.02)
-    tables = base.model_dump(exclude_unset=True)
+    tables = base.model_dump(mode="json", exclude_unset=True)
     for sensor in tables["directions"]:
         sensor |= {"reference_error_deg": np.rad2deg(0.01), "alignment_error_deg": np.rad2deg(0.021)}
     enough = Configuration.model_validate(tables)
@@ -145,7 +145,7 @@ def test_reference_and_alignment_errors_add_to_the_bound():
 
 def test_time_offsets_add_the_turn():
     log = gyro_log(noise=0.001)
-    tables = configured({"noise_deg_per_s": np.rad2deg(0.001)}).model_dump(exclude_unset=True)
+    tables = configured({"noise_deg_per_s": np.rad2deg(0.001)}).model_dump(mode="json", exclude_unset=True)
     tables["directions"][0]["time_offset_bound_s"] = 0.01
     tables["flow"]["time_offset_bound_s"] = 0.02
     rows = direction_rows(log, Configuration.model_validate(tables))
@@ -230,7 +230,7 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     forces = GRAVITY * log.directions[:, 0]
     forces[100] *= 1.5
     log.directions[:, 0] = forces
-    base = configured({"noise_deg_per_s": np.rad2deg(0.001)}).model_dump(exclude_unset=True)
+    base = configured({"noise_deg_per_s": np.rad2deg(0.001)}).model_dump(mode="json", exclude_unset=True)
     base["reference_frame"] = "ENU"
     base["directions"][0] = {
         "name": "up",
@@ -259,7 +259,7 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
 def test_tilt_bounds_hold_and_use_the_measured_up():
     log = gyro_log(noise=0.01, bound=0.1)
     log.directions[:, 0] *= GRAVITY
-    base = configured({"noise_deg_per_s": np.rad2deg(0.01)}, bound=0.1).model_dump(exclude_unset=True)
+    base = configured({"noise_deg_per_s": np.rad2deg(0.01)}, bound=0.1).model_dump(mode="json", exclude_unset=True)
     base["reference_frame"] = "ENU"
     base["directions"][0] = {
         "name": "up",
