@@ -29,17 +29,15 @@ inline constexpr bool is_body = std::is_same_v<Filter, BodyFilter>;
 constexpr std::array<const char*, 4> policies{"raise", "drop_measurement", "restart", "relaxed"};
 constexpr std::array<const char*, 3> claims{"unconditional", "conditional", "none"};
 
-template <typename Enumeration, std::size_t Count>
-[[nodiscard]] Enumeration named(const std::array<const char*, Count>& names, const std::string& value,
-                                const std::string& argument) {
+[[nodiscard]] Policy policy_of(const std::string& name) {
   std::string all;
-  for (std::size_t i = 0; i < Count; ++i) {
-    if (value == names[i]) {
-      return static_cast<Enumeration>(i);
+  for (std::size_t i = 0; i < policies.size(); ++i) {
+    if (name == policies[i]) {
+      return static_cast<Policy>(i);
     }
-    all += std::string(i == 0 ? "'" : ", '") + names[i] + "'";
+    all += std::string(i == 0 ? "'" : ", '") + policies[i] + "'";
   }
-  value_error(argument + " must be one of " + all + ", not '" + value + "'");
+  value_error("policy must be one of " + all + ", not '" + name + "'");
 }
 
 [[nodiscard]] const char* name_of(Claim claim) noexcept { return claims[static_cast<std::size_t>(claim)]; }
@@ -251,7 +249,7 @@ class PythonGuaranteedFilter {
     const double begin = single(time, "time", {}).number(0);
     BodyFilter::Settings settings;
     settings.criterion = size_criterion_of(criterion_, weight);
-    settings.policy = named<Policy>(policies, policy, "policy");
+    settings.policy = policy_of(policy);
     if (most_wrong < 0 || most_wrong > 2) {
       value_error("most_wrong must be 0, 1 or 2, but is " + std::to_string(most_wrong));
     }
@@ -318,6 +316,9 @@ class PythonGuaranteedFilter {
   [[nodiscard]] int agreeing_updates() const {
     return std::visit([](const auto& filter) { return filter.agreeing_updates(); }, filter_);
   }
+  [[nodiscard]] bool rests_on_drops() const {
+    return std::visit([](const auto& filter) { return filter.rests_on_drops(); }, filter_);
+  }
   [[nodiscard]] bool knows_attitude() const {
     return std::visit([](const auto& filter) { return filter.knows_attitude(); }, filter_);
   }
@@ -338,16 +339,22 @@ class PythonGuaranteedFilter {
         filter_);
   }
 
-  void resume(const std::string& claim, int agreeing_updates, const py::object& vector) {
-    const Claim stored = named<Claim>(claims, claim, "claim");
+  void resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector, bool rests_on_drops,
+              int agreeing_updates) {
     std::optional<Ellipsoid<double, 3>> known;
     if (!vector.is_none()) {
       known = vector_bound_of(vector);
     }
-    raise_unless_ok(
-        std::visit([&](auto& filter) { return filter.resume(stored, agreeing_updates, known ? &*known : nullptr); },
-                   filter_),
-        "claim, agreeing_updates, vector");
+    if (ellipsoid && !ellipsoid->is_gibbs) {
+      value_error("a stored set must be in the chart 'gibbs'");
+    }
+    const auto go = [&](auto& filter) {
+      using Set = typename std::decay_t<decltype(filter)>::Set;
+      using State = typename std::decay_t<decltype(filter)>::State;
+      const std::optional<Set> set = ellipsoid ? std::optional<Set>(ellipsoid->as<State, GibbsChart>()) : std::nullopt;
+      return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr, rests_on_drops, agreeing_updates);
+    };
+    raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates");
   }
 
   void predict(const py::object& time, const py::object& control_torque, const py::object& wheel_momentum,
@@ -894,25 +901,30 @@ ValueError
            "flow"_a, "start"_a = py::none(), py::kw_only(), "time"_a = 0.0, "criterion"_a = "volume",
            "weight"_a = py::none(), "policy"_a = "raise", "most_wrong"_a = 0, "regain_after"_a = 10,
            "vector_bound"_a = py::none(), "estimate_vector"_a = true)
-      .def_property_readonly("flow", &Filter::flow)
-      .def_property_readonly("time", &Filter::time)
-      .def_property_readonly("criterion", &Filter::criterion)
-      .def_property_readonly("weight", &Filter::weight)
-      .def_property_readonly("policy", &Filter::policy)
-      .def_property_readonly("most_wrong", &Filter::most_wrong)
-      .def_property_readonly("regain_after", &Filter::regain_after)
-      .def_property_readonly("vector_bound", &Filter::vector_bound, "(center, shape), or None.")
-      .def_property_readonly("estimate_vector", &Filter::estimate_vector)
+      .def_property_readonly("flow", &Filter::flow, "The flow, as it was given.")
+      .def_property_readonly("time", &Filter::time, "Of the set, s.")
+      .def_property_readonly("criterion", &Filter::criterion, "What the smallest ellipsoid is.")
+      .def_property_readonly("weight", &Filter::weight,
+                             "Of the weighted trace, shape (6, 6); None for another criterion.")
+      .def_property_readonly("policy", &Filter::policy, "What is done with measurements that contradict.")
+      .def_property_readonly("most_wrong", &Filter::most_wrong,
+                             "How many measurements of an update may be wrong, for 'relaxed'.")
+      .def_property_readonly("regain_after", &Filter::regain_after,
+                             "After how many updates without contradiction a conditional claim ends.")
+      .def_property_readonly("vector_bound", &Filter::vector_bound,
+                             "What the vector is always in: (center, shape), rad/s and (rad/s)²; or None.")
+      .def_property_readonly("estimate_vector", &Filter::estimate_vector, "Whether the vector is estimated.")
       .def_property_readonly(
           "claim", &Filter::claim,
           "What the truth's being in the set rests on: 'unconditional', on what the filter was told of errors; "
           "'conditional', also on that what was dropped was what was wrong; 'none', there is no set.")
-      .def_property_readonly("knows_attitude", &Filter::knows_attitude)
+      .def_property_readonly("knows_attitude", &Filter::knows_attitude, "Whether there is a set.")
       .def_property_readonly("ellipsoid", &Filter::ellipsoid,
                              "The set, a StateEllipsoid in the Gibbs chart; None if the attitude is not known.")
       .def_property_readonly("_agreeing_updates", &Filter::agreeing_updates)
       .def_property_readonly("_vector", &Filter::vector)
-      .def("_resume", &Filter::resume, "claim"_a, "agreeing_updates"_a, "vector"_a)
+      .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)
+      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a)
       .def("predict", &Filter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "wheel_momentum"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
            R"(predict(self, time, *, control_torque=None, wheel_momentum=None, gyro=None, increment=None)

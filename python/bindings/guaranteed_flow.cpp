@@ -110,15 +110,19 @@ ValueError
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a,
            "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0)
-      .def_property_readonly("body", [](const GuaranteedBodyFlowSettings& self) { return self.flow.body(); })
-      .def_property_readonly("potential",
-                             [](const GuaranteedBodyFlowSettings& self) { return self.potential.object(); })
-      .def_readonly("step", &GuaranteedBodyFlowSettings::step)
+      .def_property_readonly(
+          "body", [](const GuaranteedBodyFlowSettings& self) { return self.flow.body(); }, "The body, a RigidBody.")
+      .def_property_readonly(
+          "potential", [](const GuaranteedBodyFlowSettings& self) { return self.potential.object(); },
+          "The potential, as it was given.")
+      .def_readonly("step", &GuaranteedBodyFlowSettings::step, "The longest step, s.")
       .def_property_readonly(
           "unknown_torque",
-          [](const GuaranteedBodyFlowSettings& self) { return to_constant_array(self.uncertainty.torque); })
-      .def_property_readonly("inertia_error",
-                             [](const GuaranteedBodyFlowSettings& self) { return self.uncertainty.inertia; })
+          [](const GuaranteedBodyFlowSettings& self) { return to_constant_array(self.uncertainty.torque); },
+          "Shape of the unknown torque's ellipsoid, (N m)², shape (3, 3); read-only.")
+      .def_property_readonly(
+          "inertia_error", [](const GuaranteedBodyFlowSettings& self) { return self.uncertainty.inertia; },
+          "Largest error of the inertia matrix, kg m².")
       .def(py::pickle(
           [](const GuaranteedBodyFlowSettings& self) {
             return py::make_tuple(self.flow.body(), self.potential.object(), self.step,
@@ -157,14 +161,20 @@ ValueError
       .def(py::init(&make_gyro_flow), "noise"_a, "drift"_a = 0.0, py::kw_only(), "scale"_a = 0.0,
            "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends")
       .def_property_readonly(
-          "noise", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.noise); })
+          "noise", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.noise); },
+          "Shape of the noise's ellipsoid, (rad/s)², shape (3, 3); read-only.")
       .def_property_readonly(
-          "drift", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.drift); })
-      .def_property_readonly("scale", [](const GuaranteedGyroFlowSettings& self) { return self.uncertainty.scale; })
+          "drift", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.drift); },
+          "Shape of the ellipsoid of the bias's rate of change, (rad/s²)², shape (3, 3); read-only.")
+      .def_property_readonly(
+          "scale", [](const GuaranteedGyroFlowSettings& self) { return self.uncertainty.scale; },
+          "Largest relative error of a sample.")
       .def_property_readonly(
           "angular_acceleration",
-          [](const GuaranteedGyroFlowSettings& self) { return self.uncertainty.angular_acceleration; })
-      .def_readonly("interval_rate", &GuaranteedGyroFlowSettings::interval_rate)
+          [](const GuaranteedGyroFlowSettings& self) { return self.uncertainty.angular_acceleration; },
+          "Largest length of dω/dt, rad/s².")
+      .def_readonly("interval_rate", &GuaranteedGyroFlowSettings::interval_rate,
+                    "What the rate given for an interval is.")
       .def(py::pickle(
           [](const GuaranteedGyroFlowSettings& self) {
             return py::make_tuple(to_array(self.uncertainty.noise), to_array(self.uncertainty.drift),

@@ -423,7 +423,15 @@ class GuaranteedFilter:
     def _agreeing_updates(self) -> int: ...
     @property
     def _vector(self) -> tuple[_Floats, _Floats] | None: ...
-    def _resume(self, claim: str, agreeing_updates: int, vector: tuple[ArrayLike, ArrayLike] | None) -> None: ...
+    @property
+    def _rests_on_drops(self) -> bool: ...
+    def _resume(
+        self,
+        ellipsoid: StateEllipsoid | None,
+        vector: tuple[ArrayLike, ArrayLike] | None,
+        rests_on_drops: bool,
+        agreeing_updates: int,
+    ) -> None: ...
     def predict(
         self,
         time: float,

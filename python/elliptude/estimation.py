@@ -3,27 +3,24 @@
 The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
 """
 
-import platform
 import re
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import tables
-from elliptude.bound_rules import hand_held
-from elliptude.configuration import Configuration, FirstMeasurementStart, GivenStart, GyroFlow
-from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed, turned_to_start
+from elliptude import guaranteed_results, logs, tables
+from elliptude.configuration import Configuration, GivenStart, GyroFlow
+from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.logs import Log, interval_rates
-from elliptude.proposals import rest_rows
-from elliptude.results import CLAIMS, FilterLog, FloatArray, GuaranteedLog
-from elliptude.tables import Results
-
-SETTLED_UPDATE = 6
-"""Means "from the 6th update on" leave out what is left of the start."""
+from elliptude.results import FilterLog, FloatArray
+from elliptude.summary import Summary
+from elliptude.tables import Results, names_of_chosen
 
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 # rad/s; the squares of larger ones are no numbers for a small set.
@@ -38,7 +35,7 @@ class Estimation:
     vector_is_compared: bool
     """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
     elapsed: float
-    """The filter's time, s."""
+    """What filter and bounds took, s."""
     guaranteed: GuaranteedRun | None = None
     """What the guaranteed mode did, in that mode."""
     resting: NDArray[np.bool_] | None = None
@@ -67,197 +64,144 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     """
     if configuration.estimator.mode == "guaranteed":
         return _estimate_guaranteed(log, configuration)
-    settings, flow = configuration.estimator, configuration.flow
+    estimator = PieceEstimator(configuration)
+    (results,) = estimator.run([log])
+    return Estimation(results=results, vector_is_compared=log.true_vectors is not None, elapsed=estimator.elapsed)
+
+
+def _estimate_guaranteed(log: Log, configuration: Configuration) -> Estimation:
     begin = time.perf_counter()
-    directions, rates = log.directions, log.rates
-    is_gyro = isinstance(flow, GyroFlow)
-    from_measurement = isinstance(configuration.start, FirstMeasurementStart)
-    if from_measurement:
-        log = log.since(first_complete_row(log, configuration))
-        directions, rates = log.directions, log.rates
-        # The start says all that the first row does: it must not count twice.
-        directions = directions.copy()
-        directions[0] = np.nan
-        if rates is not None and not is_gyro:
-            rates = rates.copy()
-            rates[0] = np.nan
-    attitude_filter = elliptude.AttitudeFilter(
-        flow.build(),
+    with _places_in(log):
+        run = run_guaranteed(log, configuration)
+    return Estimation(
+        results=guaranteed_results.results_of(run, log, configuration),
+        vector_is_compared=log.true_vectors is not None and not (configuration.truth and configuration.truth.error_deg),
+        elapsed=time.perf_counter() - begin,
+        guaranteed=run,
+        resting=guaranteed_results.resting_rows(log, configuration),
+    )
+
+
+class PieceEstimator:
+    """A filter that goes through a log piece by piece, so that memory does not grow with the log.
+
+    Of the modes ``paper`` and ``first_order``: the guaranteed mode needs the whole log.
+
+    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other, what `estimate` makes of the
+    whole log.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        self._configuration = configuration
+        self._filter: elliptude.AttitudeFilter | None = None
+        self._last: Log | None = None
+        self.elapsed = 0.0
+        """What filter and bounds took, s; reading is not in it."""
+
+    def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
+        """Go through the pieces of a log.
+
+        Parameters
+        ----------
+        pieces : iterable of Log
+            The rows of each come after those of the one before.
+
+        Yields
+        ------
+        Results
+            Of a piece's rows, from the start on.
+
+        Raises
+        ------
+        InconsistentMeasurement, ValueError
+            As `estimate`.
+        """
+        for piece in pieces:
+            begin = time.perf_counter()
+            results = self._take(piece)
+            self.elapsed += time.perf_counter() - begin
+            if results is not None:
+                yield results
+        if self._filter is None:
+            raise _no_start(self._configuration)
+
+    def _take(self, log: Log) -> Results | None:
+        """The next rows' results, or None before the start."""
+        configuration = self._configuration
+        is_gyro = isinstance(configuration.flow, GyroFlow)
+        starts_here = False
+        if self._filter is None:
+            if not isinstance(configuration.start, GivenStart):
+                complete = _complete_rows(log, configuration)
+                if not complete.any():
+                    return None
+                log, starts_here = log.since(int(np.argmax(complete))), True
+            self._filter = _filter(log, configuration)
+        # The start says all that the first row does, and a row that was worked on before is there as the begin of the
+        # step to the next one: neither may count twice.
+        whole = log if self._last is None else logs.joined([self._last, log])
+        directions, rates = whole.directions, whole.rates
+        if starts_here or self._last is not None:
+            directions = directions.copy()
+            directions[0] = np.nan
+            if rates is not None and not is_gyro:
+                rates = rates.copy()
+                rates[0] = np.nan
+        filtered = _run(self._filter, replace(whole, directions=directions, rates=rates), configuration)
+        if self._last is not None:
+            filtered = filtered.since(1)
+        self._last = log.since(len(log.times) - 1)
+        endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
+        if endless.any():
+            at = log.times[np.argmax(endless)]
+            raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
+        return _results(log, configuration, filtered, starts_here)
+
+
+def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
+    """The filter at the log's first time."""
+    settings = configuration.estimator
+    return elliptude.AttitudeFilter(
+        configuration.flow.build(),
         _start(log, configuration),
         time=float(log.times[0]),
         mode=settings.mode,
         criterion=settings.criterion,
         weight=settings.weight(),
     )
-    arguments: dict[str, Any] = {"on_inconsistent": settings.when_sets_do_not_meet}
+
+
+def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Configuration) -> FilterLog:
+    arguments: dict[str, Any] = {"on_inconsistent": configuration.estimator.when_sets_do_not_meet}
     if configuration.directions:
         # Where nothing is measured the reference does not matter, but must be a number.
         references = np.where(np.isfinite(log.references), log.references, [1.0, 0.0, 0.0])
         bounds = np.array([sensor.bound() for sensor in configuration.directions])
         weights = np.array([sensor.weight for sensor in configuration.directions])
-        arguments |= {"directions": directions, "reference": references, "bounds": bounds, "weights": weights}
+        arguments |= {"directions": log.directions, "reference": references, "bounds": bounds, "weights": weights}
+    flow = configuration.flow
     if isinstance(flow, GyroFlow):
         assert log.rates is not None
         arguments["gyro"] = interval_rates(log.rates) if flow.interval_rate == "mean_of_ends" else log.rates
     elif configuration.rate is not None:
-        arguments |= {"angular_velocity": rates, "rate_bound": configuration.rate.bound()}
+        arguments |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
     if log.control_torques is not None:
         arguments["control_torque"] = log.control_torques
+    with _places_in(log):
+        return attitude_filter.run(log.times, **arguments)
+
+
+@contextmanager
+def _places_in(log: Log) -> Iterator[None]:
+    """Errors name the place in the file."""
     try:
-        filtered = attitude_filter.run(log.times, **arguments)
+        yield
     except elliptude.InconsistentMeasurement as error:
         raise elliptude.InconsistentMeasurement(
             _with_place(error, log), error.margin, error.time, error.sensor
         ) from error
     except ValueError as error:
         raise ValueError(_with_place(error, log)) from error
-    elapsed = time.perf_counter() - begin
-    endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
-    if endless.any():
-        at = log.times[np.argmax(endless)]
-        raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-
-    present = np.isfinite(log.directions[:, :, 0])
-    if not is_gyro:
-        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        present = np.column_stack([present, rate_present])
-    return Estimation(
-        results=_results(log, configuration, filtered, present, from_measurement),
-        vector_is_compared=log.true_vectors is not None,
-        elapsed=elapsed,
-    )
-
-
-def _estimate_guaranteed(log: Log, configuration: Configuration) -> Estimation:
-    begin = time.perf_counter()
-    try:
-        run = run_guaranteed(log, configuration)
-    except elliptude.InconsistentMeasurement as error:
-        raise elliptude.InconsistentMeasurement(
-            _with_place(error, log), error.margin, error.time, error.sensor
-        ) from error
-    except ValueError as error:
-        raise ValueError(_with_place(error, log)) from error
-    elapsed = time.perf_counter() - begin
-    guaranteed, rows = run.log, run.rows
-    truth_error = np.deg2rad(configuration.truth.error_deg) if configuration.truth is not None else 0.0
-    true_attitudes = log.true_attitudes
-    if run.starts_heading and true_attitudes is not None:
-        true_attitudes = turned_to_start(true_attitudes, run)
-    errors, forms = _compare_guaranteed(guaranteed, true_attitudes, log.true_vectors, truth_error)
-    extents = guaranteed.extents()
-    shapes = guaranteed.shapes_exponential()
-    sensors = run.sensors()
-    there = rows.angles < np.pi
-    if not isinstance(configuration.flow, GyroFlow):
-        rate_there = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        there = np.column_stack([there, rate_there])
-    names = list(sensors[: there.shape[1]])
-    dropped = guaranteed.dropped[:, : there.shape[1]]
-    has_set = np.isfinite(shapes[:, 0, 0])
-    results = Results(
-        times=guaranteed.times,
-        quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
-        vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
-        vectors=guaranteed.vectors,
-        shapes=shapes,
-        half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
-        largest_angles=extents.largest_angles,
-        used=_names(names, there & ~dropped),
-        refused=[""] * len(log.times),
-        shares=np.full(len(log.times), np.nan),
-        margins=guaranteed.margins,
-        errors=errors,
-        forms=forms,
-        claims=[CLAIMS[claim] for claim in guaranteed.claims],
-        prediction_used=np.where(has_set, guaranteed.prediction_used, np.nan),
-        dropped=_names(names, there & dropped),
-        tilt_bounds=run.tilt_bounds,
-    )
-    return Estimation(
-        results=results,
-        vector_is_compared=log.true_vectors is not None and truth_error == 0.0,
-        elapsed=elapsed,
-        guaranteed=run,
-        resting=_resting(log, configuration),
-    )
-
-
-def _resting(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:
-    accelerometer = configuration.accelerometer
-    if accelerometer is None or log.rates is None:
-        return None
-    rule = configuration.rule.rule() if configuration.rule is not None else hand_held()
-    return rest_rows(
-        log.times,
-        log.rates,
-        log.directions[:, configuration.directions.index(accelerometer)],
-        duration=rule.rest.duration_s,
-        rate_deviation=np.deg2rad(rule.rest.rate_deviation_deg_per_s),
-        rate=np.deg2rad(rule.rest.rate_deg_per_s),
-        acceleration_deviation=rule.rest.acceleration_deviation_m_per_s2,
-    )
-
-
-def _compare_guaranteed(
-    guaranteed: GuaranteedLog,
-    true_attitudes: FloatArray | None,
-    true_vectors: FloatArray | None,
-    truth_error: float,
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """`compare`, where the set is one of the Gibbs chart, and the truth may itself be off."""
-    if true_attitudes is None:
-        return None, None
-    count = len(guaranteed.times)
-    errors, forms = np.full((count, 6), np.nan), np.full(count, np.nan)
-    known = np.isfinite(true_attitudes[:, 0, 0]) & np.isfinite(guaranteed.shapes[:, 0, 0])
-    turns = guaranteed.attitudes[known].swapaxes(1, 2) @ true_attitudes[known]
-    errors[known, :3] = elliptude.log(turns)
-    if true_vectors is not None:
-        errors[:, 3:] = true_vectors - guaranteed.vectors
-    if truth_error == 0.0:
-        whole = known & np.isfinite(errors[:, 3])
-        forms[known] = guaranteed.forms(true_attitudes)[known]
-        if true_vectors is not None:
-            forms[whole] = guaranteed.forms(true_attitudes, true_vectors)[whole]
-    else:
-        gibbs = 2.0 * elliptude.cayley_inverse(turns)
-        forms[known] = least_forms(gibbs, guaranteed.shapes[known, :3, :3], truth_error)
-    return errors, forms
-
-
-def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> FloatArray:
-    """The least (x - e)ᵀ P⁻¹ (x - e) with ‖e‖ ≤ radius: at most 1 where a point so near to x is in the ellipsoid.
-
-    With P = V diag(λ) Vᵀ and y = Vᵀ x, e = y/(1 + mλ) in these axes, where m makes its length the radius. In the Gibbs
-    chart rotations that are an angle apart are at least so far apart, so that this errs on the side of outside.
-
-    Parameters
-    ----------
-    offsets : (N, n) array
-        x.
-    shapes : (N, n, n) array
-        P, positive definite.
-    radius : float
-        Positive.
-
-    Returns
-    -------
-    (N,) array
-    """
-    values, vectors = np.linalg.eigh(shapes)
-    y = np.einsum("nji,nj->ni", vectors, offsets)
-    lengths = np.linalg.norm(y, axis=1)
-    # At this m the length is at most the radius; the one sought is less.
-    most = np.maximum(lengths / radius - 1.0, 0.0) / values[:, 0]
-    low = np.zeros_like(most)
-    for _ in range(200):
-        middle = 0.5 * (low + most)
-        is_long = np.linalg.norm(y / (1.0 + middle[:, None] * values), axis=1) > radius
-        low, most = np.where(is_long, middle, low), np.where(is_long, most, middle)
-    left = y * (1.0 - 1.0 / (1.0 + most[:, None] * values))
-    forms: FloatArray = np.sum(left**2 / values, axis=1)
-    return forms
 
 
 def _with_place(error: ValueError, log: Log) -> str:
@@ -273,14 +217,24 @@ def first_complete_row(log: Log, configuration: Configuration) -> int:
     ValueError
         If there is none.
     """
-    complete = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
+    complete = _complete_rows(log, configuration)
+    if not complete.any():
+        raise _no_start(configuration)
+    return int(np.argmax(complete))
+
+
+def _complete_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_]:
+    complete: NDArray[np.bool_] = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
     if configuration.rate is not None:
         assert log.rates is not None
         complete &= np.isfinite(log.rates[:, 0])
-    if not complete.any():
-        rate = " and the rate" if configuration.rate is not None else ""
-        raise ValueError(f"no row has two directions{rate}: there is no measurement to start from")
-    return int(np.argmax(complete))
+    return complete
+
+
+def _no_start(configuration: Configuration) -> ValueError:
+    """What is wrong where no row of a log can be the start."""
+    rate = " and the rate" if configuration.rate is not None else ""
+    return ValueError(f"no row has two directions{rate}: there is no measurement to start from")
 
 
 def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
@@ -305,16 +259,16 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(
-    log: Log, configuration: Configuration, filtered: FilterLog, present: NDArray[np.bool_], from_measurement: bool
-) -> Results:
+def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
     names = [sensor.name for sensor in configuration.directions]
+    present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
         names.append("rate")
+        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
+        present = np.column_stack([present, rate_present])
     refused = filtered.outcomes == _REFUSED
-    used = ~refused
     shares = np.where(filtered.outcomes == _UPDATED, filtered.shares, np.nan)
-    if from_measurement:
+    if starts_here:
         shares[0] = 0.0
     errors, forms = compare(filtered, log.true_attitudes, log.true_vectors)
     return Results(
@@ -325,17 +279,13 @@ def _results(
         shapes=filtered.shapes,
         half_widths=filtered.half_widths(),
         largest_angles=filtered.largest_angles(),
-        used=_names(names, present & used[:, None]),
-        refused=_names(names, present & refused[:, None]),
+        used=names_of_chosen(names, present & ~refused[:, None]),
+        refused=names_of_chosen(names, present & refused[:, None]),
         shares=shares,
         margins=filtered.margins,
         errors=errors,
         forms=forms,
     )
-
-
-def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
-    return [" ".join(name for name, is_chosen in zip(names, row, strict=True) if is_chosen) for row in chosen]
 
 
 def compare(
@@ -381,159 +331,12 @@ def compare(
 
 
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
-    """Figures of an estimation for ``summary.json``: plain numbers, in degrees, None for what is not known.
-
-    Shares and errors are over the rows with an update, as what holds between them is the update's carried on.
-    """
-    results = estimation.results
-    refused = np.array([bool(names) for names in results.refused])
-    updated = np.array([bool(names) for names in results.used]) & np.isfinite(results.largest_angles)
-    rows = np.flatnonzero(updated)
-    settled = rows[SETTLED_UPDATE - 1 :]
-    half_widths, largest = np.rad2deg(results.half_widths), np.rad2deg(results.largest_angles)
-    vector = "gyro_bias" if results.vector == "bias" else "angular_velocity"
-    summary: dict[str, Any] = {
-        "elliptude": elliptude.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "table_version": tables.VERSION,
-        "mode": configuration.estimator.mode,
-        "criterion": configuration.estimator.criterion,
-        "rows": len(results.times),
-        "updates": len(rows),
-        "refused": int(refused.sum()),
-        "elapsed_s": estimation.elapsed,
-        "settled_from_update": SETTLED_UPDATE,
-        "mean_half_width_attitude_deg": _means(half_widths[rows, :3]),
-        f"mean_half_width_{vector}_deg_per_s": _means(half_widths[rows, 3:]),
-        "largest_angle_deg": _statistics(largest, rows, settled),
-        "compared_with": None,
-    }
-    if results.errors is not None and results.forms is not None:
-        angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
-        rates = np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1))
-        summary |= {
-            "compared_with": configuration.truth.label if configuration.truth else "truth",
-            "compared": f"attitude and {vector}" if estimation.vector_is_compared else "attitude",
-            "attitude_error_deg": _statistics(angles, rows, settled),
-            f"{vector}_error_deg_per_s": _statistics(rates, rows, settled),
-            "inside_share_of_updates": _share_inside(results.forms[rows]),
-            "inside_share_of_rows": _share_inside(results.forms),
-            "largest_form": _or_none(np.nanmax(results.forms)) if np.isfinite(results.forms).any() else None,
-        }
+    """Figures of an estimation for ``summary.json``: see `elliptude.summary`."""
+    summary = Summary()
+    summary.add(estimation.results)
+    found = summary.to_dict(configuration, vector_is_compared=estimation.vector_is_compared, elapsed=estimation.elapsed)
     if estimation.guaranteed is not None:
-        summary |= _guaranteed_summary(estimation, estimation.guaranteed, configuration)
-    return summary
-
-
-def _guaranteed_summary(estimation: Estimation, run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
-    results, guaranteed = estimation.results, run.log
-    claims = np.asarray(guaranteed.claims)
-    half_widths = np.rad2deg(guaranteed.extents().half_widths_reference)
-    tilts = None if run.tilt_bounds is None else np.rad2deg(run.tilt_bounds)
-    has_set = np.isfinite(half_widths[:, 0])
-    parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(claims), dtype=np.bool_)}
-    if estimation.resting is not None:
-        parts |= {"at_rest": estimation.resting, "moving": ~estimation.resting}
-    contradicted: dict[str, int] = {}
-    for one in run.contradictions:
-        contradicted[one.sensor] = contradicted.get(one.sensor, 0) + 1
-
-    def over(rows: NDArray[np.bool_]) -> dict[str, Any]:
-        some = half_widths[rows & has_set]
-        return {
-            "rows": int(rows.sum()),
-            "with_set": len(some),
-            "half_width_reference_deg": {"mean": _means(some), "median": _medians(some)},
-            "tilt_bound_deg": None if tilts is None else _centers(tilts[rows & has_set]),
-        }
-
-    summary: dict[str, Any] = {
-        "policy": configuration.estimator.policy,
-        "claim_share_of_rows": {name: float(np.mean(claims == i)) for i, name in enumerate(CLAIMS)},
-        "set_share_of_rows": float(has_set.mean()),
-        "prediction_used_share_of_sets": float(guaranteed.prediction_used[has_set].mean()) if has_set.any() else None,
-        "sizes": {name: over(rows) for name, rows in parts.items()},
-        "heading": "from the first row" if run.starts_heading else "as referenced",
-        "dropped_measurements": int(guaranteed.dropped.sum()),
-        "contradicted_rows": contradicted,
-        "void": list(run.rows.void),
-    }
-    if results.forms is not None:
-        unconditional = results.forms[claims == 0]
-        summary["inside_share_of_unconditional_rows"] = _share_inside(unconditional)
-        summary["compared_unconditional_rows"] = int(np.isfinite(unconditional).sum())
-    return summary
-
-
-def dropped_columns(estimation: Estimation, log: Log) -> dict[str, Any]:
-    """Every measurement that was left out, in order of time: time, place in the file, sensor, why, by how much.
-
-    Parameters
-    ----------
-    estimation : Estimation
-        Of the guaranteed mode.
-    log : Log
-        What it is of.
-
-    Returns
-    -------
-    dict of str to array or list of str
-    """
-    run = estimation.guaranteed
-    assert run is not None
-    sensors = run.sensors()
-    entries = [
-        (int(row), sensors[column], "prediction", float(run.log.margins[row]), "")
-        for row, column in np.argwhere(run.log.dropped)
-    ]
-    entries += [(one.row, one.sensor, "own_bound", one.excess, one.unit) for one in run.contradictions]
-    entries.sort(key=lambda entry: entry[0])
-    return {
-        "time_s": np.array([log.times[row] for row, *_ in entries], dtype=np.float64),
-        "place": [log.place_in_file(row) for row, *_ in entries],
-        "sensor": [sensor for _, sensor, *_ in entries],
-        "contradicts": [why for _, _, why, *_ in entries],
-        "margin": np.array([-by if why == "own_bound" else by for *_, why, by, _ in entries], dtype=np.float64),
-        "unit": [unit for *_, unit in entries],
-    }
-
-
-def _medians(values: FloatArray) -> list[float] | None:
-    """Medians down the columns."""
-    return np.median(values, axis=0).tolist() if len(values) else None
-
-
-def _centers(values: FloatArray) -> dict[str, float] | None:
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return None
-    return {"mean": float(values.mean()), "median": float(np.median(values)), "max": float(values.max())}
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _means(values: FloatArray) -> list[float] | None:
-    """Means down the columns."""
-    return values.mean(axis=0).tolist() if len(values) else None
-
-
-def _statistics(values: FloatArray, rows: NDArray[np.intp], settled: NDArray[np.intp]) -> dict[str, float | None]:
-    def of(some: FloatArray, function: Any) -> float | None:
-        some = some[np.isfinite(some)]
-        return float(function(some)) if len(some) else None
-
-    return {
-        "mean": of(values[rows], np.mean),
-        "max": of(values[rows], np.max),
-        "mean_settled": of(values[settled], np.mean),
-        "max_settled": of(values[settled], np.max),
-        "last": _or_none(values[-1]),
-    }
-
-
-def _share_inside(forms: FloatArray) -> float | None:
-    known = forms[np.isfinite(forms)]
-    return float(np.mean(known <= 1.0)) if len(known) else None
+        found |= guaranteed_results.summarize(
+            estimation.results, estimation.guaranteed, estimation.resting, configuration
+        )
+    return found

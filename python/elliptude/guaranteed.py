@@ -67,7 +67,6 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
         return {
             "format": FORMAT_VERSION,
             "flow": _flow_to_dict(self.flow),
-            "start": None if self.ellipsoid is None else self.ellipsoid.to_dict(),
             "time": self.time,
             "criterion": self.criterion,
             "weight": None if self.weight is None else self.weight.tolist(),
@@ -76,9 +75,10 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             "regain_after": self.regain_after,
             "vector_bound": _pair_to_lists(self.vector_bound),
             "estimate_vector": self.estimate_vector,
-            "claim": self.claim,
-            "agreeing_updates": self._agreeing_updates,
+            "ellipsoid": None if self.ellipsoid is None else self.ellipsoid.to_dict(),
             "vector": _pair_to_lists(self._vector),
+            "rests_on_drops": self._rests_on_drops,
+            "agreeing_updates": self._agreeing_updates,
         }
 
     @classmethod
@@ -97,10 +97,9 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
         if fields.get("format") != FORMAT_VERSION:
             raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
         try:
-            start, bound, vector = fields["start"], fields["vector_bound"], fields["vector"]
+            ellipsoid, bound, vector = fields["ellipsoid"], fields["vector_bound"], fields["vector"]
             stored = cls(
                 _flow_from_dict(fields["flow"]),
-                None if start is None else _core.StateEllipsoid.from_dict(start),
                 time=fields["time"],
                 criterion=fields["criterion"],
                 weight=fields["weight"],
@@ -110,7 +109,12 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
                 vector_bound=None if bound is None else tuple(bound),
                 estimate_vector=fields["estimate_vector"],
             )
-            stored._resume(fields["claim"], fields["agreeing_updates"], None if vector is None else tuple(vector))
+            stored._resume(
+                None if ellipsoid is None else _core.StateEllipsoid.from_dict(ellipsoid),
+                None if vector is None else tuple(vector),
+                fields["rests_on_drops"],
+                fields["agreeing_updates"],
+            )
         except KeyError as error:
             raise ValueError(f"a stored filter needs the key {error}") from error
         return stored
@@ -133,7 +137,6 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
         other = type(self).from_dict(state)
         self.__init__(  # type: ignore[misc]
             other.flow,
-            other.ellipsoid,
             time=other.time,
             criterion=other.criterion,
             weight=other.weight,
@@ -143,4 +146,4 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
             vector_bound=other.vector_bound,
             estimate_vector=other.estimate_vector,
         )
-        self._resume(other.claim, other._agreeing_updates, other._vector)
+        self._resume(other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates)

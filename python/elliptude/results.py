@@ -166,6 +166,10 @@ class FilterLog:
     outcomes: NDArray[np.uint8]
     """0 updated, 1 predicted only, 2 refused: the sets did not meet; shape (n,)."""
 
+    def since(self, first: int) -> "FilterLog":
+        """The rows from one on."""
+        return FilterLog(**{name: values[first:] for name, values in vars(self).items()})
+
     def half_widths(self) -> FloatArray:
         """Half-widths along body axes of the attitude error (rad) and of the vector (rad/s), shape (n, 6)."""
         diagonals: FloatArray = np.sqrt(np.diagonal(self.shapes, axis1=1, axis2=2))

@@ -78,9 +78,9 @@ struct Trial {
 };
 
 struct Worst {
-  double form = 0;         ///< largest final form that was found
-  double needed = 0;       ///< √ of it in the image of the set under the linear flow, minus one
-  double computed = 0;     ///< largest √ratio of the predicted ellipsoid to that image, minus one
+  double form = 0;      ///< largest final form that was found
+  double needed = 0;    ///< √ of it in the image of the set under the linear flow, minus one
+  double computed = 0;  ///< largest √ratio of the predicted ellipsoid to that image, minus one
 };
 
 /// Ascent of the final form over the start's set and, in turn, over the torque in each piece.
@@ -115,8 +115,8 @@ inline Worst search_worst(const Trial& trial, Random& random, int starts, int ro
   const RealMatrix6 linear_inverse = linear.inverse();
   Worst worst;
   const RealMatrix6 ratio = linear_inverse * trial.after.shape.cast<Real>() * linear_inverse.transpose();
-  worst.computed = static_cast<double>(
-      std::sqrt(Eigen::SelfAdjointEigenSolver<RealMatrix6>(ratio).eigenvalues().maxCoeff()) - 1);
+  worst.computed =
+      static_cast<double>(std::sqrt(Eigen::SelfAdjointEigenSolver<RealMatrix6>(ratio).eigenvalues().maxCoeff()) - 1);
   // Of a torque, what it does to the end.
   std::vector<Eigen::Matrix<Real, 6, 3>> influence;
   if (pushed) {
@@ -127,7 +127,8 @@ inline Worst search_worst(const Trial& trial, Random& random, int starts, int ro
       for (int i = 0; i < 3; ++i) {
         Torques torques = none;
         torques(i, k) = size * small;
-        by.col(i) = (run(RealVector6::Zero(), torques) - run(RealVector6::Zero(), Torques(-torques))) / (2 * size * small);
+        by.col(i) =
+            (run(RealVector6::Zero(), torques) - run(RealVector6::Zero(), Torques(-torques))) / (2 * size * small);
       }
       influence.push_back(by);
     }

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cstdlib>
+#include <string>
 #include <vector>
 
 #include "guaranteed.hpp"
@@ -147,9 +148,9 @@ TEST_CASE("the state of the continuous motion is in the predicted set") {
                   uncertainty, input, trial, random, tally);
         }
       }
-      MESSAGE(c.name << ", potential " << field << ": worst form " << tally.form << ", needed/computed inflation "
-                     << tally.least_share << " to " << tally.best_share << ", closed " << tally.closed << ", refused "
-                     << tally.refused);
+      MESSAGE(std::string(c.name) << ", potential " << field << ": worst form " << tally.form
+                                  << ", needed/computed inflation " << tally.least_share << " to " << tally.best_share
+                                  << ", closed " << tally.closed << ", refused " << tally.refused);
       CHECK(tally.closed > 0);
     }
   }
@@ -280,7 +281,8 @@ TEST_CASE("gyro: the attitude of a motion that the samples only bound is in the 
         const double middle = (k + 0.5) * length;
         const Vector3d first = omega(middle - length * std::sqrt(3.0) / 6);
         const Vector3d second = omega(middle + length * std::sqrt(3.0) / 6);
-        const Vector3d turn = length / 2 * (first + second) - std::sqrt(3.0) / 12 * length * length * second.cross(first);
+        const Vector3d turn =
+            length / 2 * (first + second) - std::sqrt(3.0) / 12 * length * length * second.cross(first);
         c = (c * exp(RealVector(turn.cast<Real>()))).eval();
       }
       const GyroState<double> end{c.cast<double>(), bias(h)};

@@ -1,4 +1,4 @@
-"""The guaranteed mode of an estimation: truth inside by construction, claims, what is dropped, tables, real recordings."""
+"""The guaranteed mode of an estimation: containment, claims, what is dropped, tables, real recordings."""
 
 import dataclasses
 import importlib.util
@@ -8,15 +8,17 @@ from pathlib import Path
 import elliptude
 import numpy as np
 import pytest
+import tomlkit
 from datasets import FOLDER, broad, needs_datasets, xio
-from elliptude import cli, estimation, guaranteed_run, logs, tables
+from elliptude import cli, estimation, guaranteed_results, logs, tables
+from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration
 from elliptude.direction_rows import direction_rows
 from elliptude.logs import Log
 from elliptude.physical_bounds import GyroBounds
 from reference import so3
 from scipy.spatial.transform import Rotation
-from test_proposals import FIELD, made
+from test_proposals import made
 from typer.testing import CliRunner
 
 GRAVITY = 9.80665
@@ -247,12 +249,14 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     assert (found.row, found.sensor, found.unit) == (100, "up", "m/s^2")
     assert found.excess == pytest.approx(0.5 * GRAVITY - 1.0, abs=1e-6)
     assert estimated.results.used[100] == "two"
-    columns = estimation.dropped_columns(estimated, log)
+    columns = guaranteed_results.dropped_columns(estimated.guaranteed, log)
     assert columns["sensor"] == ["up"]
     assert columns["contradicts"] == ["own_bound"]
     assert columns["margin"][0] == pytest.approx(-found.excess)
     base["estimator"] = {"mode": "guaranteed"}
-    with pytest.raises(elliptude.InconsistentMeasurement, match="'up' at 5.000000 s contradicts its own bounds by 3.9"):
+    with pytest.raises(
+        elliptude.InconsistentMeasurement, match=r"'up' at 5\.000000 s contradicts its own bounds by 3\.9"
+    ):
         estimation.estimate(log, Configuration.model_validate(base))
 
 
@@ -288,7 +292,7 @@ def test_dropped_measurements_are_listed(policy):
     assert estimated.results.dropped[200] != ""
     assert estimated.results.claims[199] == "unconditional"
     assert estimated.results.claims[200] == "conditional"
-    columns = estimation.dropped_columns(estimated, log)
+    columns = guaranteed_results.dropped_columns(estimated.guaranteed, log)
     assert columns["time_s"][0] == pytest.approx(10.0)
     assert columns["contradicts"][0] == "prediction"
     with pytest.raises(elliptude.InconsistentMeasurement, match=r"at 10\.000000 s"):
@@ -309,7 +313,7 @@ def test_least_forms():
     shapes = factors @ factors.transpose(0, 2, 1) + 0.01 * np.eye(3)
     offsets = 3.0 * draws.standard_normal((30, 3))
     radius = 0.7
-    found = estimation.least_forms(offsets, shapes, radius)
+    found = guaranteed_results.least_forms(offsets, shapes, radius)
     trials = draws.standard_normal((200_000, 3))
     trials *= (radius * np.cbrt(draws.random(200_000)) / np.linalg.norm(trials, axis=1))[:, None]
     for offset, shape, form in zip(offsets, shapes, found, strict=True):
@@ -317,7 +321,7 @@ def test_least_forms():
         best = np.einsum("ni,ni->n", left @ np.linalg.inv(shape), left).min()
         assert form <= best * (1.0 + 1e-9)
         assert form >= best * 0.9 - 1e-3
-    np.testing.assert_array_equal(estimation.least_forms(offsets[:1] * 1e-3, shapes[:1], radius), 0.0)
+    np.testing.assert_array_equal(guaranteed_results.least_forms(offsets[:1] * 1e-3, shapes[:1], radius), 0.0)
 
 
 # --- a rule -----------------------------------------------------------------------------------------------------------
@@ -404,15 +408,7 @@ def test_rule_in_a_file_or_stated(tmp_path):
 
 
 def elliptude_rule():
-    from elliptude.bound_rules import hand_held
-
     return hand_held().model_dump(mode="json", exclude_none=True)
-
-
-def toml(tables):
-    import tomlkit
-
-    return tomlkit.dumps(tables)
 
 
 def run(*arguments):
@@ -425,8 +421,10 @@ def test_command(tmp_path, suffix):
     fields = made_up.fields.copy()
     fields[4000:4400] *= 1.6
     path = recording(tmp_path, mag=fields)
-    (tmp_path / "rule.toml").write_text(toml(elliptude_rule()))
-    (tmp_path / "config.toml").write_text(toml(ruled(rule={"kind": "file", "file": "rule.toml", "anchor_s": 4.0})))
+    (tmp_path / "rule.toml").write_text(tomlkit.dumps(elliptude_rule()))
+    (tmp_path / "config.toml").write_text(
+        tomlkit.dumps(ruled(rule={"kind": "file", "file": "rule.toml", "anchor_s": 4.0}))
+    )
     out = tmp_path / "out"
     done = run("estimate", path, "--config", tmp_path / "config.toml", "--out", out, "--format", suffix)
     assert done.exit_code == 0, done.output
@@ -454,7 +452,10 @@ def test_command(tmp_path, suffix):
     [
         ({"estimator": {"mode": "first_order"}}, "rule needs estimator.mode = 'guaranteed'"),
         ({"reference_frame": "NED"}, "reference_frame: a rule's is ENU"),
-        ({"start": {"kind": "given", "attitude_qw_qx_qy_qz": [1, 0, 0, 0.0], "P_diagonal": [1.0] * 6}}, "start: a rule"),
+        (
+            {"start": {"kind": "given", "attitude_qw_qx_qy_qz": [1, 0, 0, 0.0], "P_diagonal": [1.0] * 6}},
+            "start: a rule",
+        ),
         ({"directions": ruled()["directions"][1:]}, "one accelerometer"),
         ({"directions": [ruled()["directions"][0] | {"bound_deg": 3.0}]}, "directions[0].bound_deg: is for the rule"),
         ({"flow": ruled()["flow"] | {"noise_deg_per_s": 3.0}}, "flow.noise_deg_per_s: is for the rule"),
@@ -464,7 +465,7 @@ def test_command(tmp_path, suffix):
     ],
 )
 def test_what_does_not_go_together(changes, message):
-    with pytest.raises(ValueError, match=".*") as caught:
+    with pytest.raises(ValueError, match="validation error") as caught:
         Configuration.model_validate(ruled(**changes))
     assert message in str(caught.value)
 
@@ -523,7 +524,7 @@ def test_fermi_for_four_hours(real_recordings):
 
 @needs_datasets
 def test_a_users_csv(tmp_path):
-    """Its magnetometer contradicts the rule: the attitude is kept from the rest at the start, with a conditional claim."""
+    """Its magnetometer contradicts the rule: attitude from the rest at the start, with a conditional claim."""
     columns = {
         "flow": ("Gyroscope", "deg/s", "deg/s"),
         "up": ("Accelerometer", "g", "g"),
@@ -535,12 +536,10 @@ def test_a_users_csv(tmp_path):
     config["flow"] |= {"columns": names["flow"], "unit": "deg/s"}
     for sensor in config["directions"]:
         sensor |= {"columns": names[sensor["name"]], "unit": columns[sensor["name"]][2]}
-    (tmp_path / "config.toml").write_text(toml(config))
+    (tmp_path / "config.toml").write_text(tomlkit.dumps(config))
     done = run("estimate", xio(), "--config", tmp_path / "config.toml", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["contradicted_rows"]["field"] == 11
     assert summary["claim_share_of_rows"]["unconditional"] == 0.0
     assert summary["claim_share_of_rows"]["conditional"] > 0.25
-    assert guaranteed_run.NO_SET == 2
-    assert FIELD.shape == (3,)

@@ -338,9 +338,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   // The torque's forms in the middle are those of the first eight terms of the directions they are made of.
   static_assert(MotionSeries<Scalar, Potential>::order == 8);
   const Scalar truncated =
-      torque.largest > zero
-          ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
-          : zero;
+      torque.largest > zero ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
+                            : zero;
   const Scalar missing = degree * truncated * (one + truncated);  // of a form, for each of its bounds
 
   // The second-order terms at other times than the middle: all that is odd in s − h/2 to first order integrates to zero.
@@ -457,9 +456,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     rest += h * shrink *
             (third_order + fourth_order * reach * (one + scalar::constant<Scalar>(0.625L) * largest_attitude * reach)) *
             reach * reach * reach;
-    rest += shrink *
-            (rate_norm * inverse_norm * series.impulse_defect +
-             attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
+    rest += shrink * (rate_norm * inverse_norm * series.impulse_defect +
+                      attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
     rest += h * (unknown_push + cubic_at(reach)) * w * shrink;
     return Scalar(rest_ + rest);
   };
@@ -540,8 +538,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     }
   }
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
-  const Scalar rest_share = share_of(Scalar(rest_ * rest_ * set_inverse.squaredNorm()));
-  if (rest_ > Scalar(0)) {
+  const Scalar rest_share = rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)));
+  if (rest_share > Scalar(0)) {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }

@@ -164,16 +164,27 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// How many updates in a row were without contradiction (`Settings::regain_after`).
   [[nodiscard]] int agreeing_updates() const noexcept { return agreeing_updates_; }
 
-  /// Goes on as a filter that was stored, after `make` with its settings and time, `start` with its set if it knew the attitude,
-  /// and `bound_vector`.
+  /// Whether what is known, of the attitude or of the vector, rests on what was dropped.
+  [[nodiscard]] bool rests_on_drops() const noexcept { return rests_on_drops_; }
+
+  /// Goes on, bit for bit, as a filter that was stored, after `make` with its settings and time and `bound_vector`.
+  /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
-  /// \return `out_of_range` of a negative count, and of a claim or a vector that does not go with the attitude's being known or
-  /// not; what `validate` says; `not_positive_definite` of a flat one.
-  [[nodiscard]] Status resume(Claim claim, int agreeing_updates, const Ellipsoid<Scalar, 3>* vector) noexcept {
-    if (agreeing_updates < 0 || (claim != Claim::none) != knows_attitude_ || (knows_attitude_ && vector != nullptr)) {
+  /// \return `out_of_range` of both, or of a negative count; what `validate` says; `not_positive_definite` of a flat one.
+  [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, bool rests_on_drops,
+                              int agreeing_updates) noexcept {
+    if (agreeing_updates < 0 || (set != nullptr && vector != nullptr)) {
       return Status::out_of_range;
     }
-    if (vector != nullptr) {
+    if (set != nullptr) {
+      if (const Status status = start(*set); status != Status::ok) {
+        return status;
+      }
+      const Scalar changed = (set->center.attitude - set_.center.attitude).cwiseAbs().maxCoeff();
+      if (changed <= Scalar(8) * Scalar(scalar::epsilon<Scalar>)) {
+        set_ = *set;  // `start` has changed the last bits alone
+      }
+    } else if (vector != nullptr) {
       if (const Status status = validate(*vector); status != Status::ok) {
         return status;
       }
@@ -183,8 +194,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       }
       vector_ = *vector;
     }
+    knows_attitude_ = set != nullptr;
     knows_vector_ = vector != nullptr;
-    claim_ = claim;
+    rests_on_drops_ = rests_on_drops;
+    claim_ = !knows_attitude_ ? Claim::none : rests_on_drops ? Claim::conditional : Claim::unconditional;
     agreeing_updates_ = agreeing_updates;
     return Status::ok;
   }
@@ -678,7 +691,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     const bool may_be_wrong = settings_.policy == Policy::relaxed && settings_.most_wrong > 0;
     if (!bounded && !knows_attitude_ && !may_be_wrong && (all & angular_velocity_bit & ~result.dropped) != 0) {
-      const Status status = update_vector(*measurements.angular_velocity);
+      const Status status = update_vector(*measurements.angular_velocity, result.margin);
       if (status == Status::empty_intersection && settings_.policy != Policy::raise) {
         rests_on_drops = true;
         if (settings_.policy == Policy::restart) {
@@ -687,6 +700,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
           result.dropped |= angular_velocity_bit;
         }
       } else if (status != Status::ok) {
+        if (status == Status::empty_intersection) {
+          update.margin = result.margin;
+          update.contradicting = angular_velocity_bit;
+        }
         return status;
       }
     }
@@ -699,7 +716,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  [[nodiscard]] Status update_vector(const AngularVelocity<Scalar>& measured) noexcept {
+  /// \param margin set after `empty_intersection`.
+  [[nodiscard]] Status update_vector(const AngularVelocity<Scalar>& measured, Scalar& margin) noexcept {
     if (!knows_vector_) {
       vector_ = {measured.value, measured.bound};
       knows_vector_ = true;
@@ -714,6 +732,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     const Status status = minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 3>::volume(), fusion);
     if (status == Status::ok) {
       vector_ = {vector_.center + fusion.set.center, fusion.set.shape};
+    } else if (status == Status::empty_intersection) {
+      margin = fusion.margin;
     }
     return status;
   }

@@ -141,7 +141,8 @@ class GuaranteedRigidBodyFlow {
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
     State state = ellipsoid.center;
-    state.attitude = renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
     MotionSeries<Scalar, Potential> series(body_, potential_);
     const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
     ErrorTube<Scalar, Potential> tube;
