@@ -17,7 +17,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from elliptude import cli_simulate, estimation, fermi, figures, logs, plausibility, scenarios, simulation
+from elliptude import (
+    cli_simulate,
+    estimation,
+    fermi,
+    figures,
+    guaranteed_results,
+    logs,
+    plausibility,
+    scenarios,
+    simulation,
+)
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
@@ -124,7 +134,7 @@ def _estimate_pieces(
     except ValueError as error:  # sets that do not meet among them
         raise FileError(f"{log}: {error}") from error
     if estimator.guaranteed is not None:
-        write_columns(out / _DROPPED, "dropped", estimator.guaranteed.dropped_columns())
+        write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimator.guaranteed))
     figures_of = summary.to_dict(
         configuration,
         vector_is_compared=estimator.vector_is_compared,

@@ -365,6 +365,8 @@ class Configuration(Model):
             raise ValueError("directions must have different names")
         if "rate" in names:
             raise ValueError("directions: the name 'rate' is that of the measured angular velocity")
+        if self.rule is not None and self.estimator.mode != "guaranteed":
+            raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is None and self.estimator.mode != "guaranteed":
             raise ValueError("start: missing; the guaranteed mode alone needs none")
         if self.estimator.mode == "guaranteed" and isinstance(self.start, FirstMeasurementStart):
@@ -398,12 +400,10 @@ class Configuration(Model):
             try:
                 sensor.require_complete()
             except ValueError as error:
-                raise ValueError(f"directions[{i}] ({sensor.name}): {error}") from error
+                raise ValueError(f"directions[{i}]: {error}") from error
         return self
 
     def _require_what_a_rule_is_of(self) -> None:
-        if self.estimator.mode != "guaranteed":
-            raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is not None:
             raise ValueError("start: a rule says how a recording starts")
         if self.reference_frame not in {None, "ENU"}:
@@ -439,6 +439,11 @@ class Configuration(Model):
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         return self
+
+    @property
+    def truth_error(self) -> float:
+        """How far the truth may itself be off, rad."""
+        return 0.0 if self.truth is None else math.radians(self.truth.error_deg)
 
     @property
     def accelerometer(self) -> Accelerometer | None:

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import logs, tables
+from elliptude import guaranteed_results, logs, tables
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.containment import compare
-from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed, turned_to_start
+from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.logs import Log, interval_rates
-from elliptude.results import CLAIMS, FilterLog
+from elliptude.results import FilterLog
 from elliptude.summary import Summary
-from elliptude.tables import Results
+from elliptude.tables import Results, names_of_chosen
 
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 
@@ -123,8 +123,8 @@ class PieceEstimator:
         """The results of all rows, in the guaranteed mode."""
         with _placed(log):
             self.guaranteed = run_guaranteed(log, self._configuration)
-        self.vector_is_compared = log.true_vectors is not None and _truth_error(self._configuration) == 0.0
-        return _guaranteed_results(self.guaranteed, self._configuration)
+        self.vector_is_compared = log.true_vectors is not None and self._configuration.truth_error == 0.0
+        return guaranteed_results.results_of(self.guaranteed, self._configuration)
 
     def _take(self, log: Log) -> Results | None:
         """The next rows' results, or None before the start."""
@@ -156,12 +156,8 @@ class PieceEstimator:
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-        self.vector_is_compared = log.true_vectors is not None and _truth_error(configuration) == 0.0
+        self.vector_is_compared = log.true_vectors is not None and configuration.truth_error == 0.0
         return _results(log, configuration, filtered, starts_here)
-
-
-def _truth_error(configuration: Configuration) -> float:
-    return 0.0 if configuration.truth is None else float(np.deg2rad(configuration.truth.error_deg))
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
@@ -263,14 +259,16 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
 
 
 def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
-    names, present = _measured(
-        log, configuration, [sensor.name for sensor in configuration.directions], np.isfinite(log.directions[:, :, 0])
-    )
+    names = [sensor.name for sensor in configuration.directions]
+    present = np.isfinite(log.directions[:, :, 0])
+    if not isinstance(configuration.flow, GyroFlow):
+        names.append("rate")
+        present = np.column_stack([present, log.has_rate])
     refused = filtered.outcomes == _REFUSED
     shares = np.where(filtered.outcomes == _UPDATED, filtered.shares, np.nan)
     if starts_here:
         shares[0] = 0.0
-    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, _truth_error(configuration))
+    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, configuration.truth_error)
     return Results(
         times=filtered.times,
         quaternions=tables.quaternions_from_attitudes(filtered.attitudes),
@@ -279,64 +277,13 @@ def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts
         shapes=filtered.shapes,
         half_widths=filtered.half_widths(),
         largest_angles=filtered.largest_angles(),
-        used=_names(names, present & ~refused[:, None]),
-        refused=_names(names, present & refused[:, None]),
+        used=names_of_chosen(names, present & ~refused[:, None]),
+        refused=names_of_chosen(names, present & refused[:, None]),
         shares=shares,
         margins=filtered.margins,
         errors=errors,
         forms=forms,
     )
-
-
-def _guaranteed_results(run: GuaranteedRun, configuration: Configuration) -> Results:
-    log, guaranteed = run.measured, run.log
-    names, present = _measured(log, configuration, list(run.rows.names), run.rows.angles < np.pi)
-    dropped = guaranteed.dropped[:, : len(names)]
-    true_attitudes = log.true_attitudes
-    if run.starts_heading and true_attitudes is not None:
-        true_attitudes = turned_to_start(true_attitudes, run)
-    errors, forms = compare(guaranteed, true_attitudes, log.true_vectors, _truth_error(configuration))
-    shapes = guaranteed.shapes_exponential()
-    return Results(
-        times=guaranteed.times,
-        quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
-        vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
-        vectors=guaranteed.vectors,
-        shapes=shapes,
-        half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
-        largest_angles=guaranteed.extents().largest_angles,
-        used=_names(names, present & ~dropped),
-        refused=[""] * len(log.times),
-        shares=np.full(len(log.times), np.nan),
-        margins=guaranteed.margins,
-        errors=errors,
-        forms=forms,
-        claims=[CLAIMS[claim] for claim in guaranteed.claims],
-        prediction_used=np.where(np.isfinite(shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
-        dropped=_names(names, present & dropped),
-        tilt_bounds=run.tilt_bounds,
-    )
-
-
-def _measured(
-    log: Log, configuration: Configuration, names: list[str], present: NDArray[np.bool_]
-) -> tuple[list[str], NDArray[np.bool_]]:
-    """The names of what is measured, and where: of the directions as given, and of a rate that is not the gyro's."""
-    if isinstance(configuration.flow, GyroFlow):
-        return names, present
-    rate = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-    return [*names, "rate"], np.column_stack([present, rate])
-
-
-def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
-    """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
-    codes = np.zeros(len(chosen), dtype=np.intp)
-    texts = [""]
-    for name, column in zip(names, chosen.T, strict=True):
-        # Codes of what was chosen so far that go on with and without this name.
-        found, codes = np.unique(2 * codes + column, return_inverse=True)
-        texts = [f"{texts[code // 2]} {name}".strip() if code % 2 else texts[code // 2] for code in found]
-    return [texts[code] for code in codes.tolist()]
 
 
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:

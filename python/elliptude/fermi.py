@@ -133,13 +133,15 @@ def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, F
     Returns
     -------
     about : (N,) array
-        Half-width of the set along the line, rad: the turn about it.
+        Half-width of the set along the line, rad: the turn about it. NaN without a set.
     across : (N,) array
         The largest one perpendicular to it, rad.
     """
-    shapes = results.shapes[:, :3, :3]
-    in_body = np.einsum("nji,nj->ni", results.attitudes, line)
-    about = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
+    about, across = np.full((2, len(results.times)), np.nan)
+    known = np.isfinite(results.shapes[:, 0, 0])
+    shapes = results.shapes[known, :3, :3]
+    in_body = np.einsum("nji,nj->ni", results.attitudes[known], line[known])
+    about[known] = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
     projectors = np.eye(3) - in_body[:, :, None] * in_body[:, None, :]
-    across = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
+    across[known] = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
     return about, across

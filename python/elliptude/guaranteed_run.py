@@ -4,18 +4,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import elliptude
-from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.direction_rows import Contradiction, DirectionRows, direction_rows
 from elliptude.logs import Log, interval_rates
 from elliptude.physical_bounds import GyroBounds
-from elliptude.proposals import rest_rows
 from elliptude.results import CLAIMS, FloatArray, GuaranteedLog
-from elliptude.tables import Column
 
 CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
 
@@ -23,6 +19,8 @@ CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
 _NO_BIAS = 1e-9
 # s of a clock of its own, on which a known turn takes no time; a power of two, so that products with it are exact.
 _INSTANT = 2.0**-30
+# rad; a bound so near to half a turn says next to nothing.
+_NEXT_TO_NOTHING = 0.75 * np.pi
 # Of a turn that is integrated over n steps, rad: rounding in each.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
@@ -43,31 +41,15 @@ class GuaranteedRun:
     """
     starts_heading: bool
     """Whether the heading counts from the first row, because nothing else tells it."""
-    resting: NDArray[np.bool_] | None
-    """Rows at rest, by gyro and accelerometer, shape (N,); None where that is not known."""
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Measurements that contradict their own bounds."""
         return self.rows.contradictions
 
-    def dropped_columns(self) -> dict[str, Column]:
-        """Every measurement that was left out, in order of time: time, place in the file, sensor, why, by how much."""
-        sensors = (*self.rows.names, "rate", "attitude")  # the columns of log.dropped
-        entries = [
-            (int(row), sensors[column], "prediction", float(self.log.margins[row]), "")
-            for row, column in np.argwhere(self.log.dropped)
-        ]
-        entries += [(one.row, one.sensor, "own_bound", -one.excess, one.unit) for one in self.contradictions]
-        entries.sort(key=lambda entry: entry[0])
-        return {
-            "time_s": np.array([self.log.times[row] for row, *_ in entries], dtype=np.float64),
-            "place": [self.measured.place_in_file(row) for row, *_ in entries],
-            "sensor": [sensor for _, sensor, *_ in entries],
-            "contradicts": [why for _, _, why, *_ in entries],
-            "margin": np.array([margin for *_, margin, _ in entries], dtype=np.float64),
-            "unit": [unit for *_, unit in entries],
-        }
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the columns of ``log.dropped``."""
+        return (*self.rows.names, "rate", "attitude")
 
 
 def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
@@ -116,7 +98,6 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         rows=rows,
         tilt_bounds=_tilt_bounds(guaranteed, rows),
         starts_heading=starts_heading,
-        resting=_resting(log, configuration),
     )
 
 
@@ -281,7 +262,7 @@ def _run_from_anchors(
     rotation_vectors = turns.rates * spans[:, None]
     angles = turns.angles + _ROUNDING * steps
     flow = elliptude.GuaranteedGyroFlow(1.0)
-    measured = rows.angles < np.pi
+    measured = rows.angles < _NEXT_TO_NOTHING
     result = GuaranteedLog(
         times=log.times,
         attitudes=np.full((count, 3, 3), np.nan),
@@ -329,22 +310,6 @@ def _run_from_anchors(
             result.attitudes[k], result.vectors[k] = ellipsoid.attitude, ellipsoid.vector
             result.shapes[k] = ellipsoid.shape
     return result
-
-
-def _resting(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:
-    accelerometer = configuration.accelerometer
-    if accelerometer is None or log.rates is None:
-        return None
-    rule = configuration.rule.rule() if configuration.rule is not None else hand_held()
-    return rest_rows(
-        log.times,
-        log.rates,
-        log.directions[:, configuration.directions.index(accelerometer)],
-        duration=rule.rest.duration_s,
-        rate_deviation=np.deg2rad(rule.rest.rate_deviation_deg_per_s),
-        rate=np.deg2rad(rule.rest.rate_deg_per_s),
-        acceleration_deviation=rule.rest.acceleration_deviation_m_per_s2,
-    )
 
 
 def _tilt_bounds(log: GuaranteedLog, rows: DirectionRows) -> FloatArray | None:

@@ -4,17 +4,16 @@ Shares and errors are over the rows with an update, as what holds between them i
 """
 
 import platform
-from collections import Counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import tables
+from elliptude import guaranteed_results, tables
 from elliptude.configuration import Configuration
 from elliptude.guaranteed_run import GuaranteedRun
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import FloatArray
 from elliptude.tables import Results
 
 SETTLED_UPDATE = 6
@@ -118,53 +117,13 @@ class Summary:
                 "largest_form": self._largest_form if np.isfinite(self._largest_form) else None,
             }
         if guaranteed is not None:
-            summary |= {"policy": configuration.estimator.policy} | _of_guaranteed(guaranteed)
+            summary |= guaranteed_results.summarize(guaranteed, configuration)
             if self._is_compared:
                 summary |= {
                     "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
                     "compared_unconditional_rows": self._inside_unconditional.known,
                 }
         return summary
-
-
-def _of_guaranteed(run: GuaranteedRun) -> dict[str, Any]:
-    """What its sets rest on, how large they are, and what was left out."""
-    half_widths = np.rad2deg(run.log.extents().half_widths_reference)
-    has_set = np.isfinite(half_widths[:, 0])
-    parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
-    if run.resting is not None:
-        parts |= {"at_rest": run.resting, "moving": ~run.resting}
-
-    def sizes(rows: NDArray[np.bool_]) -> dict[str, Any]:
-        chosen = rows & has_set
-        some, any_is = half_widths[chosen], bool(chosen.any())
-        return {
-            "rows": int(rows.sum()),
-            "with_set": len(some),
-            "half_width_reference_deg": {
-                "mean": some.mean(axis=0).tolist() if any_is else None,
-                "median": np.median(some, axis=0).tolist() if any_is else None,
-            },
-            "tilt_bound_deg": None if run.tilt_bounds is None else _centers(np.rad2deg(run.tilt_bounds[chosen])),
-        }
-
-    return {
-        "claim_share_of_rows": {name: float(np.mean(run.log.claims == i)) for i, name in enumerate(CLAIMS)},
-        "set_share_of_rows": float(has_set.mean()),
-        "prediction_used_share_of_sets": float(run.log.prediction_used[has_set].mean()) if has_set.any() else None,
-        "sizes": {name: sizes(rows) for name, rows in parts.items()},
-        "heading": "from the first row" if run.starts_heading else "as referenced",
-        "dropped_measurements": int(run.log.dropped.sum()),
-        "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
-        "void": list(run.rows.void),
-    }
-
-
-def _centers(values: FloatArray) -> dict[str, float] | None:
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return None
-    return {"mean": float(values.mean()), "median": float(np.median(values)), "max": float(values.max())}
 
 
 class _Mean:

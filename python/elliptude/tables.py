@@ -243,7 +243,10 @@ class Results:
         columns = read_columns(
             path,
             numbers=() if guaranteed else estimates,
-            optional=[("share",), ("margin",)] + [errors] * with_errors + further + [estimates] * guaranteed,
+            optional=[("share",), ("margin",)]
+            + [errors[:3], errors[3:]] * with_errors
+            + further
+            + [estimates] * guaranteed,
             texts=("used", "refused", *(("claim", "dropped") if guaranteed else ())),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))
@@ -296,6 +299,17 @@ def measured(sensor: str) -> tuple[str, str, str]:
 def reference(sensor: str) -> tuple[str, str, str]:
     """The columns of the same direction in reference axes."""
     return (f"{sensor}_ex", f"{sensor}_ey", f"{sensor}_ez")
+
+
+def names_of_chosen(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
+    """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
+    codes = np.zeros(len(chosen), dtype=np.intp)
+    texts = [""]
+    for name, column in zip(names, chosen.T, strict=True):
+        # Codes of what was chosen so far that go on with and without this name.
+        found, codes = np.unique(2 * codes + column, return_inverse=True)
+        texts = [f"{texts[code // 2]} {name}".strip() if code % 2 else texts[code // 2] for code in found]
+    return [texts[code] for code in codes.tolist()]
 
 
 def _per_axis(what: str, vector: tuple[str, str, str]) -> tuple[str, ...]:
