@@ -338,7 +338,8 @@ def test_from_a_users_csv_to_results_in_two_commands(tmp_path):
     results = tables.Results.read(out / "results.csv")
     # The field's horizontal part points north, so the attitudes are those of the recording.
     errors = Rotation.from_quat(results.quaternions, scalar_first=True).inv() * attitude(results.times)
-    assert np.rad2deg(errors.magnitude().mean()) < 5.0
+    # Accelerations of up to 1.5 m/s² lean the vertical by up to 8.7 degrees.
+    assert errors.magnitude().mean() < np.arctan(1.5 / 9.8)
     assert (errors.magnitude() <= results.largest_angles).all()
 
 
