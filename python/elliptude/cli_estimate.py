@@ -2,6 +2,8 @@
 
 import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,15 +14,17 @@ import typer
 from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
-from rich.progress import Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from elliptude import cli_simulate, estimation, fermi, figures, logs, plausibility, scenarios, simulation
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.estimation import Estimation
+from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
-from elliptude.logs import Log
 from elliptude.results import FloatArray
+from elliptude.summary import SETTLED_UPDATE, Summary
+from elliptude.tables import Results, writing_columns
+from elliptude.thinning import Thinned
 
 _FIGURE, _SUMMARY = "estimate.png", "summary.json"
 
@@ -48,26 +52,15 @@ def estimate(
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
     configuration = read_configuration(config)
-    console = Console(stderr=True)
-    with _progress(console) as progress:
-        task = progress.add_task("Reading", total=3)
-        measured = logs.read_log(log, configuration)
-        plausibility.require_plausible(measured, configuration, str(log))
-        progress.update(task, advance=1, description="Estimating")
-        estimated = _estimate(measured, configuration, log)
-        progress.update(task, advance=1, description="Writing")
-        out.mkdir(parents=True, exist_ok=True)
-        summary = _write(estimated, configuration, out, title=log.name, table=files[0].name)
-        progress.advance(task)
+    with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
+        summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
     typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
-        typer.echo(
-            f"  bound {largest:.3g} degrees (largest angle, mean from the {estimation.SETTLED_UPDATE}th update on)"
-        )
+        typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
     if summary["compared_with"] is not None and summary["inside_share_of_updates"] is not None:
         error = summary["attitude_error_deg"]["mean"]
         inside = 100.0 * summary["inside_share_of_updates"]
@@ -78,32 +71,79 @@ def estimate(
         typer.echo(f"  {file}")
 
 
-def _estimate(measured: Log, configuration: Configuration, log: Path) -> Estimation:
+def _estimate_pieces(
+    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress
+) -> dict[str, Any]:
+    """Read, estimate and write piece by piece: memory does not grow with the log."""
+    task = progress.add_task("Reading", total=None)
+    pieces = plausibility.plausible_pieces(logs.ahead(logs.read_pieces(log, configuration)), configuration, str(log))
+    estimator = PieceEstimator(configuration)
+    summary, thinned = Summary(), Thinned()
     try:
-        return estimation.estimate(measured, configuration)
+        with writing_columns(out / table, "results") as write:
+            for results in estimator.run(pieces):
+                write(results.columns())
+                summary.add(results)
+                thinned.add(results)
+                progress.update(task, advance=len(results.times), description="Estimating")
+            progress.update(task, description="Writing")
+            (out / _SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # sets that do not meet among them
         raise FileError(f"{log}: {error}") from error
+    truth = configuration.truth
+    figures_of = summary.to_dict(
+        configuration,
+        vector_is_compared=truth is not None and truth.vector_columns is not None,
+        elapsed=estimator.elapsed,
+    )
+    return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 
 
-def _write(
-    estimated: Estimation, configuration: Configuration, out: Path, *, title: str, table: str = "results.csv"
-) -> dict[str, Any]:
+def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:
     """Write results, figure and, last, the summary, which says that the folder is complete."""
     (out / _SUMMARY).unlink(missing_ok=True)
-    estimated.results.write(out / table)
-    label = configuration.truth.label if configuration.truth is not None else "truth"
-    figures.save(figures.estimate_figure(estimated.results, title, label=label), out / _FIGURE)
+    estimated.results.write(out / "results.csv")
     summary = estimation.summarize(estimated, configuration)
+    return _finish(estimated.results, summary, configuration, out, "results.csv", title)
+
+
+def _finish(
+    drawn: Results,
+    summary: dict[str, Any],
+    configuration: Configuration,
+    out: Path,
+    table: str,
+    title: str,
+    inside_share: float | None = None,
+) -> dict[str, Any]:
+    label = configuration.truth.label if configuration.truth is not None else "truth"
+    figure = figures.estimate_figure(drawn, title, label=label, inside_share=inside_share)
+    figures.save(figure, out / _FIGURE)
     summary |= {"results": table, "figure": _FIGURE}
     write_json(out / _SUMMARY, summary)
     return summary
 
 
-def _progress(console: Console) -> Progress:
+@contextmanager
+def _making(folder: Path) -> Iterator[None]:
+    """The folder with those above it; where nothing comes of it, those that were not there are gone again."""
+    new = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for one in new:
+                one.rmdir()
+        raise
+
+
+def _progress(console: Console, completed: str = "{task.percentage:>3.0f} %") -> Progress:
     """On a terminal only; nothing is left of it."""
     return Progress(
         TextColumn("{task.description}"),
-        *Progress.get_default_columns()[1:3],
+        BarColumn(),
+        TextColumn(completed),
         TimeElapsedColumn(),
         console=console,
         transient=True,
@@ -168,7 +208,7 @@ def demo(
     Console(width=max(terminal.width, 88)).print(_table(lines))
     typer.echo(
         f"\nAttitude error and its bound, the largest angle in the set: means from the "
-        f"{estimation.SETTLED_UPDATE}th update on.\n"
+        f"{SETTLED_UPDATE}th update on.\n"
         f"Inside: the share of all updates whose truth lies in the set. Simulations: {_SEEDS} seeds,\n"
         "errors within the bounds; worst: each error as large as its bound. The bound is of\n"
         "first order, so the truth may lie outside.\n"
@@ -272,7 +312,7 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
     bounds: list[FloatArray] = []
     for estimated in estimations:
         assert estimated.results.errors is not None
-        settled = _updates(estimated)[estimation.SETTLED_UPDATE - 1 :]
+        settled = _updates(estimated)[SETTLED_UPDATE - 1 :]
         errors.append(np.linalg.norm(estimated.results.errors[settled, :3], axis=1))
         bounds.append(estimated.results.largest_angles[settled])
     inside = np.concatenate([_forms_of_updates(estimated) for estimated in estimations]) <= 1.0

@@ -3,24 +3,22 @@
 The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
 """
 
-import platform
 import re
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import tables
+from elliptude import logs, tables
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.logs import Log
 from elliptude.results import FilterLog, FloatArray
+from elliptude.summary import Summary
 from elliptude.tables import Results
-
-SETTLED_UPDATE = 6
-"""Means "from the 6th update on" leave out what is left of the start."""
 
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 # rad/s; the squares of larger ones are no numbers for a small set.
@@ -35,7 +33,7 @@ class Estimation:
     vector_is_compared: bool
     """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
     elapsed: float
-    """The filter's time, s."""
+    """What filter and bounds took, s."""
 
 
 def estimate(log: Log, configuration: Configuration) -> Estimation:
@@ -58,65 +56,122 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
         all numbers.
     """
-    settings, flow = configuration.estimator, configuration.flow
-    begin = time.perf_counter()
-    directions, rates = log.directions, log.rates
-    is_gyro = isinstance(flow, GyroFlow)
-    from_measurement = not isinstance(configuration.start, GivenStart)
-    if from_measurement:
-        log = log.since(first_complete_row(log, configuration))
-        directions, rates = log.directions, log.rates
-        # The start says all that the first row does: it must not count twice.
-        directions = directions.copy()
-        directions[0] = np.nan
-        if rates is not None and not is_gyro:
-            rates = rates.copy()
-            rates[0] = np.nan
-    attitude_filter = elliptude.AttitudeFilter(
-        flow.build(),
+    estimator = PieceEstimator(configuration)
+    (results,) = estimator.run([log])
+    return Estimation(results=results, vector_is_compared=log.true_vectors is not None, elapsed=estimator.elapsed)
+
+
+class PieceEstimator:
+    """A filter that goes through a log piece by piece, so that memory does not grow with the log.
+
+    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other, what `estimate` makes of the
+    whole log.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        self._configuration = configuration
+        self._filter: elliptude.AttitudeFilter | None = None
+        self._last: Log | None = None
+        self.elapsed = 0.0
+        """What filter and bounds took, s; reading is not in it."""
+
+    def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
+        """Go through the pieces of a log.
+
+        Parameters
+        ----------
+        pieces : iterable of Log
+            The rows of each come after those of the one before.
+
+        Yields
+        ------
+        Results
+            Of a piece's rows, from the start on.
+
+        Raises
+        ------
+        InconsistentMeasurement, ValueError
+            As `estimate`.
+        """
+        for piece in pieces:
+            begin = time.perf_counter()
+            results = self._take(piece)
+            self.elapsed += time.perf_counter() - begin
+            if results is not None:
+                yield results
+        if self._filter is None:
+            raise _no_start(self._configuration)
+
+    def _take(self, log: Log) -> Results | None:
+        """The next rows' results, or None before the start."""
+        configuration = self._configuration
+        is_gyro = isinstance(configuration.flow, GyroFlow)
+        starts_here = False
+        if self._filter is None:
+            if not isinstance(configuration.start, GivenStart):
+                complete = _complete_rows(log, configuration)
+                if not complete.any():
+                    return None
+                log, starts_here = log.since(int(np.argmax(complete))), True
+            self._filter = _filter(log, configuration)
+        # The start says all that the first row does, and a row that was worked on before is there as the begin of the
+        # step to the next one: neither may count twice.
+        whole = log if self._last is None else logs.joined([self._last, log])
+        directions, rates = whole.directions, whole.rates
+        if starts_here or self._last is not None:
+            directions = directions.copy()
+            directions[0] = np.nan
+            if rates is not None and not is_gyro:
+                rates = rates.copy()
+                rates[0] = np.nan
+        filtered = _run(self._filter, replace(whole, directions=directions, rates=rates), configuration)
+        if self._last is not None:
+            filtered = filtered.since(1)
+        self._last = log.since(len(log.times) - 1)
+        endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
+        if endless.any():
+            at = log.times[np.argmax(endless)]
+            raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
+        return _results(log, configuration, filtered, starts_here)
+
+
+def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
+    """The filter at the log's first time."""
+    settings = configuration.estimator
+    return elliptude.AttitudeFilter(
+        configuration.flow.build(),
         _start(log, configuration),
         time=float(log.times[0]),
         mode=settings.mode,
         criterion=settings.criterion,
         weight=settings.weight(),
     )
-    arguments: dict[str, Any] = {"on_inconsistent": settings.when_sets_do_not_meet}
+
+
+def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Configuration) -> FilterLog:
+    arguments: dict[str, Any] = {"on_inconsistent": configuration.estimator.when_sets_do_not_meet}
     if configuration.directions:
         # Where nothing is measured the reference does not matter, but must be a number.
         references = np.where(np.isfinite(log.references), log.references, [1.0, 0.0, 0.0])
         bounds = np.array([sensor.bound() for sensor in configuration.directions])
         weights = np.array([sensor.weight for sensor in configuration.directions])
-        arguments |= {"directions": directions, "reference": references, "bounds": bounds, "weights": weights}
+        arguments |= {"directions": log.directions, "reference": references, "bounds": bounds, "weights": weights}
+    flow = configuration.flow
     if isinstance(flow, GyroFlow):
         assert log.rates is not None
         arguments["gyro"] = interval_rates(log.rates) if flow.interval_rate == "mean_of_ends" else log.rates
     elif configuration.rate is not None:
-        arguments |= {"angular_velocity": rates, "rate_bound": configuration.rate.bound()}
+        arguments |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
     if log.control_torques is not None:
         arguments["control_torque"] = log.control_torques
     try:
-        filtered = attitude_filter.run(log.times, **arguments)
+        return attitude_filter.run(log.times, **arguments)
     except elliptude.InconsistentMeasurement as error:
         raise elliptude.InconsistentMeasurement(
             _with_place(error, log), error.margin, error.time, error.sensor
         ) from error
     except ValueError as error:
         raise ValueError(_with_place(error, log)) from error
-    elapsed = time.perf_counter() - begin
-    endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
-    if endless.any():
-        at = log.times[np.argmax(endless)]
-        raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-
-    present = np.isfinite(log.directions[:, :, 0])
-    if not is_gyro:
-        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        present = np.column_stack([present, rate_present])
-    return Estimation(
-        results=_results(log, configuration, filtered, present, from_measurement),
-        vector_is_compared=log.true_vectors is not None,
-        elapsed=elapsed,
-    )
 
 
 def _with_place(error: ValueError, log: Log) -> str:
@@ -139,14 +194,24 @@ def first_complete_row(log: Log, configuration: Configuration) -> int:
     ValueError
         If there is none.
     """
-    complete = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
+    complete = _complete_rows(log, configuration)
+    if not complete.any():
+        raise _no_start(configuration)
+    return int(np.argmax(complete))
+
+
+def _complete_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_]:
+    complete: NDArray[np.bool_] = np.isfinite(log.directions[:, :, 0]).sum(axis=1) >= 2
     if configuration.rate is not None:
         assert log.rates is not None
         complete &= np.isfinite(log.rates[:, 0])
-    if not complete.any():
-        rate = " and the rate" if configuration.rate is not None else ""
-        raise ValueError(f"no row has two directions{rate}: there is no measurement to start from")
-    return int(np.argmax(complete))
+    return complete
+
+
+def _no_start(configuration: Configuration) -> ValueError:
+    """What is wrong where no row of a log can be the start."""
+    rate = " and the rate" if configuration.rate is not None else ""
+    return ValueError(f"no row has two directions{rate}: there is no measurement to start from")
 
 
 def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
@@ -170,16 +235,16 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(
-    log: Log, configuration: Configuration, filtered: FilterLog, present: NDArray[np.bool_], from_measurement: bool
-) -> Results:
+def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
     names = [sensor.name for sensor in configuration.directions]
+    present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
         names.append("rate")
+        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
+        present = np.column_stack([present, rate_present])
     refused = filtered.outcomes == _REFUSED
-    used = ~refused
     shares = np.where(filtered.outcomes == _UPDATED, filtered.shares, np.nan)
-    if from_measurement:
+    if starts_here:
         shares[0] = 0.0
     errors, forms = compare(filtered, log.true_attitudes, log.true_vectors)
     return Results(
@@ -190,7 +255,7 @@ def _results(
         shapes=filtered.shapes,
         half_widths=filtered.half_widths(),
         largest_angles=filtered.largest_angles(),
-        used=_names(names, present & used[:, None]),
+        used=_names(names, present & ~refused[:, None]),
         refused=_names(names, present & refused[:, None]),
         shares=shares,
         margins=filtered.margins,
@@ -200,7 +265,14 @@ def _results(
 
 
 def _names(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
-    return [" ".join(name for name, is_chosen in zip(names, row, strict=True) if is_chosen) for row in chosen]
+    """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
+    codes = np.zeros(len(chosen), dtype=np.intp)
+    texts = [""]
+    for name, column in zip(names, chosen.T, strict=True):
+        # Codes of what was chosen so far that go on with and without this name.
+        found, codes = np.unique(2 * codes + column, return_inverse=True)
+        texts = [f"{texts[code // 2]} {name}".strip() if code % 2 else texts[code // 2] for code in found]
+    return [texts[code] for code in codes.tolist()]
 
 
 def compare(
@@ -246,72 +318,7 @@ def compare(
 
 
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
-    """Figures of an estimation for ``summary.json``: plain numbers, in degrees, None for what is not known.
-
-    Shares and errors are over the rows with an update, as what holds between them is the update's carried on.
-    """
-    results = estimation.results
-    refused = np.array([bool(names) for names in results.refused])
-    updated = np.array([bool(names) for names in results.used])
-    rows = np.flatnonzero(updated)
-    settled = rows[SETTLED_UPDATE - 1 :]
-    half_widths, largest = np.rad2deg(results.half_widths), np.rad2deg(results.largest_angles)
-    vector = "gyro_bias" if results.vector == "bias" else "angular_velocity"
-    summary: dict[str, Any] = {
-        "elliptude": elliptude.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "table_version": tables.VERSION,
-        "mode": configuration.estimator.mode,
-        "criterion": configuration.estimator.criterion,
-        "rows": len(results.times),
-        "updates": len(rows),
-        "refused": int(refused.sum()),
-        "elapsed_s": estimation.elapsed,
-        "settled_from_update": SETTLED_UPDATE,
-        "mean_half_width_attitude_deg": _means(half_widths[rows, :3]),
-        f"mean_half_width_{vector}_deg_per_s": _means(half_widths[rows, 3:]),
-        "largest_angle_deg": _statistics(largest, rows, settled),
-        "compared_with": None,
-    }
-    if results.errors is not None and results.forms is not None:
-        angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
-        rates = np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1))
-        summary |= {
-            "compared_with": configuration.truth.label if configuration.truth else "truth",
-            "compared": f"attitude and {vector}" if estimation.vector_is_compared else "attitude",
-            "attitude_error_deg": _statistics(angles, rows, settled),
-            f"{vector}_error_deg_per_s": _statistics(rates, rows, settled),
-            "inside_share_of_updates": _share_inside(results.forms[rows]),
-            "inside_share_of_rows": _share_inside(results.forms),
-            "largest_form": _or_none(np.nanmax(results.forms)) if np.isfinite(results.forms).any() else None,
-        }
-    return summary
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _means(values: FloatArray) -> list[float] | None:
-    """Means down the columns."""
-    return values.mean(axis=0).tolist() if len(values) else None
-
-
-def _statistics(values: FloatArray, rows: NDArray[np.intp], settled: NDArray[np.intp]) -> dict[str, float | None]:
-    def of(some: FloatArray, function: Any) -> float | None:
-        some = some[np.isfinite(some)]
-        return float(function(some)) if len(some) else None
-
-    return {
-        "mean": of(values[rows], np.mean),
-        "max": of(values[rows], np.max),
-        "mean_settled": of(values[settled], np.mean),
-        "max_settled": of(values[settled], np.max),
-        "last": _or_none(values[-1]),
-    }
-
-
-def _share_inside(forms: FloatArray) -> float | None:
-    known = forms[np.isfinite(forms)]
-    return float(np.mean(known <= 1.0)) if len(known) else None
+    """Figures of an estimation for ``summary.json``: see `elliptude.summary`."""
+    summary = Summary()
+    summary.add(estimation.results)
+    return summary.to_dict(configuration, vector_is_compared=estimation.vector_is_compared, elapsed=estimation.elapsed)

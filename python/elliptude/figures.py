@@ -44,7 +44,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
 
 
-def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Figure:
+def estimate_figure(results: Results, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
     """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
 
     Parameters
@@ -53,6 +53,8 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Fi
     title : str
     label : str
         What the estimates are compared with.
+    inside_share : float, optional
+        Of all rows, where ``results`` are only some of them.
 
     Returns
     -------
@@ -90,7 +92,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth") -> Fi
             if i == 0:
                 axes.set_title(f"{name}, body axes" if known else f"bound of the {name}, body axes", fontsize=9.5)
     below = figure.add_subplot(grid[3, 0], sharex=first)
-    _draw_form(below, time, [("form", results.forms, BLACK)], **marks)
+    _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
     size.plot(
         time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
@@ -245,7 +247,11 @@ def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
 
 
 def _draw_form(
-    axes: Axes, time: FloatArray, curves: Sequence[tuple[str, FloatArray | None, str]], **marks: Any
+    axes: Axes,
+    time: FloatArray,
+    curves: Sequence[tuple[str, FloatArray | None, str]],
+    inside_share: float | None = None,
+    **marks: Any,
 ) -> None:
     """The form of the truth over time, with the edge of the set at 1 and the share inside in the title."""
     axes.axhline(1.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
@@ -259,7 +265,7 @@ def _draw_form(
             shares.append("not known")
             continue
         axes.plot(time, forms, color=colour, linewidth=0.9, **marks)
-        share = f"{100.0 * float(np.mean(known <= 1.0)):.4g} %"
+        share = f"{100.0 * (float(np.mean(known <= 1.0)) if inside_share is None else inside_share):.4g} %"
         shares.append(share if len(curves) == 1 else f"{name} {share}")
         highest = max(highest, float(known.max()))
     axes.set_ylim(0.0, 1.15 * highest)

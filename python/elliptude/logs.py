@@ -7,6 +7,7 @@ file of any length needs little memory: `read_pieces`; `read_log` puts the piece
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -108,25 +109,20 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
     FileError
         If the file does not have it; with the line and the column where that is at fault.
     """
-    parts = list(read_pieces(path, configuration))
+    return joined(list(read_pieces(path, configuration)))
+
+
+def joined(parts: Sequence[Log]) -> Log:
+    """The log whose pieces, one behind the other, these are; one or more, of one file and configuration."""
     if len(parts) == 1:
         return parts[0]
 
-    def whole(parts: list[FloatArray | None]) -> FloatArray | None:
-        there = [part for part in parts if part is not None]
-        return np.concatenate(there) if there else None
+    def whole(name: str) -> Any:
+        there = [getattr(part, name) for part in parts]
+        return None if there[0] is None else np.concatenate(there)
 
-    return replace(
-        parts[0],
-        times=np.concatenate([piece.times for piece in parts]),
-        directions=np.concatenate([piece.directions for piece in parts]),
-        references=np.concatenate([piece.references for piece in parts]),
-        rates=whole([piece.rates for piece in parts]),
-        control_torques=whole([piece.control_torques for piece in parts]),
-        true_attitudes=whole([piece.true_attitudes for piece in parts]),
-        true_vectors=whole([piece.true_vectors for piece in parts]),
-        rows=np.concatenate([piece.rows for piece in parts if piece.rows is not None]),
-    )
+    names = [name for name in vars(parts[0]) if name not in {"origin", "file"}]
+    return replace(parts[0], **{name: whole(name) for name in names})
 
 
 def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> Iterator[Log]:
@@ -156,6 +152,15 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
         if all(clock.is_empty for clock in clocks):
             raise FileError(f"{path}: a header, but no rows below it")
         raise FileError(f"{path}: no row between the first and the last sample of {_filled(configuration)}")
+
+
+def ahead(pieces: Iterator[Log]) -> Iterator[Log]:
+    """The same pieces, the next one being read in the background while one is worked on."""
+    with ThreadPoolExecutor(1) as pool:
+        pending = pool.submit(next, pieces, None)
+        while (piece := pending.result()) is not None:
+            pending = pool.submit(next, pieces, None)
+            yield piece
 
 
 def _filled(configuration: Configuration) -> str:

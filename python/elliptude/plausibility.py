@@ -6,6 +6,7 @@ be multiplied by: 1, or π/180 where degrees were declared as radians. A referen
 Nothing is concluded from logs that do not turn.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -14,9 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.configuration import Configuration
 from elliptude.files import FileError
-from elliptude.logs import Log
+from elliptude.logs import Log, joined
 from elliptude.results import FloatArray
 from elliptude.sensors import Accelerometer, AnyDirection
+
+BLOCK_ROWS = 1 << 18
+"""Of a long log that are looked at together."""
 
 Severity: TypeAlias = Literal["error", "warning"]
 
@@ -66,11 +70,55 @@ def require_plausible(log: Log, configuration: Configuration, name: str) -> None
     FileError
         With all that was found.
     """
-    if configuration.implausible == "ignore":
-        return
-    errors = [str(finding) for finding in contradictions(log, configuration) if finding.severity == "error"]
+    if configuration.implausible == "refuse":
+        _require_plausible(log, configuration, name)
+
+
+def _require_plausible(log: Log, configuration: Configuration, name: str) -> bool:
+    """Whether the log has moved enough to tell."""
+    findings, is_told = _look(log, configuration)
+    errors = [str(finding) for finding in findings if finding.severity == "error"]
     if errors:
         raise FileError(f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore'")
+    return is_told
+
+
+def plausible_pieces(pieces: Iterable[Log], configuration: Configuration, name: str) -> Iterator[Log]:
+    """Pass the pieces of a log on, after `require_plausible` has looked at them.
+
+    A stated unit or order holds for the whole log. So it is looked at in blocks, each before any of its rows is passed
+    on, until one has moved enough to tell; a log of one block is looked at as a whole.
+
+    Parameters
+    ----------
+    pieces : iterable of Log
+    configuration, name
+        As `require_plausible`.
+
+    Yields
+    ------
+    Log
+        The pieces.
+
+    Raises
+    ------
+    FileError
+        As `require_plausible`.
+    """
+    waiting: list[Log] = []
+    is_told = configuration.implausible == "ignore"
+    for piece in pieces:
+        if is_told:
+            yield piece
+            continue
+        waiting.append(piece)
+        if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
+            is_told = _require_plausible(joined(waiting), configuration, name)
+            yield from waiting
+            waiting = []
+    if waiting:
+        _require_plausible(joined(waiting), configuration, name)
+        yield from waiting
 
 
 def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
@@ -85,6 +133,11 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
     -------
     list of Finding
     """
+    return _look(log, configuration)[0]
+
+
+def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
+    """What was found, and whether the log has moved enough to tell of its directions and rates."""
     turns = _Turns(log)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
@@ -94,7 +147,7 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
     if not any(finding.severity == "error" for finding in found):
         attitude = _reference_attitude(log, turns, configuration)
         found += [attitude] if attitude is not None else []
-    return found
+    return found, "confirmed" in by_direction
 
 
 class _Turns:

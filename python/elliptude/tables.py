@@ -6,7 +6,9 @@ measured, and NaN in the arrays here. NaN and infinity as text are refused, as n
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Self, TypeAlias
@@ -27,6 +29,7 @@ VERSION = 1
 
 Kind: TypeAlias = Literal["measurements", "results"]
 VectorName: TypeAlias = Literal["rate", "bias"]
+Column: TypeAlias = FloatArray | Sequence[str]
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 RATE = ("wx", "wy", "wz")
@@ -76,7 +79,7 @@ class Measurements:
         FileError
             If it cannot be written.
         """
-        columns: dict[str, FloatArray | Sequence[str]] = {"time_s": self.times}
+        columns: dict[str, Column] = {"time_s": self.times}
         _add(columns, QUATERNION, self.true_quaternions)
         _add(columns, RATE, self.true_angular_velocities)
         for i, sensor in enumerate(self.sensors):
@@ -176,8 +179,12 @@ class Results:
         FileError
             If it cannot be written.
         """
+        write_columns(path, "results", self.columns())
+
+    def columns(self) -> dict[str, Column]:
+        """The table's columns by name."""
         vector = _VECTORS[self.vector]
-        columns: dict[str, FloatArray | Sequence[str]] = {"time_s": self.times}
+        columns: dict[str, Column] = {"time_s": self.times}
         _add(columns, QUATERNION, self.quaternions)
         _add(columns, vector, self.vectors)
         _add(columns, _SHAPE, self.shapes[:, *_UPPER])
@@ -191,7 +198,7 @@ class Results:
         }
         _add(columns, _per_axis("error", vector), self.errors)
         _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
-        write_columns(path, "results", columns)
+        return columns
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
@@ -265,7 +272,7 @@ def _per_axis(what: str, vector: tuple[str, str, str]) -> tuple[str, ...]:
     return tuple(f"{what}_{axis}" for axis in ("rx", "ry", "rz", *vector))
 
 
-def _add(columns: dict[str, FloatArray | Sequence[str]], names: Sequence[str], values: FloatArray | None) -> None:
+def _add(columns: dict[str, Column], names: Sequence[str], values: FloatArray | None) -> None:
     """Add the columns of ``values``, shape (N, len(names)), if there are any."""
     if values is not None:
         columns.update(zip(names, values.T, strict=True))
@@ -278,7 +285,7 @@ def _stack(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArra
 # --- any table of numbers over time -----------------------------------------------------------------------------------
 
 
-def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, FloatArray | Sequence[str]]) -> None:
+def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, Column]) -> None:
     """Write a table in whole or not at all.
 
     Numbers keep every bit. In CSV they have the fewest digits that do.
@@ -299,25 +306,68 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
     ValueError
         If a number is infinite.
     """
-    for name, values in columns.items():
-        if isinstance(values, np.ndarray) and np.isinf(values).any():
-            raise ValueError(f"column {name}: a table holds no infinite numbers")
-    table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
+    with writing_columns(path, kind) as write:
+        write(columns)
+
+
+@contextmanager
+def writing_columns(path: str | os.PathLike[str], kind: Kind) -> Iterator[Callable[[Mapping[str, Column]], None]]:
+    """Write a table piece by piece, in whole or not at all: see `write_columns`.
+
+    A piece is written in the background, one at a time, while the next one is being made.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : {"measurements", "results"}
+
+    Yields
+    ------
+    callable
+        Takes the columns of the next rows, the same ones each time; what goes wrong with a piece is raised when the
+        next one is given, or at the end.
+
+    Raises
+    ------
+    FileError, ValueError
+        As `write_columns`.
+    """
     label = f"elliptude {kind} {VERSION}"
     suffix = Path(path).suffix
     if suffix not in {".csv", ".parquet"}:
         raise FileError(f"{path}: a table's name ends in .csv or .parquet")
-    with replacing(path) as temporary:
-        if suffix == ".parquet":
-            pa.parquet.write_table(table.replace_schema_metadata({"elliptude": label}), temporary)
-            return
-        with temporary.open("wb") as file:
-            # Arrow would put every name in quotes.
-            file.write(f"# {label}\n{','.join(columns)}\n".encode())
+    with replacing(path) as temporary, ExitStack() as opened, ThreadPoolExecutor(1) as pool:
+        writer: pa.parquet.ParquetWriter | None = None
+        file = opened.enter_context(temporary.open("wb")) if suffix == ".csv" else None
+        pending: list[Future[None]] = []
+
+        def write_piece(columns: Mapping[str, Column]) -> None:
+            nonlocal writer
+            for name, values in columns.items():
+                if isinstance(values, np.ndarray) and np.isinf(values).any():
+                    raise ValueError(f"column {name}: a table holds no infinite numbers")
+            table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
+            if file is None:
+                table = table.replace_schema_metadata({"elliptude": label})
+                writer = writer or opened.enter_context(pa.parquet.ParquetWriter(temporary, table.schema))
+                writer.write_table(table)
+                return
+            if file.tell() == 0:
+                # Arrow would put every name in quotes.
+                file.write(f"# {label}\n{','.join(columns)}\n".encode())
             pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
 
+        def write(columns: Mapping[str, Column]) -> None:
+            if pending:
+                pending.pop().result()
+            pending.append(pool.submit(write_piece, columns))
 
-def _arrow_array(values: FloatArray | Sequence[str]) -> pa.Array:
+        yield write
+        if pending:
+            pending.pop().result()
+
+
+def _arrow_array(values: Column) -> pa.Array:
     if isinstance(values, np.ndarray):
         return pa.array(values, type=pa.float64(), from_pandas=True)
     return pa.array(values, type=pa.string())

@@ -141,6 +141,8 @@ class GuaranteedRigidBodyFlow {
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
     State state = ellipsoid.center;
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
     MotionSeries<Scalar, Potential> series(body_, potential_);
     const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
     ErrorTube<Scalar, Potential> tube;
@@ -195,8 +197,7 @@ class GuaranteedRigidBodyFlow {
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
     const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
-    const Scalar gradient =
-        bounds.degree > Scalar(1) ? Scalar(Scalar(3) * bounds.turn_rate * bounds.turn_rate * error) : Scalar(0);
+    const Scalar gradient = bounds.by_inertia * error;
     const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + tube::radius(ellipsoid.shape);
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +

@@ -1,0 +1,104 @@
+"""The command ``elliptude compare``."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from elliptude import comparison
+from elliptude.configuration import read_configuration
+from elliptude.files import FileError
+
+
+def compare(
+    result: Annotated[
+        Path, typer.Argument(help="A table of results, or the folder that estimate wrote.", show_default=False)
+    ],
+    reference: Annotated[
+        Path,
+        typer.Argument(help="A table with time_s,qw,qx,qy,qz; with --config a log in any format.", show_default=False),
+    ],
+    config: Annotated[
+        Path | None,
+        typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
+    ] = None,
+    largest_gap_s: Annotated[
+        float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
+    ] = 0.0,
+    reference_error_deg: Annotated[
+        float, typer.Option(min=0.0, max=180.0, help="What the reference may itself be off, degrees.")
+    ] = 0.0,
+    tum: Annotated[
+        Path | None,
+        typer.Option(help="Folder for estimate.tum and reference.tum, which evo_ape reads.", show_default=False),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+) -> None:
+    """Compare results with a reference attitude: containment, error of the center, width of the sets.
+
+    Exit code 1 if the reference is outside a set that the table claims to hold without a condition.
+    """
+    if not math.isfinite(largest_gap_s) or not math.isfinite(reference_error_deg):
+        raise typer.BadParameter("not a finite number", param_hint="--largest-gap-s, --reference-error-deg")
+    if tum is not None and not force:
+        for name in ("estimate.tum", "reference.tum"):
+            if (tum / name).exists():
+                raise FileError(f"{tum / name} is there already; --force replaces it")
+    configuration = None if config is None else read_configuration(config)
+    estimates = comparison.read_estimates(result)
+    try:
+        compared = comparison.compare(
+            estimates,
+            comparison.read_reference(reference, configuration),
+            largest_gap=largest_gap_s,
+            reference_error=math.radians(reference_error_deg),
+        )
+    except ValueError as error:
+        raise FileError(f"{result}, {reference}: {error}") from error
+    written: tuple[Path, ...] = ()
+    if tum is not None:
+        tum.mkdir(parents=True, exist_ok=True)
+        written = compared.write_tum(tum)
+    summary = compared.to_dict()
+    if as_json:
+        head = {"result": str(result), "reference": str(reference), "reference_error_deg": reference_error_deg}
+        typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        typer.echo(f"{result} against {reference}: {len(compared.times)} of {compared.rows} rows compared")
+        Console(width=max(Console().width, 110)).print(_table(summary))
+        for path in written:
+            typer.echo(f"  {path}")
+    if compared.broken_promises:
+        typer.secho(
+            f"{compared.broken_promises} rows claim a set that holds without a condition, and the reference is outside",
+            err=True,
+            fg=typer.colors.RED,
+        )
+        raise typer.Exit(1)
+
+
+def _table(summary: dict[str, Any]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("claim", no_wrap=True)
+    for heading in (
+        "rows %", "inside %", "error ° mean", "rms", "max", "half-widths ° body", "half-widths ° reference",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, figures in {"all rows": summary["all"], **(summary["by_claim"] or {})}.items():
+        cells = [f"{100.0 * figures['share_of_rows']:.4g}"]
+        if figures["compared"]:
+            error = figures["error_deg"]
+            cells += [f"{100.0 * figures['inside_share']:.6g}"]
+            cells += [f"{error[which]:.3g}" for which in ("mean", "rms", "max")]
+            cells += [
+                " ".join(f"{width:.3g}" for width in figures[f"half_width_{axes}_deg"]["mean"])
+                for axes in ("body", "reference")
+            ]
+        table.add_row(name, *cells)
+    return table
