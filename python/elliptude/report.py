@@ -538,7 +538,7 @@ def _globe() -> dict[str, Any]:
         "colorscale": [[0, "#d8dbe0"], [1, "#d8dbe0"]],
         "hoverinfo": "skip",
         "contours": {name: {"highlight": False} for name in "xyz"},
-        "opacity": 0.8,
+        "opacity": 0.6,
         "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     }
 
@@ -613,7 +613,7 @@ def _sphere(compares: bool, label: str) -> dict[str, Any]:
                 "name": f"estimated body {axis}",
                 **nothing,
                 "text": ["", axis],
-                "textfont": {"color": colour, "size": 16},
+                "textfont": {"color": colour, "size": 26},
                 "line": {"color": colour, "width": 5},
                 "hoverinfo": "name",
             }

@@ -174,9 +174,9 @@ class Run:
         after = np.clip(np.searchsorted(times, self.times), 1, max(len(times) - 1, 1))
         if len(times) == 0:
             return replace(self, errors=errors, forms=forms)
-        if len(times) == 1:
-            times, quaternions = times[0] + np.arange(2.0), np.repeat(quaternions, 2, axis=0)
-            largest_gap = 0.0
+        if len(times) == 1:  # a second one, later than every row
+            times = np.append(times, max(times[0], self.times[-1]) + 1.0)
+            quaternions, largest_gap = np.repeat(quaternions, 2, axis=0), 0.0
         before = after - 1
         nearest = np.where(self.times - times[before] <= times[after] - self.times, before, after)
         is_same = np.abs(times[nearest] - self.times) <= _SAME_TIME

@@ -243,6 +243,7 @@ class Results:
         columns = read_columns(
             path,
             numbers=() if guaranteed else estimates,
+            # Where the truth is one of the attitude alone, so are the errors.
             optional=[("share",), ("margin",)]
             + [errors[:3], errors[3:]] * with_errors
             + further
