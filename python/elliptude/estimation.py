@@ -106,25 +106,25 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
-        take = self._take
-        if self._configuration.estimator.mode == "guaranteed":
+        configuration, take = self._configuration, self._take
+        if configuration.estimator.mode == "guaranteed":
             pieces, take = [logs.joined(list(pieces))], self._take_whole
         has_started = False
         for piece in pieces:
             begin = time.perf_counter()
             results = take(piece)
             self.elapsed += time.perf_counter() - begin
+            self.vector_is_compared = piece.true_vectors is not None and configuration.truth_error == 0.0
             if results is not None:
                 has_started = True
                 yield results
         if not has_started:
-            raise _no_start(self._configuration)
+            raise _no_start(configuration)
 
-    def _take_whole(self, log: Log) -> Results | None:
+    def _take_whole(self, log: Log) -> Results:
         """The results of all rows, in the guaranteed mode."""
         with _placed(log):
             self.guaranteed = run_guaranteed(log, self._configuration)
-        self.vector_is_compared = log.true_vectors is not None and self._configuration.truth_error == 0.0
         return guaranteed_results.results_of(self.guaranteed, self._configuration)
 
     def _take(self, log: Log) -> Results | None:
@@ -159,7 +159,6 @@ class PieceEstimator:
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-        self.vector_is_compared = log.true_vectors is not None and configuration.truth_error == 0.0
         return _results(log, configuration, filtered, starts_here)
 
 
