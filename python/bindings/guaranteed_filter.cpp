@@ -274,10 +274,10 @@ class PythonGuaranteedFilter {
       }
       make<BodyFilter>(flow_.cast<const GuaranteedBodyFlowSettings&>().flow, settings, begin, start);
     } else if (py::isinstance<GuaranteedGyroFlowSettings>(flow_)) {
-      make<GyroFilter>(flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
-                       {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after,
-                        settings.estimates_vector},
-                       begin, start);
+      make<GyroFilter>(
+          flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
+          {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after, settings.estimates_vector},
+          begin, start);
     } else {
       throw py::type_error(std::string("flow must be a GuaranteedRigidBodyFlow or a GuaranteedGyroFlow, not ") +
                            Py_TYPE(flow_.ptr())->tp_name);

@@ -462,13 +462,14 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       ++count;
     }
     const Ellipsoid<Scalar, 3> predicted{Vector3<Scalar>::Zero(), set_.shape.template topLeftCorner<3, 3>()};
-    const SizeCriterion<Scalar, 3> criterion{
-        settings_.criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume ? SizeCriterion<Scalar, 3>::Kind::volume
-                                                                           : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
-        settings_.criterion.weight.template topLeftCorner<3, 3>()};
+    const SizeCriterion<Scalar, 3> criterion{settings_.criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume
+                                                 ? SizeCriterion<Scalar, 3>::Kind::volume
+                                                 : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
+                                             settings_.criterion.weight.template topLeftCorner<3, 3>()};
     QuadricFusion<Scalar, 3> fusion;
     fusion.contradiction = QuadricFusion<Scalar, 3>::none;
-    const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, fusion);
+    const Status status =
+        minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, fusion);
     solution.fusion.margin = fusion.margin;
     solution.fusion.contradiction = fusion.contradiction;
     if (status != Status::ok) {
