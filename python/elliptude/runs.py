@@ -35,6 +35,9 @@ _ERRORS = ("error_rx", "error_ry", "error_rz")
 _UPPER = np.triu_indices(3)
 SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""
+# Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
+_LARGEST_DRAWN = np.deg2rad(20.0)
+_MAGNIFICATIONS = tuple(digit * 10**power for power in range(5) for digit in (1, 2, 5))
 # s; a reference's stamp so near is that of the row.
 _SAME_TIME = 1e-6
 
@@ -210,14 +213,22 @@ class Run:
                 forms[rows] = (offsets[:, None] @ np.linalg.pinv(self.shapes[rows]) @ offsets[..., None])[:, 0, 0]
         return replace(self, errors=errors, forms=forms)
 
-    def true_axes(self) -> FloatArray:
-        """The reference's body axes as columns, NaN where there is none, shape (N, 3, 3)."""
+    def magnification(self, rows: NDArray[np.intp]) -> int:
+        """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
+        sizes = self.largest_angles[rows][self.known[rows]]
+        if len(sizes) == 0:
+            return 1
+        fits = _LARGEST_DRAWN / max(float(np.quantile(sizes, 0.9)), 1e-12)
+        return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
+
+    def true_axes(self, magnification: int = 1) -> FloatArray:
+        """The reference's body axes as columns, its error so many times as large, shape (N, 3, 3); NaN where not known."""
         axes = np.full((len(self.times), 3, 3), np.nan)
         if self.errors is None:
             return axes
         rows = np.flatnonzero(np.isfinite(self.errors).all(axis=1) & self.known)
         if len(rows):
-            axes[rows] = self.attitudes[rows] @ turns(self.errors[rows], "exponential").as_matrix()
+            axes[rows] = self.attitudes[rows] @ turns(magnification * self.errors[rows], "exponential").as_matrix()
         return axes
 
 

@@ -176,3 +176,14 @@ def test_decimation_keeps_what_stands_out():
 def test_the_weakest_claim_of_a_piece_counts():
     claims = ("unconditional", "conditional", "unconditional", "none", "", "unconditional")
     assert runs.worst_claims(claims, runs.pieces(6, 3)) == ["conditional", "none", ""]
+
+
+@pytest.mark.parametrize(("angle", "factor"), [(0.3, 1), (0.1, 2), (0.02, 10), (1e-4, 2000), (2.0, 1), (0.0, 50_000)])
+def test_small_sets_are_magnified(angle, factor):
+    run = make_run(errors=np.tile([0.0, 0.0, 1e-5], (50, 1)), forms=np.zeros(50))
+    run.largest_angles[:] = angle
+    assert run.magnification(np.arange(50)) == factor
+    # The reference's error with it: x axes are turned about z by so many times 1e-5.
+    x, y = run.attitudes[0][:, 0], run.attitudes[0][:, 1]
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ y, np.sin(factor * 1e-5), atol=1e-12)
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ x, np.cos(factor * 1e-5), atol=1e-12)
