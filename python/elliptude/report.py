@@ -233,7 +233,7 @@ def _magnified(factor: int) -> str:
     if factor == 1:
         return "Each patch is the exact image of the set of attitudes:"
     return (
-        f"<strong>Sets and errors are drawn {factor} times as large</strong>, as they would be dots otherwise. Each patch "
+        f"<strong>Sets and errors are drawn {factor} times as large</strong>, or they would be dots. Each patch "
         "is the exact image of the set of attitudes, so magnified:"
     )
 

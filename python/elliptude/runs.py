@@ -37,7 +37,7 @@ SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""
 # Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
 _LARGEST_DRAWN = np.deg2rad(20.0)
-_MAGNIFICATIONS = tuple(digit * 10**power for power in range(5) for digit in (1, 2, 5))
+_MAGNIFICATIONS: tuple[int, ...] = tuple(digit * scale for scale in (1, 10, 100, 1000, 10_000) for digit in (1, 2, 5))
 # s; a reference's stamp so near is that of the row.
 _SAME_TIME = 1e-6
 
@@ -222,7 +222,7 @@ class Run:
         return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
 
     def true_axes(self, magnification: int = 1) -> FloatArray:
-        """The reference's body axes as columns, its error so many times as large, shape (N, 3, 3); NaN where not known."""
+        """The reference's body axes as columns, its error so many times as large; NaN where not known, (N, 3, 3)."""
         axes = np.full((len(self.times), 3, 3), np.nan)
         if self.errors is None:
             return axes
