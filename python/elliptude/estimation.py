@@ -64,8 +64,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
 class PieceEstimator:
     """A filter that goes through a log piece by piece, so that memory does not grow with the log.
 
-    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other, what `estimate` makes of the
-    whole log.
+    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other and up to rounding, what
+    `estimate` makes of the whole log.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -114,11 +114,12 @@ class PieceEstimator:
                     return None
                 log, starts_here = log.since(int(np.argmax(complete))), True
             self._filter = _filter(log, configuration)
-        # The start says all that the first row does, and a row that was worked on before is there as the begin of the
-        # step to the next one: neither may count twice.
+        # A gyro's step to the first of these rows begins at the last of those before.
         whole = log if self._last is None else logs.joined([self._last, log])
         directions, rates = whole.directions, whole.rates
         if starts_here or self._last is not None:
+            # The start says all that the first row does, and a row that was worked on before has been used: neither may
+            # count twice.
             directions = directions.copy()
             directions[0] = np.nan
             if rates is not None and not is_gyro:
@@ -127,7 +128,8 @@ class PieceEstimator:
         filtered = _run(self._filter, replace(whole, directions=directions, rates=rates), configuration)
         if self._last is not None:
             filtered = filtered.since(1)
-        self._last = log.since(len(log.times) - 1)
+        if is_gyro:
+            self._last = log.since(len(log.times) - 1)
         endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
         if endless.any():
             at = log.times[np.argmax(endless)]

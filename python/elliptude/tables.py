@@ -225,7 +225,8 @@ class Results:
         columns = read_columns(
             path,
             numbers=(*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle"),
-            optional=[("share",), ("margin",)] + [errors] * with_errors + [("form",)] * with_forms,
+            # Where the truth is one of the attitude alone, so are the errors.
+            optional=[("share",), ("margin",)] + [errors[:3], errors[3:]] * with_errors + [("form",)] * with_forms,
             texts=("used", "refused"),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))
