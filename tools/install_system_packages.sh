@@ -31,7 +31,10 @@ for purpose in "$@"; do
             need_command valgrind valgrind
             ;;
         lint) need_command clang-tidy clang-tidy ;;
-        clang) need_command clang++ clang ;;
+        clang)
+            need_command clang++ clang
+            need_package libclang-rt-dev
+            ;;
         browser) need_command chromium chromium ;;
         *)
             echo "unknown purpose: $purpose" >&2

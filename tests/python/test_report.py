@@ -144,7 +144,7 @@ def test_the_command_with_a_reference(tmp_path):
     shifted.write_text("time_s,qw,qx,qy,qz\n1000,1,0,0,0\n")
     refused = run_cli(tmp_path, "--reference", shifted, "--out", tmp_path / "other.html")
     assert refused.exit_code == 1
-    assert "its times are not those of the result" in " ".join(refused.output.split())
+    assert "no row with a set has a reference of its time" in " ".join(refused.output.split())
     assert not (tmp_path / "other.html").exists()
 
 

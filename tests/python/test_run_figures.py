@@ -103,3 +103,18 @@ def test_a_run_of_which_nothing_is_known(tmp_path, picture):
     figures.save(picture(run, "Nothing"), tmp_path / "nothing.png")
     one = dataclasses.replace(make_run(1))
     figures.save(picture(one, "One row"), tmp_path / "one.png")
+
+
+def test_magnified_sets_say_so():
+    run = make_run()
+    run.shapes[:] *= 0.01
+    run.largest_angles[:] *= 0.1
+    figure = run_figures.axes_figure(run, "Run")
+    assert figure.get_suptitle() == "Run\nsets and errors drawn 10 times as large"
+    large = run_figures.axes_figure(make_run(), "Run")
+    assert large.get_suptitle() == "Run"
+    # Magnified by 10, sets a tenth as large make the same picture.
+    small_patch, large_patch = (one.axes[0].patches[-1].get_path().vertices for one in (figure, large))
+    np.testing.assert_allclose(small_patch, large_patch, atol=1e-9)
+    run.shapes[:], run.largest_angles[:] = np.eye(3) * 4.0**2, 4.0
+    assert run_figures.axes_figure(run, "Run").axes[0].get_title() == "0.00 s: within 229°, too large to draw"

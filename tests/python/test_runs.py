@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from elliptude import runs, tables
+from elliptude.comparison import Reference
 from elliptude.files import FileError
 from elliptude.runs import Refusal, Run
 from scipy.spatial.transform import Rotation
@@ -125,7 +126,7 @@ def test_compared_with_a_reference(chart):
     run, turn = make_run(chart=chart), 0.25
     fine = np.linspace(-1.0, 6.0, 7001)
     true = Rotation.from_rotvec(np.outer(fine, [0.2, -0.4, 0.3])) * Rotation.from_rotvec([0.0, 0.0, turn])
-    compared = run.against(fine, true.as_quat(scalar_first=True), 0.01)
+    compared = run.against(Reference(fine, true), 0.01)
     np.testing.assert_allclose(compared.errors, np.tile([0.0, 0.0, turn], (50, 1)), atol=1e-7)
     reach = turn if chart == "exponential" else 2.0 * np.tan(0.5 * turn)
     np.testing.assert_allclose(compared.forms, (reach / 0.3) ** 2, rtol=1e-6)
@@ -135,29 +136,15 @@ def test_compared_with_a_reference(chart):
 
 def test_a_reference_is_not_carried_over_gaps():
     run = make_run()
-    quaternions = run.quaternions.copy()
-    quaternions[10:20] = np.nan
-    compared = run.against(run.times, quaternions, 0.2)
+    attitudes = Rotation.from_quat(run.quaternions, scalar_first=True)
+    some = np.r_[:10, 20:50]
+    compared = run.against(Reference(run.times[some], attitudes[some]), 0.2)
     assert np.flatnonzero(~compared.compared).tolist() == list(range(10, 20))
-    # Stamps of its own times count, however far apart they are; nothing is known before and behind.
-    alone = run.against(run.times[[7, 30]], run.quaternions[[7, 30]], 0.1)
-    assert np.flatnonzero(alone.compared).tolist() == [7, 30]
-    one = run.against(run.times[7:8], run.quaternions[7:8], 0.1)
+    assert np.isnan(compared.errors[10:20]).all()
+    one = run.against(Reference(run.times[7:8], attitudes[7:8]))
     assert np.flatnonzero(one.compared).tolist() == [7]
-    none = run.against(run.times, np.full((50, 4), np.nan), 1.0)
+    none = run.against(Reference(run.times + 100.0, attitudes))
     assert not none.compared.any()
-
-
-def test_a_reference_file(tmp_path):
-    path = tmp_path / "reference.csv"
-    path.write_text("time_s,qw,qx,qy,qz\n0,1,0,0,0\n1,,,,\n2,0,0,0,1.001\n")
-    times, quaternions = runs.read_reference(path)
-    assert times.tolist() == [0.0, 1.0, 2.0]
-    assert quaternions[2].tolist() == [0.0, 0.0, 0.0, 1.0]
-    assert np.isnan(quaternions[1]).all()
-    path.write_text("time_s,qw,qx,qy,qz\n0,57,0,0,0\n")
-    with pytest.raises(FileError, match="quaternion of length 57, not 1 within"):
-        runs.read_reference(path)
 
 
 def test_decimation_keeps_what_stands_out():
@@ -176,3 +163,14 @@ def test_decimation_keeps_what_stands_out():
 def test_the_weakest_claim_of_a_piece_counts():
     claims = ("unconditional", "conditional", "unconditional", "none", "", "unconditional")
     assert runs.worst_claims(claims, runs.pieces(6, 3)) == ["conditional", "none", ""]
+
+
+@pytest.mark.parametrize(("angle", "factor"), [(0.3, 1), (0.1, 2), (0.02, 10), (1e-4, 2000), (2.0, 1), (0.0, 50_000)])
+def test_small_sets_are_magnified(angle, factor):
+    run = make_run(errors=np.tile([0.0, 0.0, 1e-5], (50, 1)), forms=np.zeros(50))
+    run.largest_angles[:] = angle
+    assert run.magnification(np.arange(50)) == factor
+    # The reference's error with it: x axes are turned about z by so many times 1e-5.
+    x, y = run.attitudes[0][:, 0], run.attitudes[0][:, 1]
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ y, np.sin(factor * 1e-5), atol=1e-12)
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ x, np.cos(factor * 1e-5), atol=1e-12)
