@@ -29,7 +29,7 @@ FERMI_ANCHOR_S = 1024.0
 FERMI_INCREMENT_DEG = 0.5
 
 
-def broad_configuration(criterion: str = "trace", anchor_s: float | None = BROAD_ANCHOR_S) -> Configuration:
+def broad_configuration(criterion: str = "volume", anchor_s: float | None = BROAD_ANCHOR_S) -> Configuration:
     """The configuration of any of the BROAD excerpts."""
 
     def columns(name: str, count: int = 3) -> list[str]:
@@ -51,7 +51,7 @@ def broad_configuration(criterion: str = "trace", anchor_s: float | None = BROAD
     )
 
 
-def broad(folder: Path, trial: str, criterion: str = "trace", anchor_s: float | None = BROAD_ANCHOR_S) -> Estimation:
+def broad(folder: Path, trial: str, criterion: str = "volume", anchor_s: float | None = BROAD_ANCHOR_S) -> Estimation:
     """Estimate one of the BROAD excerpts."""
     (path,) = folder.glob(f"{trial}_*.npz")
     configuration = broad_configuration(criterion, anchor_s)
