@@ -44,23 +44,24 @@ def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
     if run.starts_heading and true_attitudes is not None:
         true_attitudes = turned_to_start(true_attitudes, run)
     errors, forms = compare(guaranteed, true_attitudes, log.true_vectors, configuration.truth_error)
-    shapes = guaranteed.shapes_exponential()
+    extents = guaranteed.extents()
     return Results(
         times=guaranteed.times,
         quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
         vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
         vectors=guaranteed.vectors,
-        shapes=shapes,
-        half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
-        largest_angles=guaranteed.extents().largest_angles,
+        shapes=guaranteed.shapes,
+        half_widths=extents.half_widths_body,
+        largest_angles=extents.largest_angles,
         used=names_of_chosen(names, there & ~dropped),
         refused=[""] * len(log.times),
         shares=np.full(len(log.times), np.nan),
         margins=guaranteed.margins,
         errors=errors,
         forms=forms,
+        chart="gibbs",
         claims=[CLAIMS[claim] for claim in guaranteed.claims],
-        prediction_used=np.where(np.isfinite(shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
+        prediction_used=np.where(np.isfinite(guaranteed.shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
         dropped=names_of_chosen(names, there & dropped),
         tilt_bounds=run.tilt_bounds,
     )

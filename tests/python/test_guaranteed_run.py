@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomlkit
 from datasets import FOLDER, broad, needs_datasets, xio
-from elliptude import cli, containment, estimation, guaranteed_results, logs, tables
+from elliptude import cli, containment, estimation, fermi, guaranteed_results, logs, tables
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration
 from elliptude.direction_rows import direction_rows
@@ -447,6 +447,32 @@ def test_command(tmp_path, suffix):
     assert "--force" in done.output
 
 
+def test_compare_and_report_read_the_table(tmp_path):
+    wrong = made(field_late=0.012).attitudes.copy()
+    turned = Rotation.from_euler("z", 2.5) * Rotation.from_quat(wrong[2000:2500], scalar_first=True)
+    wrong[2000:2500] = turned.as_quat(scalar_first=True)
+    path = recording(tmp_path, q_ref=wrong)
+    (tmp_path / "config.toml").write_text(tomlkit.dumps(ruled()))
+    out = tmp_path / "out"
+    assert run("estimate", path, "--config", tmp_path / "config.toml", "--out", out).exit_code == 0
+    results = tables.Results.read(out / "results.csv")
+    assert results.chart == "gibbs"
+    known = np.isfinite(results.forms)
+    assert 0.0 < np.mean(results.forms[known] <= 1.0) < 1.0
+    done = run("compare", out, path, "--config", tmp_path / "config.toml", "--json")
+    assert done.exit_code == 1  # the reference is wrong
+    figures = json.loads(done.stdout)["by_claim"]["unconditional"]
+    chosen = known & (np.array(results.claims) == "unconditional")
+    assert figures["inside"] == (results.forms[chosen] <= 1.0).sum()
+    assert figures["compared"] == chosen.sum()
+    widths = np.rad2deg(results.half_widths[chosen, :3])
+    np.testing.assert_allclose(figures["half_width_body_deg"]["max"], widths.max(axis=0), rtol=1e-9)
+    assert widths.max() < 180.0
+    done = run("report", out, "--out", tmp_path / "report.html")
+    assert done.exit_code == 0, done.output
+    assert f"outside the set at {(results.forms[known] > 1.0).sum()} of {known.sum()} rows" in done.output
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -520,7 +546,7 @@ def test_fermi_for_four_hours(real_recordings):
         estimated = estimation.estimate(log, real_recordings.fermi_configuration(increment))
         assert np.nanmax(estimated.results.forms) <= 1.0
         assert np.isfinite(estimated.results.forms).all()
-        widths.append(real_recordings.half_widths_about(estimated, sun).mean())
+        widths.append(fermi.half_widths_about(estimated.results, sun)[0].mean())
     assert widths[1] <= widths[0] / 3.0
 
 
