@@ -1,216 +1,18 @@
 #include <pybind11/stl.h>
 
 #include <elliptude/filter.hpp>
-#include <mutex>
 #include <utility>
 #include <variant>
 
+#include "arguments.hpp"
 #include "ellipsoids.hpp"
+#include "flow.hpp"
 #include "module.hpp"
-#include "potential.hpp"
+#include "state_ellipsoid.hpp"
 
 namespace elliptude::python {
 
 namespace {
-
-// --- arguments ---------------------------------------------------------------------------------------------------------
-
-/// The shape of an error's ellipsoid from what a user gives: a radius, or the shape matrix itself.
-[[nodiscard]] Matrix3<double> bound_of(const double* data, bool is_radius) {
-  return is_radius ? Matrix3<double>(data[0] * data[0] * Matrix3<double>::Identity())
-                   : Matrix3<double>(Eigen::Map<const RowMajor3>(data));
-}
-
-/// \throws ValueError unless the shape is symmetric and positive (semi)definite.
-void require_bound(const Matrix3<double>& bound, bool may_be_flat, const std::string& label) {
-  const Status status = validate(Ellipsoid<double, 3>{Vector3<double>::Zero(), bound});
-  raise_unless_ok(status, label);
-  Matrix3<double> factor;
-  if (!may_be_flat && cholesky(bound, factor) != Status::ok) {
-    value_error(label + " must be positive: a radius above 0, or a positive definite shape matrix");
-  }
-}
-
-/// One bound: a radius () or a shape matrix (3, 3).
-[[nodiscard]] Matrix3<double> one_bound(const py::object& value, const std::string& name, bool may_be_flat) {
-  const Items numbers(value, name, {});
-  const bool is_radius = numbers.leading().empty();
-  if (!is_radius && numbers.leading() != Shape{3, 3}) {
-    value_error(name + " must be a number (a radius) or have the shape (3, 3), not " + text(numbers.leading()));
-  }
-  if (is_radius && numbers.number(0) < 0) {
-    value_error(name + " must not be negative, but is " + text(numbers.number(0)));
-  }
-  const Matrix3<double> bound = bound_of(numbers[0], is_radius);
-  require_bound(bound, may_be_flat, name);
-  return bound;
-}
-
-/// Bounds of m directions: a radius for all, (m,) radii or (m, 3, 3) shape matrices.
-[[nodiscard]] std::vector<Matrix3<double>> direction_bounds(const py::object& value, Index m) {
-  const Items numbers(value, "bounds", {});
-  const Shape& shape = numbers.leading();
-  const bool is_radius = shape.size() < 2;
-  if (!(shape.empty() || shape == Shape{m} || shape == Shape{m, 3, 3})) {
-    value_error("bounds must be a number or have the shape (" + std::to_string(m) + ",) or (" + std::to_string(m) +
-                ", 3, 3) for " + std::to_string(m) + " directions, not " + text(shape));
-  }
-  std::vector<Matrix3<double>> bounds;
-  for (Index i = 0; i < m; ++i) {
-    const Index offset = shape.empty() ? 0 : (is_radius ? i : 9 * i);
-    const std::string label = shape.empty() ? "bounds" : "bounds[" + std::to_string(i) + "]";
-    if (is_radius && !(numbers.number(offset) > 0)) {
-      value_error(label + " must be positive, but is " + text(numbers.number(offset)) + " rad");
-    }
-    bounds.push_back(bound_of(numbers[offset], is_radius));
-    require_bound(bounds.back(), false, label);
-  }
-  return bounds;
-}
-
-/// Directions of one moment, checked as far as does not need their values.
-class DirectionArguments {
- public:
-  DirectionArguments(const py::object& bounds, const py::object& weights, Index m)
-      : bounds_(direction_bounds(bounds, m)), weights_(static_cast<std::size_t>(m), 1.0) {
-    constexpr auto most = static_cast<Index>(MeasuredDirections<double>::most_directions);
-    if (m < 1 || m > most) {
-      value_error("directions must be 1 to " + std::to_string(most) + ", not " + std::to_string(m));
-    }
-    if (!weights.is_none()) {
-      const Items given = single(weights, "weights", {m});
-      for (Index i = 0; i < m; ++i) {
-        const double weight = given[0][i];
-        if (!(weight > 0)) {
-          value_error("weights must be positive, but weights[" + std::to_string(i) + "] is " + text(weight));
-        }
-        weights_[static_cast<std::size_t>(i)] = weight;
-      }
-    }
-  }
-
-  [[nodiscard]] Direction<double> direction(Index i, const double* reference, const double* body) const noexcept {
-    const auto k = static_cast<std::size_t>(i);
-    return {Eigen::Map<const Vector3<double>>(reference), Eigen::Map<const Vector3<double>>(body), bounds_[k],
-            weights_[k]};
-  }
-
- private:
-  std::vector<Matrix3<double>> bounds_;
-  std::vector<double> weights_;
-};
-
-void require_direction(const Vector3<double>& direction, const std::string& label) {
-  if (!(direction.stableNorm() > 0)) {
-    value_error(label + " has no length: a direction must not be zero");
-  }
-}
-
-// --- state ellipsoids --------------------------------------------------------------------------------------------------
-
-/// A state ellipsoid of either flow: attitude, and angular velocity or gyro bias.
-struct AnyStateEllipsoid {
-  Matrix3<double> attitude;
-  Vector3<double> vector;
-  Matrix6<double> shape;
-
-  template <typename State>
-  [[nodiscard]] StateEllipsoid<State> as() const noexcept {
-    return {State{attitude, vector}, shape};
-  }
-  template <typename State>
-  [[nodiscard]] static AnyStateEllipsoid from(const StateEllipsoid<State>& ellipsoid) noexcept {
-    return {ellipsoid.center.attitude, vector_part(ellipsoid.center), ellipsoid.shape};
-  }
-};
-
-using BodyState = RigidBodyState<double>;
-
-[[nodiscard]] AnyStateEllipsoid make_state_ellipsoid(const py::object& attitude, const py::object& vector,
-                                                     const py::object& shape) {
-  AnyStateEllipsoid result;
-  result.attitude = single_attitude(attitude, "attitude");
-  result.vector = single(vector, "vector", {3}).vector<3>(0);
-  result.shape = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(shape, "shape", {6, 6})[0]);
-  raise_unless_ok(validate(result.as<BodyState>()), "shape");
-  return result;
-}
-
-[[nodiscard]] py::object quadratic_forms(const AnyStateEllipsoid& self, const py::object& attitude,
-                                         const py::object& vector) {
-  Items points = attitudes(attitude, "attitude");
-  Items vectors(vector, "vector", {3});
-  const Shape leading = broadcast({&points, &vectors});
-  const StateEllipsoid<BodyState> ellipsoid = self.as<BodyState>();
-  return map_items(leading, {}, [&](Index i) {
-    double value = 0;
-    const Status status = quadratic_form(ellipsoid, BodyState{points.matrix3(i), vectors.vector<3>(i)}, value);
-    return status == Status::ok ? value : std::numeric_limits<double>::quiet_NaN();
-  });
-}
-
-[[nodiscard]] py::object extent_of(const AnyStateEllipsoid& self) {
-  Extent<double> result;
-  raise_unless_ok(extent(self.as<BodyState>(), result), "shape");
-  return py::module_::import("elliptude.results")
-      .attr("Extent")(to_array(result.half_widths_body), to_array(result.half_widths_reference), result.largest_angle,
-                      to_array(result.largest_angle_axis), to_array(result.greatest_uncertainty));
-}
-
-// --- flows -------------------------------------------------------------------------------------------------------------
-
-/// A potential as a filter keeps it; both outlive every call.
-struct HeldPotential {
-  const Potential* potential = nullptr;
-  Failure* failure = nullptr;
-
-  [[nodiscard]] double energy(const Matrix3<double>& attitude, const double& time) const noexcept {
-    return potential->energy(attitude, time, *failure);
-  }
-  [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, const double& time) const noexcept {
-    return potential->torque(attitude, time, *failure);
-  }
-  [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, const double& time) const noexcept {
-    return potential->torque_jacobian(attitude, time, *failure);
-  }
-};
-
-using BodyFlow = RigidBodyFlow<double, HeldPotential>;
-
-struct BodyFlowSettings {
-  RigidBody<double> body;
-  PotentialReference potential;
-  double step;
-  int order;
-  Matrix3<double> unknown_torque;
-
-  [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {
-    return potential.traverse(visit, argument);
-  }
-};
-
-struct GyroFlowSettings {
-  Matrix3<double> noise;
-  Matrix3<double> drift;
-};
-
-[[nodiscard]] BodyFlowSettings make_body_flow(const RigidBody<double>& body, const py::object& potential,
-                                              const py::object& step, int order, const py::object& unknown_torque) {
-  Composition<double> composition{};
-  if (composition_of_order(order, composition) != Status::ok) {
-    value_error("order must be 2, 4, 6 or 8, but is " + std::to_string(order));
-  }
-  const double longest_step = single(step, "step", {}).number(0);
-  if (!(longest_step > 0)) {
-    value_error("step must be positive, but is " + text(longest_step) + " s");
-  }
-  const py::object given = potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
-  return {body, PotentialReference(given, "potential"), longest_step, order,
-          unknown_torque.is_none() ? Matrix3<double>(Matrix3<double>::Zero())
-                                   : one_bound(unknown_torque, "unknown_torque", true)};
-}
-
-// --- the filter --------------------------------------------------------------------------------------------------------
 
 template <typename Estimator>
 using BodyFilter = AttitudeFilter<BodyFlow, Estimator>;
@@ -231,7 +33,10 @@ class PythonFilter {
                std::string criterion, const py::object& weight)
       : flow_(std::move(flow)), mode_(std::move(mode)), criterion_(std::move(criterion)) {
     const double start = single(time, "time", {}).number(0);
-    const SizeCriterion<double, 6> size = criterion_of(weight);
+    const SizeCriterion<double, 6> size = size_criterion_of(criterion_, weight);
+    if (ellipsoid.is_gibbs) {
+      value_error("ellipsoid must be in the chart 'exponential': see StateEllipsoid.converted");
+    }
     if (mode_ != "paper" && mode_ != "first_order") {
       value_error("mode must be 'paper' or 'first_order', not '" + mode_ + "'");
     }
@@ -278,17 +83,13 @@ class PythonFilter {
   }
 
   void resume(const py::object& transition, const py::object& prior_shape) {
-    const auto matrix = [](const py::object& value, const char* name) {
-      return Matrix6<double>(
-          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(value, name, {6, 6})[0]));
-    };
-    const Matrix6<double> a = matrix(transition, "transition");
-    const Matrix6<double> p = matrix(prior_shape, "prior_shape");
+    const Matrix6<double> a = single_matrix6(transition, "transition");
+    const Matrix6<double> p = single_matrix6(prior_shape, "prior_shape");
     raise_unless_ok(std::visit([&](auto& filter) { return filter.resume(a, p); }, filter_), "prior_shape");
   }
 
   void predict(const py::object& time, const py::object& control_torque, const py::object& gyro) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const double end = single(time, "time", {}).number(0);
     const Vector3<double> input = input_of(control_torque, gyro);
     std::visit([&](auto& filter) { predict_to(filter, end, input, ""); }, filter_);
@@ -297,7 +98,7 @@ class PythonFilter {
   [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
                                   const py::object& weights, const py::object& angular_velocity,
                                   const py::object& rate_bound, const std::string& sensor, bool diagnostics) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     std::vector<Direction<double>> given;
     if (!directions.is_none()) {
       const Items body(directions, "directions", {3});
@@ -341,7 +142,7 @@ class PythonFilter {
 
   [[nodiscard]] py::object update_attitude(const py::object& attitude, const py::object& bound,
                                            const std::string& sensor) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const MeasuredAttitude<double> measured{single_attitude(attitude, "attitude"), one_bound(bound, "bound", false)};
     return std::visit(
         [&](auto& filter) {
@@ -354,7 +155,7 @@ class PythonFilter {
 
   [[nodiscard]] py::object update_linear(const py::object& y, const py::object& h, const py::object& bound,
                                          const std::string& sensor) {
-    const std::unique_lock lock = exclusive();
+    const std::unique_lock lock = begin_call();
     const Items values = single(y, "y", {any_length});
     const Index rows = values.item()[0];
     if (rows > 6) {
@@ -405,29 +206,6 @@ class PythonFilter {
   }
 
  private:
-  [[nodiscard]] SizeCriterion<double, 6> criterion_of(const py::object& weight) const {
-    using Criterion = SizeCriterion<double, 6>;
-    if (criterion_ == "weighted_trace") {
-      if (weight.is_none()) {
-        value_error("criterion 'weighted_trace' needs weight, a (6, 6) matrix");
-      }
-      const Matrix6<double> matrix =
-          Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(weight, "weight", {6, 6})[0]);
-      raise_unless_ok(validate(Criterion::weighted_trace(matrix)), "weight");
-      return Criterion::weighted_trace(matrix);
-    }
-    if (!weight.is_none()) {
-      value_error("weight goes with criterion 'weighted_trace', not '" + criterion_ + "'");
-    }
-    if (criterion_ == "trace") {
-      return Criterion::trace();
-    }
-    if (criterion_ == "volume") {
-      return Criterion::volume();
-    }
-    value_error("criterion must be 'trace', 'weighted_trace' or 'volume', not '" + criterion_ + "'");
-  }
-
   template <typename Paper, typename FirstOrder>
   void make(const typename Paper::Flow& flow, const SizeCriterion<double, 6>& criterion, double time,
             const AnyStateEllipsoid& ellipsoid) {
@@ -443,12 +221,8 @@ class PythonFilter {
     }
   }
 
-  /// One call at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's lock.
-  [[nodiscard]] std::unique_lock<std::mutex> exclusive() {
-    std::unique_lock lock(*mutex_, std::try_to_lock);
-    if (!lock.owns_lock()) {
-      throw std::runtime_error("the filter is in use by another thread");
-    }
+  [[nodiscard]] std::unique_lock<std::mutex> begin_call() {
+    std::unique_lock lock = exclusive(*mutex_);
     *failure_ = Failure();
     return lock;
   }
@@ -555,38 +329,11 @@ class PythonFilter {
   AnyFilter filter_;
 };
 
-/// A row that was not measured is all NaN; one that is so in part is an error.
-[[nodiscard]] bool is_absent(const Vector3<double>& row) noexcept { return row.array().isNaN().all(); }
-
-void require_measured(const Vector3<double>& row, const std::string& label) {
-  if (!scalar::all_finite(row)) {
-    value_error(label + " must be finite, or all NaN where nothing was measured");
-  }
-}
-
-/// A column of optional rows: (n, 3) of which one that is all NaN is absent; nothing where the argument is None.
-class OptionalRows {
- public:
-  OptionalRows(const py::object& value, const std::string& name, Index rows) {
-    if (!value.is_none()) {
-      items_.emplace(value, name, Shape{rows, 3}, Items::Require::anything, Items::Batch::none);
-    }
-  }
-  [[nodiscard]] bool given() const noexcept { return items_.has_value(); }
-  [[nodiscard]] std::optional<Vector3<double>> row(Index i) const {
-    const Vector3<double> value = Eigen::Map<const Vector3<double>>((*items_)[0] + 3 * i);
-    return is_absent(value) ? std::nullopt : std::optional(value);
-  }
-
- private:
-  std::optional<Items> items_;
-};
-
 py::object PythonFilter::run(const py::object& times, const py::object& directions, const py::object& reference,
                              const py::object& bounds, const py::object& weights, const py::object& angular_velocity,
                              const py::object& rate_bound, const py::object& gyro, const py::object& control_torque,
                              const std::string& on_inconsistent) {
-  const std::unique_lock lock = exclusive();
+  const std::unique_lock lock = begin_call();
   const Items time = single(times, "times", {any_length});
   const Index rows = time.item()[0];
   if (on_inconsistent != "raise" && on_inconsistent != "skip") {
@@ -783,157 +530,6 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
 
 void define_filter(py::module_& module) {
   using namespace py::literals;
-
-  py::class_<AnyStateEllipsoid>(module, "StateEllipsoid",
-                                R"(StateEllipsoid(attitude, vector, shape)
---
-
-The set of states about a center: C = Ĉ exp(S(ζ)) and vector + δ with [ζ; δ]ᵀ P⁻¹ [ζ; δ] ≤ 1 (paper, eq. ueso).
-
-P is the shape of a set, not a covariance; the error ζ is on the body side.
-
-Parameters
-----------
-attitude : (3, 3) array_like or scipy Rotation
-    Ĉ, body to reference.
-vector : (3,) array_like
-    The angular velocity (rad/s, body axes) for a rigid body, the gyro bias (rad/s) for a gyro flow.
-shape : (6, 6) array_like
-    P, rad², rad²/s and rad²/s², symmetric positive semidefinite.
-
-Raises
-------
-ValueError
-    If an argument is not finite, the attitude is no rotation, or the shape is not positive semidefinite.
-)")
-      .def(py::init(&make_state_ellipsoid), "attitude"_a, "vector"_a, "shape"_a)
-      .def_property_readonly("attitude", [](const AnyStateEllipsoid& self) { return to_constant_array(self.attitude); })
-      .def_property_readonly("vector", [](const AnyStateEllipsoid& self) { return to_constant_array(self.vector); })
-      .def_property_readonly("shape", [](const AnyStateEllipsoid& self) { return to_constant_array(self.shape); })
-      .def("quadratic_form", &quadratic_forms, "attitude"_a, "vector"_a,
-           R"(quadratic_form(self, attitude, vector)
---
-
-[ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3): at most 1 inside.
-)")
-      .def(
-          "contains",
-          [](const AnyStateEllipsoid& self, const py::object& attitude, const py::object& vector) {
-            return py::object(quadratic_forms(self, attitude, vector).attr("__le__")(1.0));
-          },
-          "attitude"_a, "vector"_a,
-          R"(contains(self, attitude, vector)
---
-
-Whether states (..., 3, 3) and (..., 3) are in the set.
-)")
-      .def("extent", &extent_of,
-           R"(extent(self)
---
-
-Half-widths along body and reference axes, the largest angle and the directions of greatest uncertainty.
-
-Returns
--------
-Extent
-)")
-      .def(
-          "to_dict",
-          [](const AnyStateEllipsoid& self) {
-            using namespace py::literals;
-            return py::dict("attitude"_a = to_array(self.attitude).attr("tolist")(),
-                            "vector"_a = to_array(self.vector).attr("tolist")(),
-                            "shape"_a = to_array(self.shape).attr("tolist")());
-          },
-          R"(to_dict(self)
---
-
-Lists of numbers under 'attitude', 'vector' and 'shape', for JSON.
-)")
-      .def_static(
-          "from_dict",
-          [](const py::dict& fields) {
-            return make_state_ellipsoid(fields["attitude"], fields["vector"], fields["shape"]);
-          },
-          "fields"_a,
-          R"(from_dict(fields)
---
-
-The inverse of `to_dict`.
-)")
-      .def("__repr__",
-           [](const AnyStateEllipsoid& self) {
-             Extent<double> e;
-             const Status status = extent(self.as<BodyState>(), e);
-             return "StateEllipsoid(largest_angle=" + (status == Status::ok ? text(e.largest_angle) : "?") + " rad)";
-           })
-      .def(py::pickle(
-          [](const AnyStateEllipsoid& self) {
-            return py::make_tuple(to_array(self.attitude), to_array(self.vector), to_array(self.shape));
-          },
-          [](const py::tuple& state) { return make_state_ellipsoid(state[0], state[1], state[2]); }));
-
-  py::class_<BodyFlowSettings>(module, "RigidBodyFlow", collectable<BodyFlowSettings>(),
-                               R"(RigidBodyFlow(body, potential=None, *, step, order=2, unknown_torque=None)
---
-
-How a rigid body in a potential moves between measurements: the variational integrator and its linearization.
-
-Parameters
-----------
-body : RigidBody
-potential : a potential, optional
-    A free body if omitted.
-step : float
-    The longest step, s; an interval is divided into the fewest equal steps that are no longer.
-order : {2, 4, 6, 8}
-    Of the integrator.
-unknown_torque : float or (3, 3) array_like, optional
-    A torque beside those known, constant over each step and anything in a ball of this radius (N m) or an ellipsoid of
-    this shape ((N m)²) from step to step.
-)")
-      .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a, "order"_a = 2,
-           "unknown_torque"_a = py::none())
-      .def_property_readonly("body", [](const BodyFlowSettings& self) { return self.body; })
-      .def_property_readonly("potential", [](const BodyFlowSettings& self) { return self.potential.object(); })
-      .def_readonly("step", &BodyFlowSettings::step)
-      .def_readonly("order", &BodyFlowSettings::order)
-      .def_property_readonly("unknown_torque",
-                             [](const BodyFlowSettings& self) { return to_constant_array(self.unknown_torque); })
-      .def(py::pickle(
-          [](const BodyFlowSettings& self) {
-            return py::make_tuple(self.body, self.potential.object(), self.step, self.order,
-                                  to_array(self.unknown_torque));
-          },
-          [](const py::tuple& state) {
-            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3].cast<int>(),
-                                  state[4]);
-          }));
-
-  py::class_<GyroFlowSettings>(module, "GyroFlow",
-                               R"(GyroFlow(noise, drift=0.0)
---
-
-How a body moves of which nothing is known but what its gyro says: gyro = ω + bias + v, the bias in the state.
-
-Parameters
-----------
-noise : float or (3, 3) array_like
-    v lies in a ball of this radius (rad/s) or an ellipsoid of this shape ((rad/s)²).
-drift : float or (3, 3) array_like
-    The same for the rate of change of the bias, rad/s².
-)")
-      .def(py::init([](const py::object& noise, const py::object& drift) {
-             return GyroFlowSettings{one_bound(noise, "noise", true), one_bound(drift, "drift", true)};
-           }),
-           "noise"_a, "drift"_a = 0.0)
-      .def_property_readonly("noise", [](const GyroFlowSettings& self) { return to_constant_array(self.noise); })
-      .def_property_readonly("drift", [](const GyroFlowSettings& self) { return to_constant_array(self.drift); })
-      .def(py::pickle(
-          [](const GyroFlowSettings& self) { return py::make_tuple(to_array(self.noise), to_array(self.drift)); },
-          [](const py::tuple& state) {
-            return GyroFlowSettings{one_bound(state[0], "noise", true), one_bound(state[1], "drift", true)};
-          }));
 
   py::class_<PythonFilter>(
       module, "AttitudeFilter", collectable<PythonFilter>(),

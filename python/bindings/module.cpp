@@ -34,6 +34,10 @@ PYBIND11_MODULE(_core, module) {
   define_potentials(module);
   define_integrator(module);
   define_wahba(module);
+  define_state_ellipsoids(module);
+  define_flows(module);
   define_filter(module);
   define_truth(module);
+  define_guaranteed_flows(module);
+  define_guaranteed_filter(module);
 }

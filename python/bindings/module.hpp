@@ -17,7 +17,11 @@ void define_rigid_body(pybind11::module_& module);
 void define_potentials(pybind11::module_& module);
 void define_integrator(pybind11::module_& module);
 void define_wahba(pybind11::module_& module);
+void define_state_ellipsoids(pybind11::module_& module);
+void define_flows(pybind11::module_& module);
 void define_filter(pybind11::module_& module);
 void define_truth(pybind11::module_& module);
+void define_guaranteed_flows(pybind11::module_& module);
+void define_guaranteed_filter(pybind11::module_& module);
 
 }  // namespace elliptude::python

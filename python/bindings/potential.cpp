@@ -58,6 +58,13 @@ class BuiltIn final : public Potential {
     return core_.torque_jacobian(attitude, time);
   }
   [[nodiscard]] std::optional<double> torque_curvature_bound() const override { return core_.torque_curvature_bound(); }
+  [[nodiscard]] Added add_to(BoundedPotential& sum) const noexcept override {
+    if constexpr (std::is_same_v<Core, FreeBody<double>>) {
+      return Added::yes;
+    } else {
+      return sum.add(core_) ? Added::yes : Added::too_many;
+    }
+  }
 
  private:
   Core core_;
@@ -120,6 +127,14 @@ class SumOfPotentials final : public Potential {
       sum += *bound;
     }
     return sum;
+  }
+  [[nodiscard]] Added add_to(BoundedPotential& sum) const noexcept override {
+    for (const PotentialReference& term : terms_) {
+      if (const Added added = (*term).add_to(sum); added != Added::yes) {
+        return added;
+      }
+    }
+    return Added::yes;
   }
   [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept override {
     for (const PotentialReference& term : terms_) {

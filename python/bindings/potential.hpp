@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "arrays.hpp"
+#include "bounded_potential.hpp"
 
 namespace elliptude::python {
 
@@ -47,6 +48,9 @@ class Potential {
                                                         Failure& failure) const noexcept = 0;
   /// Nothing where the potential promises none.
   [[nodiscard]] virtual std::optional<double> torque_curvature_bound() const = 0;
+  enum class Added : std::uint8_t { yes, no_bounds, too_many };
+  /// Adds this potential to a sum of those that offer the bounds of a guaranteed flow.
+  [[nodiscard]] virtual Added add_to(BoundedPotential& /*sum*/) const noexcept { return Added::no_bounds; }
   /// Shows the garbage collector the Python objects that this one holds.
   [[nodiscard]] virtual int traverse(visitproc /*visit*/, void* /*argument*/) const noexcept { return 0; }
 };

@@ -14,6 +14,8 @@ from elliptude._core import (
     FreeBody,
     GradientPotential,
     GravityGradient,
+    GuaranteedGyroFlow,
+    GuaranteedRigidBodyFlow,
     GyroFlow,
     Integrator,
     Potential,
@@ -52,11 +54,15 @@ from elliptude._core import (
 from elliptude._scipy import to_scipy
 from elliptude.errors import InconsistentMeasurement
 from elliptude.filter import AttitudeFilter
+from elliptude.guaranteed import GuaranteedFilter
 from elliptude.results import (
     Convergence,
     Extent,
+    Extents,
     FilterLog,
     FlowLinearization,
+    GuaranteedLog,
+    GuaranteedUpdate,
     Intersection,
     PrincipalAxes,
     Trajectory,
@@ -70,11 +76,17 @@ __all__ = [
     "Convergence",
     "Ellipsoid",
     "Extent",
+    "Extents",
     "FilterLog",
     "FlowLinearization",
     "FreeBody",
     "GradientPotential",
     "GravityGradient",
+    "GuaranteedFilter",
+    "GuaranteedGyroFlow",
+    "GuaranteedLog",
+    "GuaranteedRigidBodyFlow",
+    "GuaranteedUpdate",
     "GyroFlow",
     "InconsistentMeasurement",
     "Integrator",

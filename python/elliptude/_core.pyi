@@ -8,6 +8,8 @@ from elliptude.results import (
     Extent,
     FilterLog,
     FlowLinearization,
+    GuaranteedLog,
+    GuaranteedUpdate,
     Intersection,
     PrincipalAxes,
     Trajectory,
@@ -23,6 +25,7 @@ _Floats: TypeAlias = NDArray[np.float64]
 _FloatOrFloats: TypeAlias = np.float64 | NDArray[np.float64]
 _BoolOrBools: TypeAlias = np.bool_ | NDArray[np.bool_]
 _Criterion: TypeAlias = Literal["trace", "volume"]
+_Chart: TypeAlias = Literal["exponential", "gibbs"]
 
 def hat(vector: ArrayLike) -> _Floats: ...
 def vee(matrix: ArrayLike) -> _Floats: ...
@@ -216,7 +219,11 @@ def add_cross_product(reference: ArrayLike, body: ArrayLike) -> tuple[_Floats, _
 
 @final
 class StateEllipsoid:
-    def __init__(self, attitude: AttitudeLike, vector: ArrayLike, shape: ArrayLike) -> None: ...
+    def __init__(
+        self, attitude: AttitudeLike, vector: ArrayLike, shape: ArrayLike, chart: _Chart = "exponential"
+    ) -> None: ...
+    @property
+    def chart(self) -> _Chart: ...
     @property
     def attitude(self) -> _Floats: ...
     @property
@@ -225,6 +232,7 @@ class StateEllipsoid:
     def shape(self) -> _Floats: ...
     def quadratic_form(self, attitude: AttitudeLike, vector: ArrayLike) -> _FloatOrFloats: ...
     def contains(self, attitude: AttitudeLike, vector: ArrayLike) -> _BoolOrBools: ...
+    def converted(self, chart: _Chart) -> StateEllipsoid: ...
     def extent(self) -> Extent: ...
     def to_dict(self) -> dict[str, Any]: ...
     @staticmethod
@@ -328,6 +336,148 @@ class AttitudeFilter:
         on_inconsistent: str = "raise",
     ) -> FilterLog: ...
 
+@final
+class GuaranteedRigidBodyFlow:
+    def __init__(
+        self,
+        body: RigidBody,
+        potential: Potential | None = None,
+        *,
+        step: float,
+        unknown_torque: ArrayLike | None = None,
+        inertia_error: float = 0.0,
+    ) -> None: ...
+    @property
+    def body(self) -> RigidBody: ...
+    @property
+    def potential(self) -> Potential: ...
+    @property
+    def step(self) -> float: ...
+    @property
+    def unknown_torque(self) -> _Floats: ...
+    @property
+    def inertia_error(self) -> float: ...
+
+@final
+class GuaranteedGyroFlow:
+    def __init__(
+        self,
+        noise: ArrayLike,
+        drift: ArrayLike = 0.0,
+        *,
+        scale: float = 0.0,
+        angular_acceleration: float = 0.0,
+        interval_rate: str = "mean_of_ends",
+    ) -> None: ...
+    @property
+    def noise(self) -> _Floats: ...
+    @property
+    def drift(self) -> _Floats: ...
+    @property
+    def scale(self) -> float: ...
+    @property
+    def angular_acceleration(self) -> float: ...
+    @property
+    def interval_rate(self) -> str: ...
+
+class GuaranteedFilter:
+    def __init__(
+        self,
+        flow: GuaranteedRigidBodyFlow | GuaranteedGyroFlow,
+        start: StateEllipsoid | None = None,
+        *,
+        time: float = 0.0,
+        criterion: str = "volume",
+        weight: ArrayLike | None = None,
+        policy: str = "raise",
+        most_wrong: int = 0,
+        regain_after: int = 10,
+        vector_bound: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> None: ...
+    @property
+    def flow(self) -> GuaranteedRigidBodyFlow | GuaranteedGyroFlow: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def criterion(self) -> str: ...
+    @property
+    def weight(self) -> _Floats | None: ...
+    @property
+    def policy(self) -> str: ...
+    @property
+    def most_wrong(self) -> int: ...
+    @property
+    def regain_after(self) -> int: ...
+    @property
+    def vector_bound(self) -> tuple[_Floats, _Floats] | None: ...
+    @property
+    def claim(self) -> str: ...
+    @property
+    def knows_attitude(self) -> bool: ...
+    @property
+    def ellipsoid(self) -> StateEllipsoid | None: ...
+    @property
+    def _agreeing_updates(self) -> int: ...
+    @property
+    def _vector(self) -> tuple[_Floats, _Floats] | None: ...
+    @property
+    def _rests_on_drops(self) -> bool: ...
+    def _resume(
+        self,
+        ellipsoid: StateEllipsoid | None,
+        vector: tuple[ArrayLike, ArrayLike] | None,
+        rests_on_drops: bool,
+        agreeing_updates: int,
+    ) -> None: ...
+    def predict(
+        self,
+        time: float,
+        *,
+        control_torque: ArrayLike | None = None,
+        wheel_momentum: ArrayLike | None = None,
+        gyro: ArrayLike | None = None,
+        increment: float | None = None,
+    ) -> None: ...
+    def update(
+        self,
+        directions: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+        rate_bound: ArrayLike | None = None,
+        attitude: AttitudeLike | None = None,
+        attitude_bound: ArrayLike | None = None,
+        sensors: Sequence[str] | None = None,
+    ) -> GuaranteedUpdate: ...
+    def update_linear(self, y: ArrayLike, h: ArrayLike, bound: ArrayLike) -> GuaranteedUpdate: ...
+    def run(
+        self,
+        times: ArrayLike,
+        *,
+        directions: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+        rate_bound: ArrayLike | None = None,
+        attitude: AttitudeLike | None = None,
+        attitude_bound: ArrayLike | None = None,
+        gyro: ArrayLike | None = None,
+        increment: ArrayLike | None = None,
+        control_torque: ArrayLike | None = None,
+        wheel_momentum: ArrayLike | None = None,
+        sensors: Sequence[str] | None = None,
+    ) -> GuaranteedLog: ...
+
+def _gibbs_forms(
+    attitudes: ArrayLike,
+    vectors: ArrayLike,
+    shapes: ArrayLike,
+    true_attitudes: ArrayLike,
+    true_vectors: ArrayLike | None,
+) -> _FloatOrFloats: ...
+def _gibbs_extents(attitudes: ArrayLike, shapes: ArrayLike) -> _Floats: ...
+def _gibbs_to_exponential(shapes: ArrayLike) -> _Floats: ...
 def measured_attitude(
     directions: ArrayLike, reference: ArrayLike, bounds: ArrayLike, weights: ArrayLike | None = None
 ) -> tuple[_Floats, _Floats]: ...

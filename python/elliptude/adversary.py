@@ -280,7 +280,10 @@ class GyroPlant:
     def guaranteed_flow(self) -> Any:
         """Of the guaranteed mode."""
         return guaranteed("GuaranteedGyroFlow")(
-            noise=self.bound, drift=self.drift, angular_acceleration=self.angular_acceleration
+            noise=self.bound,
+            drift=self.drift,
+            angular_acceleration=self.angular_acceleration,
+            interval_rate="first_sample",
         )
 
 

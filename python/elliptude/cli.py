@@ -31,7 +31,16 @@ def make_app() -> typer.Typer:
     import typer
     from typer.core import TyperGroup
 
-    from elliptude import __version__, cli_bounds, cli_check, cli_compare, cli_estimate, cli_simulate, cli_validate
+    from elliptude import (
+        __version__,
+        cli_bounds,
+        cli_check,
+        cli_compare,
+        cli_estimate,
+        cli_report,
+        cli_simulate,
+        cli_validate,
+    )
     from elliptude.files import FileError
 
     class Group(TyperGroup):
@@ -77,6 +86,7 @@ def make_app() -> typer.Typer:
     app.command("validate")(cli_validate.validate)
     app.command("bounds")(cli_bounds.bounds)
     app.command("compare")(cli_compare.compare)
+    app.command("report")(cli_report.make_report)
     return app
 
 

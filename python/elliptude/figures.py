@@ -60,7 +60,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
     -------
     Figure
     """
-    figure = _figure(8.4)
+    figure = new_figure(8.4)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(4, 2)
     time = results.times
@@ -78,7 +78,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
         bounds = np.rad2deg(results.half_widths[:, part])
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
-        limit = _limit(bounds, deviations)
+        limit = error_limit(bounds, deviations)
         for i in range(3):
             axes = figure.add_subplot(grid[i, j], sharex=first)
             first = first or axes
@@ -103,7 +103,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         )
     size.set_title("size of the set: largest angle (blue), and the error", fontsize=9.5)
     size.set_ylabel("angle (deg)")
-    _degrees_on_log_axis(size)
+    degrees_on_log_axis(size)
     for axes in (below, size):
         axes.set_xlabel("time (s)")
     assert first is not None
@@ -138,7 +138,7 @@ def about_line_figure(
     -------
     Figure
     """
-    figure = _figure(7.2)
+    figure = new_figure(7.2)
     figure.suptitle(title, fontsize=11)
     widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
     for (name, results, about, across), (strong, light) in zip(runs, _TONES, strict=False):
@@ -153,7 +153,7 @@ def about_line_figure(
     errors.set_title(f"attitude error against {label}, and its bound: the largest angle in the set", fontsize=9.5)
     errors.set_ylabel("angle (deg)")
     for axes in (widths, errors):
-        _degrees_on_log_axis(axes)
+        degrees_on_log_axis(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     colours = [strong for strong, _ in _TONES]
     _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
@@ -176,7 +176,7 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
     cases, total = summary["cases"], summary["total"]
     columns = list(dict.fromkeys((case["scenario"], case["bound_deg"]) for case in cases))
     noises = list(dict.fromkeys(case["noise"] for case in cases))
-    figure = _figure(7.2)
+    figure = new_figure(7.2)
     figure.suptitle(
         f"Mode {summary['mode']}: the truth outside at {total['escapes']} of {total['updates']} updates", fontsize=11
     )
@@ -227,7 +227,7 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _figure(height: float) -> Figure:
+def new_figure(height: float) -> Figure:
     """A figure with the Agg canvas; pyplot is left alone, as it keeps every figure that a program makes."""
     figure = Figure(figsize=(9.0, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -238,12 +238,11 @@ def _marks(results: Results) -> Style:
     return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
 
 
-def _limit(bounds: FloatArray, errors: FloatArray | None) -> float:
+def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
     settled = bounds[min(len(bounds) // 8, len(bounds) - 1) :]
-    highest = float(settled.max())
-    if errors is not None and np.isfinite(errors).any():
-        highest = max(highest, float(np.nanquantile(np.abs(errors), 0.98)))
+    values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
+    highest = max((float(np.quantile(some, 0.98)) for some in values if len(some)), default=0.0)
     return 1.15 * highest if highest > 0.0 else 1.0
 
 
@@ -274,7 +273,7 @@ def _draw_form(
     axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
 
 
-def _degrees_on_log_axis(axes: Axes) -> None:
+def degrees_on_log_axis(axes: Axes) -> None:
     """A log axis that says 0.5, 2 and 10 instead of powers of ten."""
     axes.set_yscale("log")
     plain = FuncFormatter(lambda value, _: f"{value:g}")

@@ -11,7 +11,7 @@ FORMAT_VERSION = 1
 """Of what `AttitudeFilter.to_dict` returns."""
 
 
-def _potential_to_dict(potential: object) -> dict[str, Any]:
+def potential_to_dict(potential: object) -> dict[str, Any]:
     """A built-in potential by its kind and parameters.
 
     Raises
@@ -37,11 +37,18 @@ def _potential_to_dict(potential: object) -> dict[str, Any]:
                 "orbit": potential.orbit.tolist(),
             }
         case _core.SumPotential():
-            return {"kind": "sum", "potentials": [_potential_to_dict(term) for term in potential.potentials]}
+            return {"kind": "sum", "potentials": [potential_to_dict(term) for term in potential.potentials]}
     raise TypeError(f"a potential of the type {type(potential).__name__} cannot be stored as JSON; use pickle")
 
 
-def _potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
+def potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
+    """The inverse of `potential_to_dict`.
+
+    Raises
+    ------
+    ValueError
+        For a kind that there is not.
+    """
     match fields["kind"]:
         case "free":
             return _core.FreeBody()
@@ -50,7 +57,7 @@ def _potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
         case "gravity_gradient":
             return _core.GravityGradient(_core.RigidBody(fields["inertia"]), fields["orbit_rate"], fields["orbit"])
         case "sum":
-            return _core.SumPotential([_potential_from_dict(term) for term in fields["potentials"]])
+            return _core.SumPotential([potential_from_dict(term) for term in fields["potentials"]])
     raise ValueError(
         f"potential.kind is {fields['kind']!r}, which is none of free, uniform_gravity, gravity_gradient, sum"
     )
@@ -62,7 +69,7 @@ def _flow_to_dict(flow: _core.RigidBodyFlow | _core.GyroFlow) -> dict[str, Any]:
     return {
         "kind": "rigid_body",
         "inertia": flow.body.inertia.tolist(),
-        "potential": _potential_to_dict(flow.potential),
+        "potential": potential_to_dict(flow.potential),
         "step": flow.step,
         "order": flow.order,
         "unknown_torque": flow.unknown_torque.tolist(),
@@ -76,7 +83,7 @@ def _flow_from_dict(fields: dict[str, Any]) -> _core.RigidBodyFlow | _core.GyroF
         case "rigid_body":
             return _core.RigidBodyFlow(
                 _core.RigidBody(fields["inertia"]),
-                _potential_from_dict(fields["potential"]),
+                potential_from_dict(fields["potential"]),
                 step=fields["step"],
                 order=fields["order"],
                 unknown_torque=np.asarray(fields["unknown_torque"]),

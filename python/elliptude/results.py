@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude import _core
 from elliptude._core import Ellipsoid, cayley_inverse, log
 from elliptude.typing import AttitudeLike, SupportsAsMatrix
 
@@ -178,3 +179,89 @@ class FilterLog:
         """The largest attitude error in each set, rad, shape (n,)."""
         largest: FloatArray = np.sqrt(np.linalg.eigvalsh(self.shapes[:, :3, :3])[:, -1])
         return largest
+
+
+CLAIMS = ("unconditional", "conditional", "none")
+"""What `GuaranteedLog.claims` counts.
+
+What the truth's being in a set rests on: on what the filter was told of errors, for all that it has used; also on that
+what was dropped on the way was what was wrong; there is no set.
+"""
+
+
+@dataclass(frozen=True)
+class GuaranteedUpdate:
+    """What a guaranteed update did."""
+
+    claim: str
+    """'unconditional', 'conditional' or 'none', see `elliptude.results.CLAIMS`."""
+    prediction_used: bool
+    """Whether the prediction made the set smaller than the measurements alone."""
+    dropped: tuple[str | int, ...]
+    """Measurements that were left out, or are proved wrong: names, and indices of directions that have none."""
+    margin: float
+    """How far the constraints are from having no common point, at most about 1; negative if they had none."""
+
+
+class Extents(NamedTuple):
+    """How far the sets of n rows reach, NaN where there is none; bounds of what is in the set, as angles."""
+
+    half_widths_body: FloatArray
+    """Of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (n, 6)."""
+    half_widths_reference: FloatArray
+    """Of ζ along reference axes, rad, shape (n, 3)."""
+    largest_angles: FloatArray
+    """The largest ‖ζ‖ in each set, rad, shape (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class GuaranteedLog:
+    """What a guaranteed filter made of a log of n rows with m directions, after each row."""
+
+    times: FloatArray
+    """In s, shape (n,)."""
+    attitudes: FloatArray
+    """Centers, from body to reference axes, NaN where the attitude is not known, shape (n, 3, 3)."""
+    vectors: FloatArray
+    """Angular velocities or gyro biases, rad/s, body axes, NaN where the attitude is not known, shape (n, 3)."""
+    shapes: FloatArray
+    """P in the Gibbs chart, NaN where the attitude is not known, shape (n, 6, 6)."""
+    claims: NDArray[np.uint8]
+    """What the sets rest on, an index of `elliptude.results.CLAIMS`, shape (n,)."""
+    prediction_used: NDArray[np.bool_]
+    """Whether the prediction went into the row's set, shape (n,)."""
+    updated: NDArray[np.bool_]
+    """Whether anything was measured, shape (n,)."""
+    dropped: NDArray[np.bool_]
+    """Which directions and, last, angular velocity and attitude were left out or proved wrong, shape (n, m + 2)."""
+    margins: FloatArray
+    """How far the constraints are from having no common point, NaN where nothing was measured, shape (n,)."""
+
+    def forms(self, true_attitudes: NDArray[np.float64], true_vectors: NDArray[np.float64] | None = None) -> FloatArray:
+        """Where the truth is in the sets, in the Gibbs chart: [γ; δ]ᵀ P⁻¹ [γ; δ], at most 1 inside.
+
+        Parameters
+        ----------
+        true_attitudes : (n, 3, 3) array_like
+            From body to reference axes.
+        true_vectors : (n, 3) array_like, optional
+            Without it the form is of γ alone, in the projection of the set on the attitude.
+
+        Returns
+        -------
+        (n,) ndarray
+            NaN where there is no set, or no truth.
+        """
+        forms: FloatArray = np.asarray(
+            _core._gibbs_forms(self.attitudes, self.vectors, self.shapes, true_attitudes, true_vectors)
+        )
+        return forms
+
+    def shapes_exponential(self) -> FloatArray:
+        """Shapes (n, 6, 6) in the exponential chart of sets about the same centers that contain those of `shapes`."""
+        return _core._gibbs_to_exponential(self.shapes)
+
+    def extents(self) -> Extents:
+        """Half-widths along body and reference axes and the largest angles."""
+        rows = _core._gibbs_extents(self.attitudes, self.shapes)
+        return Extents(rows[:, :6], rows[:, 6:9], rows[:, 9])

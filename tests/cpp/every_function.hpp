@@ -366,6 +366,104 @@ void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noe
   tally.add(retract<GibbsChart>(center, state_error<GibbsChart>(center, center)).attitude);
 }
 
+/// The guaranteed flows with each kind of potential, and their filter with each policy.
+template <typename Scalar, typename Potential>
+void use_guaranteed_body(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& body, const Potential& potential,
+                         Tally<Scalar>& tally) noexcept {
+  using Flow = GuaranteedRigidBodyFlow<Scalar, Potential>;
+  using Filter = GuaranteedFilter<Flow>;
+  static_assert(has_expansion<Potential, Scalar>);
+  const Matrix3<Scalar> unit = Matrix3<Scalar>::Identity();
+  const RigidBodyState<Scalar> truth{exp(seeds.zeta), seeds.rate};
+  BodyUncertainty<Scalar> uncertainty;
+  uncertainty.torque = scalar::constant<Scalar>(1e-6L) * unit;
+  uncertainty.inertia = scalar::constant<Scalar>(1e-3L);
+  Flow flow;
+  tally.add(Flow::make(body, potential, seeds.step, uncertainty, flow));
+  tally.add(flow.body().inertia());
+  tally.add(flow.potential().torque(truth.attitude, Scalar(0)));
+  BodyInput<Scalar> input;
+  input.wheel_momentum = scalar::constant<Scalar>(0.1L) * seeds.zeta;
+  const GibbsEllipsoid<RigidBodyState<Scalar>> set{truth,
+                                                   scalar::constant<Scalar>(1e-4L) * Matrix6<Scalar>::Identity()};
+  GibbsEllipsoid<RigidBodyState<Scalar>> later;
+  tally.add(flow.predict(Scalar(0), Scalar(4) * seeds.step, input, set, later));
+  tally.add(later.shape);
+  Ellipsoid<Scalar, 3> vector;
+  tally.add(flow.predict_vector(Scalar(0), seeds.step, input, {seeds.rate, unit}, vector));
+  tally.add(vector.shape);
+
+  const auto direction = [&](const Vector3<Scalar>& e, const Matrix3<Scalar>& attitude) {
+    return Direction<Scalar>::within(e, attitude.transpose() * e, scalar::constant<Scalar>(0.05L));
+  };
+  for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart, Policy::relaxed}) {
+    typename Filter::Settings settings;
+    settings.policy = policy;
+    settings.most_wrong = policy == Policy::relaxed ? 1 : 0;
+    Filter filter;
+    tally.add(Filter::make(flow, settings, Scalar(0), filter));
+    tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), unit}));
+    // A star tracker beside directions of which one, where a policy can mend that, is wrong.
+    const bool mends = policy != Policy::raise;
+    const Matrix3<Scalar> other = exp(Vector3<Scalar>(scalar::constant<Scalar>(0.5L) * Vector3<Scalar>::Ones()));
+    const std::array<Direction<Scalar>, 3> three{
+        direction(Vector3<Scalar>::UnitX(), truth.attitude), direction(Vector3<Scalar>::UnitY(), truth.attitude),
+        direction(Vector3<Scalar>::UnitZ(), mends ? Matrix3<Scalar>(truth.attitude * other) : truth.attitude)};
+    const AngularVelocity<Scalar> rate{truth.angular_velocity, scalar::constant<Scalar>(1e-4L) * unit};
+    const MeasuredAttitude<Scalar> star{truth.attitude, scalar::constant<Scalar>(1e-4L) * unit};
+    GuaranteedUpdate<Scalar> update;
+    tally.add(filter.start(set));
+    tally.add(filter.predict(seeds.step, input));
+    tally.add(filter.update({three.data(), three.size(), &rate, &star}, update));
+    tally.add(update.margin);
+    LinearMeasurement<Scalar, 3> linear;
+    tally.add(linear_attitude(filter.ellipsoid().center.attitude, star, linear));
+    tally.add(filter.update(linear, update));
+    tally.add(filter.knows_attitude());
+    tally.add(filter.claim() != Claim::none);
+    tally.add(filter.time());
+    tally.add(filter.settings().criterion.kind == settings.criterion.kind);
+    tally.add(filter.flow().body().inertia());
+    tally.add(filter.ellipsoid().shape);
+  }
+}
+
+template <typename Scalar>
+void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
+  RigidBody<Scalar> body;
+  tally.add(RigidBody<Scalar>::make(seeds.inertia, body));
+  UniformGravity<Scalar> gravity;
+  tally.add(UniformGravity<Scalar>::make(Scalar(1), Scalar(1), seeds.zeta, gravity));
+  GravityGradient<Scalar> gradient;
+  tally.add(GravityGradient<Scalar>::make(body, Scalar(1), Matrix3<Scalar>::Identity(), gradient));
+  use_guaranteed_body(seeds, body, FreeBody<Scalar>{}, tally);
+  use_guaranteed_body(seeds, body, SumPotential<UniformGravity<Scalar>, GravityGradient<Scalar>>(gravity, gradient),
+                      tally);
+
+  using Flow = GuaranteedGyroFlow<Scalar>;
+  const Matrix3<Scalar> small = scalar::constant<Scalar>(1e-4L) * Matrix3<Scalar>::Identity();
+  GyroUncertainty<Scalar> uncertainty;
+  uncertainty.noise = small;
+  uncertainty.drift = small;
+  for (const typename Flow::IntervalRate mode :
+       {Flow::IntervalRate::first_sample, Flow::IntervalRate::mean_of_ends, Flow::IntervalRate::mean}) {
+    Flow flow;
+    tally.add(Flow::make(uncertainty, mode, flow));
+    GuaranteedFilter<Flow> filter;
+    tally.add(GuaranteedFilter<Flow>::make(flow, {}, Scalar(0), filter));
+    tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), small}));
+    tally.add(filter.predict(seeds.step, {seeds.rate, Scalar(-1)}));
+    const MeasuredAttitude<Scalar> star{exp(seeds.zeta), small};
+    GuaranteedUpdate<Scalar> update;
+    tally.add(filter.update({nullptr, 0, nullptr, &star}, update));
+    tally.add(filter.predict(Scalar(2) * seeds.step, {seeds.rate, Scalar(-1)}));
+    tally.add(filter.ellipsoid().shape);
+    Ellipsoid<Scalar, 3> bias;
+    tally.add(flow.predict_vector(Scalar(0), seeds.step, {seeds.rate, Scalar(-1)}, {seeds.rate, small}, bias));
+    tally.add(bias.shape);
+  }
+}
+
 template <typename Scalar>
 [[nodiscard]] Tally<Scalar> use_every_function(const Seeds<Scalar>& seeds) noexcept {
   Tally<Scalar> tally;
@@ -381,6 +479,7 @@ template <typename Scalar>
   use_filters<Scalar, PaperEstimator>(seeds, tally);
   use_filters<Scalar, FirstOrderEstimator>(seeds, tally);
   use_guaranteed_fusion(seeds, tally);
+  use_guaranteed(seeds, tally);
   tally.add(message(tally.failures == 0 ? Status::ok : Status::out_of_range)[0] == 'o');
   return tally;
 }

@@ -23,9 +23,9 @@ struct Motion {
 /// The torque on the body, in body axes, at an attitude and a time.
 using RealTorque = std::function<RealVector(const RealMatrix& attitude, Real time)>;
 
-/// The motion after `duration`, in `intervals` intervals of order 20 each.
+/// The motion after `duration`, in `intervals` intervals of order 20 each, of a body that carries a wheel of this momentum.
 inline Motion independent_flow(const RealMatrix& inertia, const RealTorque& torque, const Motion& start, Real time,
-                               Real duration, int intervals) {
+                               Real duration, int intervals, const RealVector& wheel = RealVector::Zero()) {
   using Packed = Eigen::Matrix<Real, 3, 4>;  // C and ω side by side
   const RealMatrix inverse = inertia.inverse();
   const auto derivative = [&](const Packed& y, Real t) {
@@ -35,7 +35,7 @@ inline Motion independent_flow(const RealMatrix& inertia, const RealTorque& torq
     for (int i = 0; i < 3; ++i) {
       result.row(i).head<3>() = RealVector(c.row(i)).cross(w);
     }
-    result.col(3) = inverse * (RealVector(inertia * w).cross(w) + torque(c, t));
+    result.col(3) = inverse * (RealVector(inertia * w + wheel).cross(w) + torque(c, t));
     return result;
   };
   const auto midpoint_rule = [&](const Packed& y, Real t, Real length, int parts) {

@@ -335,15 +335,25 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar torque_curvature = half * degree * degree * torque.largest;
   const Scalar turning = degree * (series.largest_rate + torque.turn_rate);
 
+  // The torque's forms in the middle are those of the first eight terms of the directions they are made of.
+  static_assert(MotionSeries<Scalar, Potential>::order == 8);
+  const Scalar truncated =
+      torque.largest > zero ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
+                            : zero;
+  const Scalar missing = degree * truncated * (one + truncated);  // of a form, for each of its bounds
+
   // The second-order terms at other times than the middle: all that is odd in s − h/2 to first order integrates to zero.
-  const Scalar drift =
-      torque_curvature > zero
-          ? Scalar(rate_norm * largest_attitude * largest_attitude * torque_curvature * turning * middle)
-          : zero;
-  const Scalar drift_rest = drift * half * turning * middle * scalar::exp(Scalar(turning * middle));
+  const Scalar form_bound = rate_norm * largest_attitude * largest_attitude * torque_curvature;
+  const Scalar drift = form_bound * turning * middle;
+  Scalar largest_turn_change(0);  // of ω̂'
+  for (std::size_t k = 1; k < series.rate_norms.size(); ++k) {
+    largest_turn_change += Scalar(static_cast<scalar::Value<Scalar>>(k)) * powers[k - 1] * series.rate_norms[k];
+  }
+  const Scalar drift_rest =
+      half * (drift * turning * middle + form_bound * degree * largest_turn_change * middle * middle);
   const Scalar odd = Scalar(3) * w1 * largest_form + drift;
   const Scalar even = growth * (largest_form + drift + drift_rest) - largest_form - odd;  // of second order in s − h/2
-  const Scalar quadrature = even * h / Scalar(3);
+  const Scalar quadrature = even * h / Scalar(3) + growth * missing * form_bound * h;
   // The integral over the step of a bound of ‖Y⁻¹ N₂(Yu, Yu)‖.
   const Scalar second_order = (largest_form + half * odd) * h + quadrature;
 
@@ -390,7 +400,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     const Scalar wheel = scalar::sqrt(Scalar(series.input.wheel_momentum.squaredNorm()));
     const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
     const Scalar torque_norm = scalar::sqrt(Scalar(unknown.trace()));
-    const Scalar gradient = degree > one ? Scalar(Scalar(3) * torque.turn_rate * torque.turn_rate * error) : zero;
+    const Scalar gradient = torque.by_inertia * error;
     const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
     const Scalar acceleration = (half * spread * speed * speed + error * speed * speed + wheel * speed +
                                  series.largest_torque + gradient + control + torque_norm) /
@@ -415,7 +425,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const bool cubic_matters = cubic_bound * h > scalar::constant<Scalar>(1e-4L);
   const Scalar third_order =
       scalar::constant<Scalar>(0.25L) * attitude_norm * largest_attitude * largest_attitude * largest_difference +
-      cubic_bound * (cubic_matters ? Scalar(half * (scalar::exp(Scalar(turning * middle)) - one)) : one);
+      cubic_bound * (cubic_matters ? Scalar(half * turning * middle + missing) : one);
   if (cubic_matters) {
     const Rows y_top = y_middle.template topRows<3>();
     Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
@@ -431,17 +441,23 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar moved = second_order_norm_ + pushed_norm_ + second_order + h * shrink * unknown_push;
   // As far as the cubic terms push at this reach.
   const auto cubic_at = [&](const Scalar& reach) { return Scalar(cubic_push * reach * reach * reach); };
+  const Scalar infinite = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   const auto rest_within = [&](const Scalar& eta) {
     const Scalar reach = one + eta;
     const Scalar gibbs = half * largest_attitude * reach;
+    // A center that is another by the angle a moves γ by at most 2 tan(a/2) (1 + ‖γ/2‖²) / (1 − tan(a/2) ‖γ/2‖).
+    const Scalar tangent = scalar::constant<Scalar>(0.501L) * series.attitude_error;
+    const Scalar left = one - tangent * gibbs;
+    if (!(left > half)) {
+      return infinite;
+    }
     Scalar rest = quadrature + shrink * reach * linear;
     rest += second_order * eta * (Scalar(2) + eta);
     rest += h * shrink *
             (third_order + fourth_order * reach * (one + scalar::constant<Scalar>(0.625L) * largest_attitude * reach)) *
             reach * reach * reach;
-    rest += shrink *
-            (rate_norm * inverse_norm * series.impulse_defect +
-             attitude_norm * scalar::constant<Scalar>(1.01L) * series.attitude_error * (one + gibbs + gibbs * gibbs));
+    rest += shrink * (rate_norm * inverse_norm * series.impulse_defect +
+                      attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
     rest += h * (unknown_push + cubic_at(reach)) * w * shrink;
     return Scalar(rest_ + rest);
   };
@@ -487,16 +503,20 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Matrix6<Scalar> set = set_.lazyProduct(set_.transpose());
   const Matrix6<Scalar> moved = forms.transpose().lazyProduct(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
+  // A sum holds with any positive share; where rounding leaves none to be had, with one.
+  const auto share_of = [](const Scalar& trace) {
+    return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
+  };
 
   // The sum of both; or, as v alone says where both are, the set itself a little larger, if that is less.
   Matrix6<Scalar> whitened_moved = set_inverse.lazyProduct(moved);
   whitened_moved = whitened_moved.lazyProduct(set_inverse.transpose()).eval();
-  const Scalar share = scalar::sqrt(Scalar(whitened_moved.trace() / Scalar(6)));
+  const Scalar share = share_of(Scalar(whitened_moved.trace()));
   Matrix6<Scalar> shape = set;
-  if (share > Scalar(0)) {
+  if (moved.trace() > Scalar(0)) {
     shape = (one + share) * set + (one + one / share) * moved;
   }
-  if (share > scalar::constant<Scalar>(0.002L)) {
+  if (moved.trace() > Scalar(0) && share > scalar::constant<Scalar>(0.002L)) {
     const tube::PackedForms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
     const Scalar norm = spectral_norm(whitened);
@@ -524,8 +544,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
   const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
-  const Scalar pushed_share = scalar::sqrt(Scalar(beside.cwiseProduct(set_inverse).sum() / Scalar(6)));
-  if (pushed_share > Scalar(0)) {
+  const Scalar pushed_share = share_of(Scalar(beside.cwiseProduct(set_inverse).sum()));
+  if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }
   const Matrix6<Scalar> half = frame_.lazyProduct(shape);

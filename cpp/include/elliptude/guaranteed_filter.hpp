@@ -98,6 +98,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     filter.knows_attitude_ = false;
     filter.knows_vector_ = false;
     filter.bounds_vector_ = false;
+    filter.rests_on_drops_ = false;
     filter.claim_ = Claim::none;
     filter.agreeing_updates_ = 0;
     return Status::ok;
@@ -121,8 +122,11 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return status;
       }
     }
+    set_.center.attitude = renormalized(set_.center.attitude);
     knows_attitude_ = true;
     knows_vector_ = false;
+    rests_on_drops_ = false;
+    agreeing_updates_ = 0;
     claim_ = Claim::unconditional;
     return Status::ok;
   }
@@ -149,6 +153,49 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// Whether there is a set; `ellipsoid` is only then of use.
   [[nodiscard]] bool knows_attitude() const noexcept { return knows_attitude_; }
   [[nodiscard]] const Set& ellipsoid() const noexcept { return set_; }
+  /// Whether something is known of the angular velocity or the bias while the attitude is not; `vector` is only then of use.
+  [[nodiscard]] bool knows_vector() const noexcept { return knows_vector_; }
+  [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return vector_; }
+  /// How many updates in a row were without contradiction (`Settings::regain_after`).
+  [[nodiscard]] int agreeing_updates() const noexcept { return agreeing_updates_; }
+
+  /// Whether what is known, of the attitude or of the vector, rests on what was dropped.
+  [[nodiscard]] bool rests_on_drops() const noexcept { return rests_on_drops_; }
+
+  /// Goes on, bit for bit, as a filter that was stored, after `make` with its settings and time and `bound_vector`.
+  /// \param set its set, or null if it did not know the attitude.
+  /// \param vector what it knew without the attitude, or null.
+  /// \return `out_of_range` of both, or of a negative count; what `validate` says; `not_positive_definite` of a flat one.
+  [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, bool rests_on_drops,
+                              int agreeing_updates) noexcept {
+    if (agreeing_updates < 0 || (set != nullptr && vector != nullptr)) {
+      return Status::out_of_range;
+    }
+    if (set != nullptr) {
+      if (const Status status = start(*set); status != Status::ok) {
+        return status;
+      }
+      const Scalar changed = (set->center.attitude - set_.center.attitude).cwiseAbs().maxCoeff();
+      if (changed <= Scalar(8) * Scalar(scalar::epsilon<Scalar>)) {
+        set_ = *set;  // `start` has changed the last bits alone
+      }
+    } else if (vector != nullptr) {
+      if (const Status status = validate(*vector); status != Status::ok) {
+        return status;
+      }
+      Matrix3<Scalar> factor;
+      if (const Status status = cholesky(vector->shape, factor); status != Status::ok) {
+        return status;
+      }
+      vector_ = *vector;
+    }
+    knows_attitude_ = set != nullptr;
+    knows_vector_ = vector != nullptr;
+    rests_on_drops_ = rests_on_drops;
+    claim_ = !knows_attitude_ ? Claim::none : rests_on_drops ? Claim::conditional : Claim::unconditional;
+    agreeing_updates_ = agreeing_updates;
+    return Status::ok;
+  }
 
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
   /// the vector is kept.
@@ -389,6 +436,13 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return invalid;
       }
     }
+    if (measurements.attitude != nullptr) {
+      Quadric<Scalar, 3> quadric;
+      if (const Status invalid = to_quadric(measurements.attitude->attitude, *measurements.attitude, quadric);
+          invalid != Status::ok) {
+        return invalid;
+      }
+    }
     return status;
   }
 
@@ -443,12 +497,18 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (number_of(all) > 8) {
       return Status::out_of_range;
     }
+    if (const Status status = checked(measurements, Status::ok); status != Status::ok) {
+      return status;
+    }
     bool found = false;
     bool uses_prediction = true;
     Sensors kept_by_some = 0;
     result.margin = Scalar(-1);
     Status failure = Status::ok;
     const auto add = [&](Sensors kept) {
+      if (failure != Status::ok) {
+        return;  // what one choice leaves unbounded, no other bounds
+      }
       Solution trial;
       Status status = knows_attitude_ ? Status::ok : Status::unbounded;
       if (knows_attitude_ || kept != 0) {
@@ -472,7 +532,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       }
       uses_prediction = uses_prediction && trial.used_prediction;
       Ellipsoid<Scalar, 6> both;
-      failure = enclosing(solution.fusion.set, trial.fusion.set, both);
+      if (const Status joined = enclosing(solution.fusion.set, trial.fusion.set, both); joined != Status::ok) {
+        failure = joined;
+        return;
+      }
       solution.fusion.set = both;
       solution.fusion.prediction_alone = false;
     };
@@ -537,20 +600,21 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded, Solution& solution,
                               GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
     const bool contradicted = result.margin < Scalar(0) || (settings_.policy != Policy::relaxed && result.dropped != 0);
-    Claim claim = claim_ == Claim::conditional || contradicted ? Claim::conditional : Claim::unconditional;
+    bool rests_on_drops = rests_on_drops_ || contradicted;
     int agreeing = contradicted ? 0 : agreeing_updates_ + (all != 0 ? 1 : 0);
-    if (bounded && claim == Claim::conditional && !contradicted && agreeing >= settings_.regain_after) {
+    if (bounded && knows_attitude_ && rests_on_drops && !contradicted && agreeing >= settings_.regain_after) {
       Solution alone;
       if (solve(measurements, all, false, alone) == Status::ok) {
         solution = alone;
-        claim = Claim::unconditional;
+        rests_on_drops = false;
       }
     }
     if (bounded) {
       Set next = set_;
       if (!(solution.used_prediction && solution.fusion.prediction_alone)) {
         if (const Status status = recentred(solution.center, solution.fusion.set, next); status == Status::unbounded) {
-          bounded = false;  // half turns: the measurements say too little
+          bounded = false;  // half turns: the measurements say too little, and what was kept is kept
+          rests_on_drops = rests_on_drops_;
         } else if (status != Status::ok) {
           return status;
         }
@@ -561,12 +625,26 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         knows_vector_ = false;
       }
     }
-    if (!bounded && !knows_attitude_ && (all & angular_velocity_bit & ~result.dropped) != 0) {
-      if (const Status status = update_vector(*measurements.angular_velocity); status != Status::ok) {
+    const bool may_be_wrong = settings_.policy == Policy::relaxed && settings_.most_wrong > 0;
+    if (!bounded && !knows_attitude_ && !may_be_wrong && (all & angular_velocity_bit & ~result.dropped) != 0) {
+      const Status status = update_vector(*measurements.angular_velocity, result.margin);
+      if (status == Status::empty_intersection && settings_.policy != Policy::raise) {
+        rests_on_drops = true;
+        if (settings_.policy == Policy::restart) {
+          vector_ = {measurements.angular_velocity->value, measurements.angular_velocity->bound};
+        } else {
+          result.dropped |= angular_velocity_bit;
+        }
+      } else if (status != Status::ok) {
+        if (status == Status::empty_intersection) {
+          update.margin = result.margin;
+          update.contradicting = angular_velocity_bit;
+        }
         return status;
       }
     }
-    claim_ = knows_attitude_ ? claim : Claim::none;
+    rests_on_drops_ = rests_on_drops;
+    claim_ = !knows_attitude_ ? Claim::none : rests_on_drops ? Claim::conditional : Claim::unconditional;
     agreeing_updates_ = agreeing;
     result.claim = claim_;
     result.prediction_used = bounded && solution.used_prediction;
@@ -574,7 +652,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  [[nodiscard]] Status update_vector(const AngularVelocity<Scalar>& measured) noexcept {
+  /// \param margin set after `empty_intersection`.
+  [[nodiscard]] Status update_vector(const AngularVelocity<Scalar>& measured, Scalar& margin) noexcept {
     if (!knows_vector_) {
       vector_ = {measured.value, measured.bound};
       knows_vector_ = true;
@@ -589,6 +668,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     const Status status = minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 3>::volume(), fusion);
     if (status == Status::ok) {
       vector_ = {vector_.center + fusion.set.center, fusion.set.shape};
+    } else if (status == Status::empty_intersection) {
+      margin = fusion.margin;
     }
     return status;
   }
@@ -602,6 +683,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   bool knows_attitude_;
   bool knows_vector_;
   bool bounds_vector_;
+  bool rests_on_drops_;  // whether what is known, of the attitude or of the vector, rests on what was dropped
   Claim claim_;
   int agreeing_updates_;
 };

@@ -129,8 +129,12 @@ struct MotionSeries {
     impulse_defect = sum * h / Scalar(order + 1);
     // Rounding of the coefficients, each a sum of a few products of that size, and of the angle of a potential that turns.
     const Scalar angle = Scalar(1) + scalar::abs(Scalar(acceleration.turn_rate * time));
+    // Not ‖momentum[0]‖: a wheel can cancel the body's momentum, but not the rounding of either.
+    const Scalar size =
+        body.principal_moments()(0) * largest_rate + scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
+    const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm()));
     impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
-                      (momentum_norms[0] + (largest_rate * momentum_norms[0] + largest_torque * angle) * h) *
+                      (size + (largest_rate * size + largest_torque * angle + control) * h) *
                       (body.principal_moments()(0) / body.principal_moments()(2));
   }
 

@@ -30,6 +30,8 @@ struct TorqueBounds {
   Scalar largest;    ///< of the transformed torque; N m for the torque itself
   Scalar degree;     ///< 0 for no torque
   Scalar turn_rate;  ///< rad/s, at which the potential turns in the reference frame
+  /// 1/s²: an error ΔJ of the inertia, in the spectral norm, changes the torque itself by at most this times ‖ΔJ‖.
+  Scalar by_inertia;
 };
 
 /// For each potential that can be used in a guaranteed flow.
@@ -124,7 +126,7 @@ class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
   void add_cubic(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/, const Matrix3<Scalar>& /*axes*/,
                  expansion::CubicForms<Scalar>& /*forms*/) const noexcept {}
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& /*transform*/) const noexcept {
-    return {Scalar(0), Scalar(0), Scalar(0)};
+    return {Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
   }
 };
 
@@ -168,7 +170,7 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
     }
   }
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    return {spectral_norm(Matrix3<Scalar>(transform.lazyProduct(hat(moment_)))), Scalar(1), Scalar(0)};
+    return {spectral_norm(Matrix3<Scalar>(transform.lazyProduct(hat(moment_)))), Scalar(1), Scalar(0), Scalar(0)};
   }
 
  private:
@@ -287,7 +289,8 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
       forms(a, 3 + next) = -root * inertia_(next, a);                          // of b_last b_a
       forms(a, 3 + last) = root * inertia_(last, a);                           // of b_a b_next
     }
-    return {strength() * spectral_norm(Matrix<Scalar, 3, 6>(transform.lazyProduct(forms))), Scalar(2), rate_};
+    return {strength() * spectral_norm(Matrix<Scalar, 3, 6>(transform.lazyProduct(forms))), Scalar(2), rate_,
+            strength()};
   }
 
  private:
@@ -337,11 +340,12 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
     std::apply([&](const auto&... term) { (term.add_cubic(s, transform, axes, forms), ...); }, terms_);
   }
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    TorqueBounds<Scalar> sum{Scalar(0), Scalar(0), Scalar(0)};
+    TorqueBounds<Scalar> sum{Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
     std::apply(
         [&](const auto&... term) {
           const auto add = [&](const TorqueBounds<Scalar>& one) {
             sum.largest += one.largest;
+            sum.by_inertia += one.by_inertia;
             sum.degree = one.degree > sum.degree ? one.degree : sum.degree;
             sum.turn_rate = one.turn_rate > sum.turn_rate ? one.turn_rate : sum.turn_rate;
           };

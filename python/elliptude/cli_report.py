@@ -1,0 +1,99 @@
+"""The command ``elliptude report``."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from elliptude import figures, report, run_figures
+from elliptude.files import FileError
+from elliptude.runs import Run, read_reference, read_run
+
+_PICTURES = ("bands.png", "size.png", "axes.png")
+
+
+def make_report(
+    result: Annotated[
+        Path,
+        typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("report.html"),
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Attitudes to compare with: a table with time_s and qw,qx,qy,qz, from body to reference axes.",
+            show_default=False,
+        ),
+    ] = None,
+    label: Annotated[
+        str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
+    ] = None,
+    reference_gap_s: Annotated[
+        float,
+        typer.Option(min=0.0, help="No reference is interpolated between samples that are farther apart than this, s."),
+    ] = 0.1,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the same as PNG; made if need be.", show_default=False),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(help="If left out, what the table is called.", show_default=False)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+) -> None:
+    """Make an interactive report of a result: one HTML file that any browser shows without a network.
+
+    Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
+    """
+    files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
+    for file in files:
+        if file.exists() and not force:
+            raise FileError(f"{file} is there already; --force replaces it")
+    run, read_label = read_run(result)
+    if reference is not None:
+        run, read_label = run.against(*read_reference(reference), reference_gap_s), reference.name
+        if not run.compared.any():
+            raise FileError(
+                f"{reference}: no attitude within {reference_gap_s:g} s of a row of {result}; "
+                f"its times are not those of the result, {run.times[0]:g} s to {run.times[-1]:g} s, or too far apart"
+            )
+    label, title = label or read_label, title or _title(result)
+    summary = report.write_report(run, out, title, label=label)
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+        _write_pictures(run, pictures, title, label)
+    if as_json:
+        typer.echo(json.dumps(summary | {"report": str(out)}, indent=2, ensure_ascii=False))
+        return
+    typer.echo(f"{result}: {_in_words(summary)}")
+    for file in files:
+        typer.echo(f"  {file}")
+
+
+def _title(result: Path) -> str:
+    """The folder's name, or the table's with its folder."""
+    resolved = result.resolve()
+    return resolved.name if resolved.is_dir() else f"{resolved.parent.name}/{resolved.name}"
+
+
+def _write_pictures(run: Run, folder: Path, title: str, label: str) -> None:
+    drawn = (
+        run_figures.bands_figure(run, title, label=label),
+        run_figures.size_figure(run, title),
+        run_figures.axes_figure(run, title, label=label),
+    )
+    for name, figure in zip(_PICTURES, drawn, strict=True):
+        figures.save(figure, folder / name)
+
+
+def _in_words(summary: dict[str, Any]) -> str:
+    words = f"{summary['rows']} rows"
+    if summary["largest_angle_deg"] is not None:
+        words += f", largest angle {summary['largest_angle_deg']['median']:.3g} degrees (median)"
+    if summary["compared_with"] is not None:
+        words += (
+            f"; {summary['compared_with']} outside the set at {summary['escapes']} of {summary['rows_compared']} rows"
+        )
+    return words

@@ -1,0 +1,146 @@
+"""The guaranteed filter, with what it takes to store one."""
+
+import json
+from typing import Any, Self
+
+import numpy as np
+
+from elliptude import _core
+from elliptude.filter import potential_from_dict, potential_to_dict
+
+FORMAT_VERSION = 1
+"""Of what `GuaranteedFilter.to_dict` returns."""
+
+_Flow = _core.GuaranteedRigidBodyFlow | _core.GuaranteedGyroFlow
+
+
+def _flow_to_dict(flow: _Flow) -> dict[str, Any]:
+    if isinstance(flow, _core.GuaranteedGyroFlow):
+        return {
+            "kind": "guaranteed_gyro",
+            "noise": flow.noise.tolist(),
+            "drift": flow.drift.tolist(),
+            "scale": flow.scale,
+            "angular_acceleration": flow.angular_acceleration,
+            "interval_rate": flow.interval_rate,
+        }
+    return {
+        "kind": "guaranteed_rigid_body",
+        "inertia": flow.body.inertia.tolist(),
+        "potential": potential_to_dict(flow.potential),
+        "step": flow.step,
+        "unknown_torque": flow.unknown_torque.tolist(),
+        "inertia_error": flow.inertia_error,
+    }
+
+
+def _flow_from_dict(fields: dict[str, Any]) -> _Flow:
+    match fields["kind"]:
+        case "guaranteed_gyro":
+            return _core.GuaranteedGyroFlow(
+                np.asarray(fields["noise"]),
+                np.asarray(fields["drift"]),
+                scale=fields["scale"],
+                angular_acceleration=fields["angular_acceleration"],
+                interval_rate=fields["interval_rate"],
+            )
+        case "guaranteed_rigid_body":
+            return _core.GuaranteedRigidBodyFlow(
+                _core.RigidBody(fields["inertia"]),
+                potential_from_dict(fields["potential"]),
+                step=fields["step"],
+                unknown_torque=np.asarray(fields["unknown_torque"]),
+                inertia_error=fields["inertia_error"],
+            )
+    raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither guaranteed_gyro nor guaranteed_rigid_body")
+
+
+def _pair_to_lists(pair: tuple[Any, Any] | None) -> list[Any] | None:
+    return None if pair is None else [part.tolist() for part in pair]
+
+
+class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
+    __doc__ = _core.GuaranteedFilter.__doc__
+
+    def to_dict(self) -> dict[str, Any]:
+        """All that the filter is, as numbers, strings, lists and dictionaries."""
+        return {
+            "format": FORMAT_VERSION,
+            "flow": _flow_to_dict(self.flow),
+            "time": self.time,
+            "criterion": self.criterion,
+            "weight": None if self.weight is None else self.weight.tolist(),
+            "policy": self.policy,
+            "most_wrong": self.most_wrong,
+            "regain_after": self.regain_after,
+            "vector_bound": _pair_to_lists(self.vector_bound),
+            "ellipsoid": None if self.ellipsoid is None else self.ellipsoid.to_dict(),
+            "vector": _pair_to_lists(self._vector),
+            "rests_on_drops": self._rests_on_drops,
+            "agreeing_updates": self._agreeing_updates,
+        }
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Self:
+        """The inverse of `to_dict`.
+
+        Raises
+        ------
+        ValueError
+            For another format, a key that lacks, or numbers that make no filter.
+        TypeError
+            If it is not a dictionary, or holds something of another type.
+        """
+        if not isinstance(fields, dict):
+            raise TypeError(f"a stored filter is a dictionary, not {type(fields).__name__}")
+        if fields.get("format") != FORMAT_VERSION:
+            raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
+        try:
+            ellipsoid, bound, vector = fields["ellipsoid"], fields["vector_bound"], fields["vector"]
+            stored = cls(
+                _flow_from_dict(fields["flow"]),
+                time=fields["time"],
+                criterion=fields["criterion"],
+                weight=fields["weight"],
+                policy=fields["policy"],
+                most_wrong=fields["most_wrong"],
+                regain_after=fields["regain_after"],
+                vector_bound=None if bound is None else tuple(bound),
+            )
+            stored._resume(
+                None if ellipsoid is None else _core.StateEllipsoid.from_dict(ellipsoid),
+                None if vector is None else tuple(vector),
+                fields["rests_on_drops"],
+                fields["agreeing_updates"],
+            )
+        except KeyError as error:
+            raise ValueError(f"a stored filter needs the key {error}") from error
+        return stored
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON; floats come back bit for bit."""
+        return json.dumps(self.to_dict())
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The inverse of `to_json`."""
+        return cls.from_dict(json.loads(text))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What pickle keeps."""
+        return self.to_dict()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restores what `__getstate__` kept."""
+        other = type(self).from_dict(state)
+        self.__init__(  # type: ignore[misc]
+            other.flow,
+            time=other.time,
+            criterion=other.criterion,
+            weight=other.weight,
+            policy=other.policy,
+            most_wrong=other.most_wrong,
+            regain_after=other.regain_after,
+            vector_bound=other.vector_bound,
+        )
+        self._resume(other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates)

@@ -1,0 +1,396 @@
+"""What pictures and the report show of a run: a table of results, whole or with gaps, and what it is compared with.
+
+A table of results (docs/tables.md) may have empty cells where nothing is known, and may have these columns:
+
+``claim``
+    ``unconditional``, ``conditional`` or ``none``: what the estimator says of the row's set.
+``dropped``
+    The sensors whose measurements were left out as contradictory, with a space between their names.
+``chart``
+    ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, NamedTuple, Self, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from elliptude.body_axes import Chart, turns
+from elliptude.files import FileError
+from elliptude.results import FloatArray
+from elliptude.tables import QUATERNION, Results, attitudes_from_quaternions, column_names, read_columns
+
+Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
+CLAIMS: tuple[Claim, ...] = get_args(Claim)
+
+_ATTITUDE_SHAPE = ("P11", "P12", "P13", "P22", "P23", "P33")
+_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
+_ERRORS = ("error_rx", "error_ry", "error_rz")
+_UPPER = np.triu_indices(3)
+SPELL_GAP = 1.0
+"""Measurements that were left out no later than this after one another are listed together, s."""
+# s; a reference's stamp so near is that of the row.
+_SAME_TIME = 1e-6
+
+
+class Refusal(NamedTuple):
+    """A measurement that did not go in."""
+
+    time: float
+    """s."""
+    sensors: str
+    """Names, a space between them."""
+    what: Literal["dropped", "refused"]
+    """By itself, or with all others of its row because the sets did not meet."""
+
+
+class Spell(NamedTuple):
+    """Measurements that did not go in, one soon after the other."""
+
+    first: float
+    """s."""
+    last: float
+    """s."""
+    sensors: str
+    """Names, a space between them."""
+    what: str
+    """As of `Refusal`."""
+    measurements: int
+    """How many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The attitudes of a run with their sets; NaN where nothing is known."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    shapes: FloatArray
+    """P of the attitude error, rad², shape (N, 3, 3)."""
+    half_widths: FloatArray
+    """How far the attitude error reaches along body axes, rad, shape (N, 3)."""
+    largest_angles: FloatArray
+    """The largest attitude error in the set, rad, shape (N,)."""
+    used: tuple[str, ...]
+    """The sensors that went into each row, a space between their names."""
+    refused: tuple[str, ...]
+    """Those of rows whose sets did not meet, likewise."""
+    dropped: tuple[str, ...] | None = None
+    """Those that were left out by themselves, likewise; None where the table does not say."""
+    claims: tuple[str, ...] | None = None
+    """A `Claim`, or nothing, for each row; None where the table does not say."""
+    chart: Chart = "exponential"
+    """The coordinates of the error whose shape P is."""
+    errors: FloatArray | None = None
+    """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
+    forms: FloatArray | None = None
+    """The quadratic form of the reference, at most 1 inside the set, shape (N,)."""
+
+    @classmethod
+    def of(cls, results: Results) -> Self:
+        """The run of a table that the estimator made."""
+        return cls(
+            times=results.times,
+            quaternions=results.quaternions,
+            shapes=results.shapes[:, :3, :3],
+            half_widths=results.half_widths[:, :3],
+            largest_angles=results.largest_angles,
+            used=tuple(results.used),
+            refused=tuple(results.refused),
+            errors=None if results.errors is None else results.errors[:, :3],
+            forms=results.forms,
+        )
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows with an attitude and a set, shape (N,)."""
+        return np.asarray(np.isfinite(self.quaternions[:, 0]) & np.isfinite(self.largest_angles))
+
+    @property
+    def attitudes(self) -> FloatArray:
+        """From body to reference axes, NaN where not known, shape (N, 3, 3)."""
+        attitudes = np.full((len(self.times), 3, 3), np.nan)
+        known = np.isfinite(self.quaternions).all(axis=1)
+        if known.any():
+            attitudes[known] = attitudes_from_quaternions(self.quaternions[known])
+        return attitudes
+
+    @property
+    def escaped(self) -> NDArray[np.bool_]:
+        """Rows whose reference lies outside the set, shape (N,)."""
+        if self.forms is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.asarray(self.forms > 1.0)
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """Rows that have a set and a reference, shape (N,)."""
+        if self.forms is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.asarray(np.isfinite(self.forms) & self.known)
+
+    def claimed(self, claim: Claim) -> NDArray[np.bool_]:
+        """Rows with this claim, shape (N,)."""
+        if self.claims is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.array([one == claim for one in self.claims])
+
+    def refusals(self) -> Iterator[Refusal]:
+        """Each row's measurements that did not go in, in time order."""
+        dropped = self.dropped if self.dropped is not None else ("",) * len(self.times)
+        for time, alone, together in zip(self.times, dropped, self.refused, strict=True):
+            if alone:
+                yield Refusal(float(time), alone, "dropped")
+            if together and together != alone:
+                yield Refusal(float(time), together, "refused")
+
+    def refusal_spells(self) -> list[Spell]:
+        """The same in spells: one sensor or set of sensors, no more than `SPELL_GAP` between one time and the next."""
+        spells: list[Spell] = []
+        last: dict[tuple[str, str], int] = {}
+        for refusal in self.refusals():
+            key = (refusal.sensors, refusal.what)
+            i = last.get(key)
+            if i is not None and refusal.time - spells[i].last <= SPELL_GAP:
+                spells[i] = spells[i]._replace(last=refusal.time, measurements=spells[i].measurements + 1)
+            else:
+                last[key] = len(spells)
+                spells.append(Spell(refusal.time, refusal.time, *key, 1))
+        return spells
+
+    def against(self, times: FloatArray, quaternions: FloatArray, largest_gap: float) -> Self:
+        """The run compared with another attitude, interpolated to its times.
+
+        Parameters
+        ----------
+        times : (M,) array
+            Of the reference, strictly increasing, s.
+        quaternions : (M, 4) array
+            (qw, qx, qy, qz) from body to reference axes, NaN where not known.
+        largest_gap : float
+            No reference is interpolated between samples that are farther apart, s.
+
+        Returns
+        -------
+        Run
+            With errors and forms of the attitude; NaN where there is no reference.
+        """
+        errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
+        known = np.isfinite(quaternions).all(axis=1)
+        times, quaternions = times[known], quaternions[known]
+        after = np.clip(np.searchsorted(times, self.times), 1, max(len(times) - 1, 1))
+        if len(times) == 0:
+            return replace(self, errors=errors, forms=forms)
+        if len(times) == 1:  # a second one, later than every row
+            times = np.append(times, max(times[0], self.times[-1]) + 1.0)
+            quaternions, largest_gap = np.repeat(quaternions, 2, axis=0), 0.0
+        before = after - 1
+        nearest = np.where(self.times - times[before] <= times[after] - self.times, before, after)
+        is_same = np.abs(times[nearest] - self.times) <= _SAME_TIME
+        is_between = (
+            (self.times >= times[before]) & (self.times <= times[after]) & (times[after] - times[before] <= largest_gap)
+        )
+        rows = np.flatnonzero((is_same | is_between) & self.known)
+        if len(rows):
+            at = np.where(is_same, times[nearest], self.times)[rows]
+            true = Slerp(times, Rotation.from_quat(quaternions, scalar_first=True))(at)
+            estimated = Rotation.from_quat(self.quaternions[rows], scalar_first=True)
+            relative = estimated.inv() * true
+            errors[rows] = relative.as_rotvec()
+            offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
+            with np.errstate(invalid="ignore"):
+                forms[rows] = (offsets[:, None] @ np.linalg.pinv(self.shapes[rows]) @ offsets[..., None])[:, 0, 0]
+        return replace(self, errors=errors, forms=forms)
+
+    def true_axes(self) -> FloatArray:
+        """The reference's body axes as columns, NaN where there is none, shape (N, 3, 3)."""
+        axes = np.full((len(self.times), 3, 3), np.nan)
+        if self.errors is None:
+            return axes
+        rows = np.flatnonzero(np.isfinite(self.errors).all(axis=1) & self.known)
+        if len(rows):
+            axes[rows] = self.attitudes[rows] @ turns(self.errors[rows], "exponential").as_matrix()
+        return axes
+
+
+def _gibbs(turn: Rotation) -> FloatArray:
+    """2 tan(θ/2) n, shape (M, 3)."""
+    quaternions = turn.as_quat(canonical=True, scalar_first=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(2.0 * quaternions[:, 1:] / quaternions[:, :1])
+
+
+def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
+    """Read what `elliptude estimate` wrote.
+
+    Parameters
+    ----------
+    result : path-like
+        Its folder, or the table of results.
+
+    Returns
+    -------
+    run : Run
+    label : str
+        What the errors in the table are against: of the folder's summary, else "truth".
+
+    Raises
+    ------
+    FileError
+        If there is no such table; the message names file, line and column.
+    """
+    table = _table_of(Path(result))
+    names = column_names(table, "results")
+    texts = [name for name in ("claim", "dropped", "chart") if name in names]
+    with_errors, with_forms = _ERRORS[0] in names, "form" in names
+    columns = read_columns(
+        table,
+        optional=[QUATERNION, _ATTITUDE_SHAPE, _HALF_WIDTHS, ("largest_angle",)]
+        + [_ERRORS] * with_errors
+        + [("form",)] * with_forms,
+        texts=("used", "refused", *texts),
+    )
+
+    def together(triple: tuple[str, ...]) -> FloatArray:
+        return np.column_stack([columns[name] for name in triple])
+
+    def words(name: str) -> tuple[str, ...] | None:
+        return tuple(str(text or "") for text in columns[name]) if name in columns else None
+
+    claims, charts = words("claim"), words("chart")
+    for name, found, allowed in (("claim", claims, CLAIMS), ("chart", charts, get_args(Chart))):
+        for row, word in enumerate(found or ()):
+            if word and word not in allowed:
+                raise FileError(
+                    f"{table}: row {row + 1} below the header, column {name!r}: {word!r}, not {_or(allowed)}"
+                )
+    used_charts = {word for word in charts or () if word} or {"exponential"}
+    if len(used_charts) > 1:
+        raise FileError(f"{table}: column 'chart' changes; one table has one chart")
+    shapes = np.empty((len(columns["time_s"]), 3, 3))
+    shapes[:, *_UPPER] = together(_ATTITUDE_SHAPE)
+    shapes[:, *_UPPER[::-1]] = shapes[:, *_UPPER]
+    run = Run(
+        times=columns["time_s"],
+        quaternions=together(QUATERNION),
+        shapes=shapes,
+        half_widths=together(_HALF_WIDTHS),
+        largest_angles=columns["largest_angle"],
+        used=words("used") or (),
+        refused=words("refused") or (),
+        dropped=words("dropped"),
+        claims=claims,
+        chart="gibbs" if used_charts == {"gibbs"} else "exponential",
+        errors=together(_ERRORS) if with_errors else None,
+        forms=columns["form"] if with_forms else None,
+    )
+    return run, _label(table.with_name("summary.json"))
+
+
+def _table_of(result: Path) -> Path:
+    if not result.is_dir():
+        return result
+    found = [result / name for name in ("results.csv", "results.parquet") if (result / name).is_file()]
+    if len(found) != 1:
+        what = "both results.csv and results.parquet" if found else "no results.csv or results.parquet"
+        raise FileError(f"{result}: {what} in this folder; name the table")
+    return found[0]
+
+
+def _label(summary: Path) -> str:
+    """What the summary beside a table says that the errors are against."""
+    try:
+        read = json.loads(summary.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return "truth"
+    label = read.get("compared_with") if isinstance(read, dict) else None
+    return label if isinstance(label, str) else "truth"
+
+
+def _or(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def read_reference(path: str | os.PathLike[str]) -> tuple[FloatArray, FloatArray]:
+    """Read attitudes to compare with: columns ``time_s`` and ``qw,qx,qy,qz`` as in docs/tables.md, others ignored.
+
+    Returns
+    -------
+    times : (M,) array
+        s.
+    quaternions : (M, 4) array
+        Unit, NaN where the cells are empty.
+
+    Raises
+    ------
+    FileError
+        If the file is not such a table, or a quaternion is not of length 1 within 0.01.
+    """
+    columns = read_columns(path, optional=[QUATERNION])
+    quaternions = np.column_stack([columns[name] for name in QUATERNION])
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.abs(lengths - 1.0) > 0.01
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise FileError(
+            f"{path}: row {row + 1} below the header: quaternion of length {lengths[row]:.4g}, not 1 within 0.01"
+        )
+    return columns["time_s"], quaternions / lengths[:, None]
+
+
+def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
+    """The weakest claim in each piece of rows; nothing where a row says nothing."""
+    ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
+    coded = np.array([ranks[word] for word in claims])
+    order = (*CLAIMS, "")
+    return [order[int(coded[chunk].max())] for chunk in chunks]
+
+
+def pieces(count: int, most: int) -> list[slice]:
+    """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
+    length = -(-count // most)
+    return [slice(begin, min(begin + length, count)) for begin in range(0, count, length)]
+
+
+def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
+    """Rows to draw instead of all: every extreme stays, each row as it is.
+
+    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
+    the edge of the band on each axis or farthest beyond it, the one with the largest form, and the first one of which
+    nothing is known.
+
+    Parameters
+    ----------
+    run : Run
+    most : int
+        Pieces. All rows are drawn if there are not more.
+
+    Returns
+    -------
+    (K,) array
+        Increasing, K at most 8 times ``most``.
+    """
+    count = len(run.times)
+    if count <= most:
+        return np.arange(count)
+    ratios = np.zeros((count, 0))
+    if run.errors is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.abs(run.errors) / run.half_widths
+    scores = [run.largest_angles, -run.largest_angles, *ratios.T] + ([run.forms] if run.forms is not None else [])
+    scores = [np.where(np.isfinite(score), score, -np.inf) for score in scores]
+    gaps, rows = ~run.known, set()
+    for piece in pieces(count, most):
+        rows.add(piece.start)
+        rows.update(piece.start + int(np.argmax(score[piece])) for score in scores)
+        if gaps[piece].any():
+            rows.add(piece.start + int(np.argmax(gaps[piece])))
+    return np.array(sorted(rows), dtype=np.intp)

@@ -1,0 +1,354 @@
+// The guaranteed filter: the truth is in its set, what it claims, its policies, and that nothing changes on failure.
+#include <doctest/doctest.h>
+
+#include <vector>
+
+#include "guaranteed.hpp"
+
+using namespace elliptude;
+using namespace elliptude::testing;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+namespace {
+
+using BodyFlow = GuaranteedRigidBodyFlow<double, FreeBody<double>>;
+using BodyFilter = GuaranteedFilter<BodyFlow>;
+using State = RigidBodyState<double>;
+using Report = GuaranteedUpdate<double>;
+
+constexpr double bound = 0.02;
+
+BodyFilter filter_with(const BodyFilter::Settings& settings) {
+  RigidBody<double> body;
+  REQUIRE(RigidBody<double>::make(Vector3d(1, 2, 2.5).asDiagonal(), body) == Status::ok);
+  BodyFlow flow;
+  REQUIRE(BodyFlow::make(body, {}, 0.05, {}, flow) == Status::ok);
+  BodyFilter filter;
+  REQUIRE(BodyFilter::make(flow, settings, 0, filter) == Status::ok);
+  return filter;
+}
+
+State after(const State& state, double duration) {
+  const RealMatrix inertia = Vector3d(1, 2, 2.5).cast<Real>().asDiagonal();
+  const RealTorque none = [](const RealMatrix&, Real) { return RealVector(RealVector::Zero()); };
+  const Motion motion = independent_flow(inertia, none, gibbs_motion(state, RealVector6::Zero()), 0, duration, 4);
+  return {motion.attitude.cast<double>(), motion.angular_velocity.cast<double>()};
+}
+
+Direction<double> measured(const State& truth, const Vector3d& reference, const Vector3d& error) {
+  const Vector3d body = exp(error) * (truth.attitude.transpose() * reference);
+  return Direction<double>::within(reference, body, bound);
+}
+
+/// Everything that can be asked, to compare.
+struct Snapshot {
+  double time;
+  Claim claim;
+  bool knows;
+  Matrix6<double> shape;
+  Matrix3d attitude;
+};
+Snapshot snapshot(const BodyFilter& filter) {
+  Snapshot s{filter.time(), filter.claim(), filter.knows_attitude(), Matrix6<double>::Zero(), Matrix3d::Zero()};
+  if (s.knows) {
+    s.shape = filter.ellipsoid().shape;
+    s.attitude = filter.ellipsoid().center.attitude;
+  }
+  return s;
+}
+bool same(const Snapshot& a, const Snapshot& b) {
+  return a.time == b.time && a.claim == b.claim && a.knows == b.knows && a.shape == b.shape && a.attitude == b.attitude;
+}
+
+double form_of(const BodyFilter& filter, const State& truth) {
+  double form = 2;
+  REQUIRE(quadratic_form(filter.ellipsoid(), truth, form) == Status::ok);
+  return form;
+}
+
+struct Scene {
+  Random random;
+  State truth;
+  std::vector<Vector3d> references;
+  std::vector<Direction<double>> directions;
+  AngularVelocity<double> rate;
+
+  explicit Scene(std::uint64_t seed) : random(seed), truth{random.rotation(), 0.5 * random.unit_vector<3>()} {
+    const Matrix3d axes = random.rotation();
+    references = {axes.col(0), axes.col(1), axes.col(2), axes * Vector3d(1, 1, 1).normalized()};
+    measure();
+  }
+  void move(double duration) {
+    truth = after(truth, duration);
+    measure();
+  }
+  void measure() {
+    directions.clear();
+    for (const Vector3d& r : references) {
+      directions.push_back(measured(truth, r, 0.999 * bound * random.unit_vector<3>()));
+    }
+    rate = {truth.angular_velocity + 0.999 * bound * random.unit_vector<3>(), bound * bound * Matrix3d::Identity()};
+  }
+  [[nodiscard]] Measurements<double> all() const { return {directions.data(), directions.size(), &rate, nullptr}; }
+};
+
+}  // namespace
+
+TEST_CASE("from nothing, and with one direction at a time, the truth stays in the set") {
+  double worst = 0;
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    Scene scene(100 + seed);
+    BodyFilter filter = filter_with({});
+    CHECK(filter.claim() == Claim::none);
+    CHECK_FALSE(filter.knows_attitude());
+    Report update;
+    // One direction determines no attitude; the rate alone is kept.
+    REQUIRE(filter.update({scene.directions.data(), 1, &scene.rate, nullptr}, update) == Status::ok);
+    CHECK(update.claim == Claim::none);
+    CHECK_FALSE(filter.knows_attitude());
+    // Two do, with the rate that was measured before.
+    REQUIRE(filter.update({scene.directions.data(), 2, nullptr, nullptr}, update) == Status::ok);
+    CHECK(update.claim == Claim::unconditional);
+    CHECK(form_of(filter, scene.truth) <= 1);
+    for (std::size_t k = 0; k < 40; ++k) {
+      scene.move(0.1);
+      REQUIRE(filter.predict(0.1 * static_cast<double>(k + 1), {}) == Status::ok);
+      worst = std::fmax(worst, form_of(filter, scene.truth));
+      CHECK(form_of(filter, scene.truth) <= 1);
+      REQUIRE(filter.update({&scene.directions[k % 4], 1, k % 3 == 0 ? &scene.rate : nullptr, nullptr}, update) ==
+              Status::ok);
+      CHECK(update.claim == Claim::unconditional);
+      CHECK(update.margin >= 0);
+      worst = std::fmax(worst, form_of(filter, scene.truth));
+      CHECK(form_of(filter, scene.truth) <= 1);
+    }
+  }
+  MESSAGE("worst form " << worst);
+}
+
+TEST_CASE("a lost prediction: the attitude is forgotten, the vector is not, and what was conditional stays so") {
+  for (const bool conditional : {false, true}) {
+    Scene scene(7);
+    BodyFilter::Settings settings;
+    settings.policy = Policy::drop_measurement;
+    BodyFilter filter = filter_with(settings);
+    Report update;
+    REQUIRE(filter.update(scene.all(), update) == Status::ok);
+    if (conditional) {
+      scene.directions[2] = measured(scene.truth, scene.references[2], Vector3d(0.5, 0.5, 0.5));
+      REQUIRE(filter.update(scene.all(), update) == Status::ok);
+      CHECK(update.dropped == direction_bit(2));
+      CHECK(update.contradicting == direction_bit(2));
+      CHECK(update.margin < 0);
+      CHECK(filter.claim() == Claim::conditional);
+      CHECK(form_of(filter, scene.truth) <= 1);
+    }
+    REQUIRE(filter.predict(400, {}) == Status::ok);
+    CHECK_FALSE(filter.knows_attitude());
+    CHECK(filter.claim() == Claim::none);
+    CHECK(filter.time() == 400);
+    // The rate is still known from what came before, and is needed here.
+    scene.measure();
+    REQUIRE(filter.update({scene.directions.data(), 3, nullptr, nullptr}, update) == Status::ok);
+    CHECK(filter.knows_attitude());
+    CHECK(filter.claim() == (conditional ? Claim::conditional : Claim::unconditional));
+  }
+}
+
+TEST_CASE("policies after a contradiction") {
+  for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart}) {
+    Scene scene(8);
+    BodyFilter::Settings settings;
+    settings.policy = policy;
+    settings.regain_after = 3;
+    BodyFilter filter = filter_with(settings);
+    Report update;
+    REQUIRE(filter.update(scene.all(), update) == Status::ok);
+    scene.move(0.1);
+    REQUIRE(filter.predict(0.1, {}) == Status::ok);
+    const Snapshot before = snapshot(filter);
+    scene.directions[1] = measured(scene.truth, scene.references[1], Vector3d(0.4, -0.4, 0.4));
+    const Status status = filter.update(scene.all(), update);
+    CHECK(update.margin < 0);
+    if (policy == Policy::raise) {
+      CHECK(status == Status::empty_intersection);
+      CHECK(update.contradicting == direction_bit(1));
+      CHECK(same(before, snapshot(filter)));
+      continue;
+    }
+    REQUIRE(status == Status::ok);
+    CHECK(update.dropped == direction_bit(1));
+    CHECK(filter.claim() == Claim::conditional);
+    CHECK(form_of(filter, scene.truth) <= 1);
+    for (int k = 2; k < 6; ++k) {
+      scene.move(0.1);
+      REQUIRE(filter.predict(0.1 * k, {}) == Status::ok);
+      REQUIRE(filter.update(scene.all(), update) == Status::ok);
+      CHECK(form_of(filter, scene.truth) <= 1);
+      CHECK(filter.claim() == (k < 4 ? Claim::conditional : Claim::unconditional));
+    }
+  }
+}
+
+TEST_CASE("restart forgets a prediction that was wrong") {
+  Scene scene(9);
+  BodyFilter::Settings settings;
+  settings.policy = Policy::restart;
+  BodyFilter filter = filter_with(settings);
+  Matrix6<double> shape = 1e-4 * Matrix6<double>::Identity();
+  const State wrong{scene.truth.attitude * exp(Vector3d(1, 0, 0)), scene.truth.angular_velocity};
+  REQUIRE(filter.start(GibbsEllipsoid<State>{wrong, shape}) == Status::ok);
+  Report update;
+  REQUIRE(filter.update(scene.all(), update) == Status::ok);
+  CHECK_FALSE(update.prediction_used);
+  CHECK(update.claim == Claim::conditional);
+  CHECK(form_of(filter, scene.truth) <= 1);
+}
+
+TEST_CASE("relaxed: whatever one sensor says, the truth is in the set") {
+  BodyFilter::Settings settings;
+  settings.policy = Policy::relaxed;
+  settings.most_wrong = 1;
+  for (int trial = 0; trial < 20; ++trial) {
+    Scene scene(200 + static_cast<std::uint64_t>(trial));
+    BodyFilter filter = filter_with(settings);
+    const GibbsEllipsoid<State> set{scene.truth, 0.01 * Matrix6<double>::Identity()};
+    REQUIRE(filter.start(set) == Status::ok);
+    for (int k = 1; k < 6; ++k) {
+      scene.move(0.1);
+      REQUIRE(filter.predict(0.1 * k, {}) == Status::ok);
+      const auto wrong = static_cast<std::size_t>(scene.random.uniform(0, 5));
+      const Vector3d error = scene.random.log_uniform(0.01, 1) * scene.random.unit_vector<3>();
+      if (wrong < 4) {
+        scene.directions[wrong] = measured(scene.truth, scene.references[wrong], error);
+      } else {
+        scene.rate.value += error;
+      }
+      Report update;
+      REQUIRE(filter.update(scene.all(), update) == Status::ok);
+      CHECK(form_of(filter, scene.truth) <= 1);
+      CHECK(filter.claim() == Claim::unconditional);
+      CHECK((update.dropped & ~(wrong < 4 ? direction_bit(wrong) : angular_velocity_bit)) == 0);
+    }
+  }
+}
+
+TEST_CASE("relaxed, from nothing: no set where one choice leaves the attitude open, no vector from one sensor") {
+  BodyFilter::Settings settings;
+  settings.policy = Policy::relaxed;
+  settings.most_wrong = 1;
+  Scene scene(10);
+  BodyFilter filter = filter_with(settings);
+  REQUIRE(filter.bound_vector({Vector3d::Zero(), Matrix3d::Identity()}) == Status::ok);
+  // Without the first, two of the same direction are left: that choice comes first, and joins later.
+  const std::vector<Direction<double>> directions{measured(scene.truth, scene.references[0], Vector3d(0.3, 0.3, 0)),
+                                                  measured(scene.truth, scene.references[1], Vector3d::Zero()),
+                                                  measured(scene.truth, scene.references[1], Vector3d(0, 0.001, 0))};
+  Report update;
+  REQUIRE(filter.update({directions.data(), 3, nullptr, nullptr}, update) == Status::ok);
+  CHECK(update.claim == Claim::none);
+  CHECK_FALSE(filter.knows_attitude());
+  // The angular velocity may be what is wrong: it is not kept, and two steps later does not bound a set.
+  BodyFilter other = filter_with(settings);
+  AngularVelocity<double> lie{scene.truth.angular_velocity + Vector3d(3, 0, 0), 1e-4 * Matrix3d::Identity()};
+  REQUIRE(other.update({scene.directions.data(), 1, &lie, nullptr}, update) == Status::ok);
+  REQUIRE(other.update({scene.directions.data(), 4, nullptr, nullptr}, update) == Status::ok);
+  CHECK_FALSE(other.knows_attitude());
+}
+
+TEST_CASE("relaxed: measurements that are not valid are refused wherever they stand") {
+  BodyFilter::Settings settings;
+  settings.policy = Policy::relaxed;
+  for (int wrong = 1; wrong <= 2; ++wrong) {
+    settings.most_wrong = wrong;
+    for (std::size_t at = 0; at < 4; ++at) {
+      Scene scene(12);
+      BodyFilter filter = filter_with(settings);
+      REQUIRE(filter.start(GibbsEllipsoid<State>{scene.truth, 0.01 * Matrix6<double>::Identity()}) == Status::ok);
+      const Snapshot before = snapshot(filter);
+      scene.directions[at].body(1) = std::nan("");
+      Report update;
+      CHECK(filter.update({scene.directions.data(), 4, nullptr, nullptr}, update) == Status::not_finite);
+      CHECK(filter.update({&scene.directions[at], 1, nullptr, nullptr}, update) == Status::not_finite);
+      CHECK(same(before, snapshot(filter)));
+    }
+  }
+}
+
+TEST_CASE("bad input is refused, and nothing changes") {
+  Scene scene(13);
+  BodyFilter filter = filter_with({});
+  REQUIRE(filter.predict(1, {}) == Status::ok);
+  for (const bool started : {false, true}) {
+    if (started) {
+      REQUIRE(filter.start(GibbsEllipsoid<State>{scene.truth, 0.01 * Matrix6<double>::Identity()}) == Status::ok);
+    }
+    const Snapshot before = snapshot(filter);
+    Report update;
+    CHECK(filter.predict(0.5, {}) == Status::out_of_range);
+    CHECK(filter.predict(std::nan(""), {}) == Status::not_finite);
+    CHECK(filter.predict(HUGE_VAL, {}) == Status::not_finite);
+    std::vector<Direction<double>> directions = scene.directions;
+    directions[3].reference.setZero();
+    CHECK(filter.update({directions.data(), 4, nullptr, nullptr}, update) != Status::ok);
+    directions = scene.directions;
+    directions[0].bound(0, 0) = -1;
+    CHECK(filter.update({directions.data(), 4, nullptr, nullptr}, update) != Status::ok);
+    AngularVelocity<double> rate = scene.rate;
+    rate.value(2) = std::nan("");
+    CHECK(filter.update({nullptr, 0, &rate, nullptr}, update) == Status::not_finite);
+    const MeasuredAttitude<double> attitude{2 * Matrix3d::Identity(), Matrix3d::Identity()};
+    CHECK(filter.update({nullptr, 0, nullptr, &attitude}, update) == Status::not_a_rotation);
+    directions.assign(33, scene.directions[0]);
+    CHECK(filter.update({directions.data(), 33, nullptr, nullptr}, update) == Status::out_of_range);
+    Matrix6<double> flat = Matrix6<double>::Identity();
+    flat(5, 5) = 0;
+    CHECK(filter.start(GibbsEllipsoid<State>{scene.truth, flat}) == Status::not_positive_definite);
+    CHECK(same(before, snapshot(filter)));
+  }
+  BodyFilter::Settings settings;
+  settings.most_wrong = 3;
+  CHECK(BodyFilter::make(filter.flow(), settings, 0, filter) == Status::out_of_range);
+  settings = {};
+  settings.regain_after = 0;
+  CHECK(BodyFilter::make(filter.flow(), settings, 0, filter) == Status::out_of_range);
+  CHECK(BodyFilter::make(filter.flow(), {}, std::nan(""), filter) == Status::not_finite);
+}
+
+TEST_CASE("gyro: the rate is an input, and the truth stays in the set") {
+  using Flow = GuaranteedGyroFlow<double>;
+  using Filter = GuaranteedFilter<Flow>;
+  Random random(14);
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 1e-4 * Matrix3d::Identity();
+  Flow flow;
+  REQUIRE(Flow::make(uncertainty, Flow::IntervalRate::first_sample, flow) == Status::ok);
+  Filter filter;
+  REQUIRE(Filter::make(flow, {}, 0, filter) == Status::ok);
+  REQUIRE(filter.bound_vector({Vector3d::Zero(), 0.01 * Matrix3d::Identity()}) == Status::ok);
+  GyroState<double> truth{random.rotation(), 0.099 * random.unit_vector<3>()};
+  const Vector3d rate = random.normal_matrix<3>();
+  const AngularVelocity<double> wrong{rate, Matrix3d::Identity()};
+  Report update;
+  CHECK(filter.update({nullptr, 0, &wrong, nullptr}, update) == Status::out_of_range);
+  const Matrix3d axes = random.rotation();
+  for (int k = 0; k < 60; ++k) {
+    std::array<Direction<double>, 2> directions;
+    for (int i = 0; i < 2; ++i) {
+      const Vector3d body = exp(Vector3d(0.019 * random.unit_vector<3>())) * (truth.attitude.transpose() * axes.col(i));
+      directions[static_cast<std::size_t>(i)] = Direction<double>::within(axes.col(i), body, 0.02);
+    }
+    REQUIRE(filter.update({&directions[static_cast<std::size_t>(k % 2)], k == 0 ? 2U : 1U, nullptr, nullptr}, update) ==
+            Status::ok);
+    REQUIRE(filter.knows_attitude());
+    double form = 2;
+    REQUIRE(quadratic_form(filter.ellipsoid(), truth, form) == Status::ok);
+    CHECK(form <= 1);
+    const Vector3d sample = rate + truth.gyro_bias + 0.0099 * random.unit_vector<3>();
+    REQUIRE(filter.predict(0.1 * (k + 1), {sample}) == Status::ok);
+    truth.attitude = truth.attitude * exp(Vector3d(0.1 * rate));
+    REQUIRE(quadratic_form(filter.ellipsoid(), truth, form) == Status::ok);
+    CHECK(form <= 1);
+  }
+}
