@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import logs, tables
+from elliptude.background import ahead
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.logs import Log
 from elliptude.results import FilterLog, FloatArray
@@ -73,7 +74,7 @@ class PieceEstimator:
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
-        """What filter and bounds took, s; reading is not in it."""
+        """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
 
     def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
         """Go through the pieces of a log.
@@ -93,17 +94,25 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
-        for piece in pieces:
+        for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
-            results = self._take(piece)
+            results = _results(self._configuration, *filtered)
             self.elapsed += time.perf_counter() - begin
-            if results is not None:
-                yield results
+            yield results
         if self._filter is None:
             raise _no_start(self._configuration)
 
-    def _take(self, log: Log) -> Results | None:
-        """The next rows' results, or None before the start."""
+    def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
+        """Rows, what the filter made of them, and whether the first is the start."""
+        for piece in pieces:
+            begin = time.perf_counter()
+            filtered = self._take(piece)
+            self.elapsed += time.perf_counter() - begin
+            if filtered is not None:
+                yield filtered
+
+    def _take(self, log: Log) -> tuple[Log, FilterLog, bool] | None:
+        """The next rows from the start on, or None before it."""
         configuration = self._configuration
         is_gyro = isinstance(configuration.flow, GyroFlow)
         starts_here = False
@@ -134,7 +143,7 @@ class PieceEstimator:
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-        return _results(log, configuration, filtered, starts_here)
+        return log, filtered, starts_here
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
@@ -237,7 +246,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
+def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Results:
     names = [sensor.name for sensor in configuration.directions]
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
