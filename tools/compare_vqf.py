@@ -3,7 +3,8 @@
 `python tools/compare_vqf.py FOLDER/*.npz [--config CONFIG]`, in an environment with `elliptude[cli]` and `vqf`. The
 recordings are those of BROAD as NPZ: t, gyr, acc, mag and q_ref. Both estimates get the same raw samples. North is not
 the same for magnetometer and cameras, so each is turned about the vertical once, by the heading that it is off at
-`--align-at`, and scored from then on at every row that the cameras saw.
+`--align-at`, and scored from then on at every row that the cameras saw. The noise of that one row then stays in every
+error, and the ratio depends on it: `--no-align` shows both as they are. Quote both.
 
 Without a configuration it is the one of docs/logs.md for a sensor in the hand, the same for each recording: mode
 first_order, accelerometer within 20 degrees, field within 15, gyro within 1 degree per second.
@@ -50,20 +51,23 @@ def main() -> None:
     parser.add_argument("recordings", nargs="+", type=Path)
     parser.add_argument("--config", type=Path, help="of an estimation; TOML")
     parser.add_argument("--align-at", type=float, default=2.0, help="s (default: 2)")
+    parser.add_argument("--no-align", action="store_true", help="score both without turning them")
     arguments = parser.parse_args()
     configuration = (
         Configuration.model_validate(PLAIN) if arguments.config is None else read_configuration(arguments.config)
     )
     print(f"{'recording':45s} {'rows':>6s}   elliptude: mean, max °     vqf: mean, max °   ratio of means")
     for path in arguments.recordings:
-        ours, theirs = errors(path, configuration, arguments.align_at)
+        ours, theirs = errors(path, configuration, arguments.align_at, align=not arguments.no_align)
         print(
             f"{path.stem:45s} {len(ours):6d}   {ours.mean():14.2f} {ours.max():7.2f}   {theirs.mean():14.2f} "
             f"{theirs.max():7.2f}   {ours.mean() / theirs.mean():9.2f}"
         )
 
 
-def errors(path: Path, configuration: Configuration, align_at: float) -> tuple[np.ndarray, np.ndarray]:
+def errors(
+    path: Path, configuration: Configuration, align_at: float, *, align: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
     """Attitude errors in degrees of both, shape (n,)."""
     with np.load(path) as file:
         times, gyro, force, field, true = (
@@ -78,7 +82,9 @@ def errors(path: Path, configuration: Configuration, align_at: float) -> tuple[n
     same = np.searchsorted(times, results.times[rows])
     assert np.array_equal(times[same], results.times[rows])
     return tuple(
-        aligned_errors(Rotation.from_quat(quaternions, scalar_first=True), references)
+        (aligned_errors if align else errors_as_they_are)(
+            Rotation.from_quat(quaternions, scalar_first=True), references
+        )
         for quaternions in (results.quaternions[rows], theirs[same])
     )
 
@@ -87,7 +93,12 @@ def aligned_errors(estimated: Rotation, true: Rotation) -> np.ndarray:
     """Errors in degrees after the turn about the vertical that takes away the heading error of the first row."""
     _, _, z, w = (true[0] * estimated[0].inv()).as_quat()
     heading = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.arctan2(z, w)])
-    return np.rad2deg(((heading * estimated).inv() * true).magnitude())
+    return errors_as_they_are(heading * estimated, true)
+
+
+def errors_as_they_are(estimated: Rotation, true: Rotation) -> np.ndarray:
+    """Errors in degrees."""
+    return np.rad2deg((estimated.inv() * true).magnitude())
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import guaranteed_results, logs, tables
+from elliptude.background import ahead
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.containment import compare
 from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
@@ -82,7 +83,7 @@ class PieceEstimator:
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
-        """What filter and bounds took, s; reading is not in it."""
+        """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
         self.vector_is_compared = False
         """As `Estimation` has it, of the rows so far."""
         self.guaranteed: GuaranteedRun | None = None
@@ -106,29 +107,39 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
-        configuration, take = self._configuration, self._take
-        if configuration.estimator.mode == "guaranteed":
-            pieces, take = [logs.joined(list(pieces))], self._take_whole
-        has_started = False
-        for piece in pieces:
+        if self._configuration.estimator.mode == "guaranteed":
+            yield self._take_whole(logs.joined(list(pieces)))
+            return
+        for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
-            results = take(piece)
+            results = _results(self._configuration, *filtered)
             self.elapsed += time.perf_counter() - begin
-            self.vector_is_compared = piece.true_vectors is not None and configuration.truth_error == 0.0
-            if results is not None:
-                has_started = True
-                yield results
-        if not has_started:
-            raise _no_start(configuration)
+            yield results
+        if self._filter is None:
+            raise _no_start(self._configuration)
 
     def _take_whole(self, log: Log) -> Results:
         """The results of all rows, in the guaranteed mode."""
+        begin = time.perf_counter()
         with _placed(log):
             self.guaranteed = run_guaranteed(log, self._configuration)
-        return guaranteed_results.results_of(self.guaranteed, self._configuration)
+        results = guaranteed_results.results_of(self.guaranteed, self._configuration)
+        self.elapsed += time.perf_counter() - begin
+        self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
+        return results
 
-    def _take(self, log: Log) -> Results | None:
-        """The next rows' results, or None before the start."""
+    def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
+        """Rows, what the filter made of them, and whether the first is the start."""
+        for piece in pieces:
+            begin = time.perf_counter()
+            filtered = self._take(piece)
+            self.elapsed += time.perf_counter() - begin
+            self.vector_is_compared = piece.true_vectors is not None and self._configuration.compares_vector
+            if filtered is not None:
+                yield filtered
+
+    def _take(self, log: Log) -> tuple[Log, FilterLog, bool] | None:
+        """The next rows from the start on, or None before it."""
         configuration = self._configuration
         is_gyro = isinstance(configuration.flow, GyroFlow)
         starts_here = False
@@ -159,7 +170,7 @@ class PieceEstimator:
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-        return _results(log, configuration, filtered, starts_here)
+        return log, filtered, starts_here
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
@@ -260,7 +271,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
+def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Results:
     names = [sensor.name for sensor in configuration.directions]
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):

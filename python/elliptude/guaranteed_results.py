@@ -43,7 +43,8 @@ def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
     true_attitudes = log.true_attitudes
     if run.starts_heading and true_attitudes is not None:
         true_attitudes = turned_to_start(true_attitudes, run)
-    errors, forms = compare(guaranteed, true_attitudes, log.true_vectors, configuration.truth_error)
+    true_vectors = log.true_vectors if configuration.estimates_vector else None
+    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error)
     extents = guaranteed.extents()
     return Results(
         times=guaranteed.times,

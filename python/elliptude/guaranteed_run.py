@@ -235,8 +235,9 @@ def _run(
             arguments["control_torque"] = log.control_torques
         if log.wheel_momenta is not None:
             arguments["wheel_momentum"] = log.wheel_momenta
-    estimate_vector = not isinstance(flow, GyroFlow) or flow.estimate_bias
-    attitude_filter = _filter(core, start, float(log.times[0]), vector_bound, estimate_vector, configuration)
+    attitude_filter = _filter(
+        core, start, float(log.times[0]), vector_bound, configuration.estimates_vector, configuration
+    )
     names = rows.names if isinstance(flow, GyroFlow) or configuration.rate is None else (*rows.names, "rate")
     return attitude_filter.run(log.times, sensors=names or None, **arguments)
 

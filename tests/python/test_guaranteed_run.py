@@ -121,6 +121,18 @@ def test_bias_that_is_not_estimated_makes_sets_smaller():
     assert ratio.max() < 0.5
 
 
+def test_bias_that_is_not_estimated_is_not_compared():
+    log = gyro_log(noise=0.01)
+    log = dataclasses.replace(log, true_vectors=np.full((len(log.times), 3), 1e-3))
+    flow = {"noise_deg_per_s": np.rad2deg(0.01), "bias_deg_per_s": 0.2}
+    estimated = estimation.estimate(log, configured(flow))
+    assert_holds(estimated)
+    assert not estimated.vector_is_compared
+    estimated = estimation.estimate(log, configured(flow | {"estimate_bias": True}))
+    assert_holds(estimated)
+    assert estimated.vector_is_compared
+
+
 def test_filter_keeps_whether_it_estimates():
     flow = elliptude.GuaranteedGyroFlow(0.01)
     kept = elliptude.GuaranteedFilter(flow, vector_bound=1e-9, estimate_vector=False)

@@ -255,6 +255,19 @@ def test_a_table_that_fails_in_the_background_is_not_written(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_full_disk(tmp_path, monkeypatch):
+    log, config = write_log(tmp_path, 500)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tables.pa.csv, "write_csv", full)
+    done = run("estimate", log, "--config", config, "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "No space left on device" in done.output.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_leaves_nothing_half_written(tmp_path, which):
     log, config = write_log(tmp_path, 60_000)
