@@ -82,7 +82,7 @@ $(SYSTEM)-%: tools/install_system_packages.sh
 # The virtual environment holds the build requirements too, so that the package can be built again without the network.
 $(VENV)/requirements: pyproject.toml tools/requirements.py | $(SYSTEM)-test
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py build runtime cli ulog ros igrf test)
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py build runtime cli ulog ros igrf report test)
 	mkdir -p $(@D) && touch $@
 
 $(VENV)/dev: $(VENV)/requirements

@@ -8,13 +8,13 @@ import argparse
 
 import elliptude as el
 import numpy as np
-from elliptude import cli_simulate, estimation, logs, scenarios, simulation
+from elliptude import cli_simulate, estimation, logs, scenarios, simulation, summary
 from elliptude.configuration import Configuration
 
 
 def scenario_figures(seeds: int) -> None:
     """Errors, shares inside and empty intersections of scenarios, noises and modes."""
-    print(f"{seeds} seeds; error and bound are means from the {estimation.SETTLED_UPDATE}th update on")
+    print(f"{seeds} seeds; error and bound are means from the {summary.SETTLED_UPDATE}th update on")
     print("scenario directions  bound noise         mode          error     set   inside  empty")
     for name in ("orbit", "pendulum"):
         scenario = scenarios.load(name)
@@ -41,7 +41,7 @@ def _print_case(scenario: scenarios.Scenario, measured: list[simulation.Simulati
         assert results.errors is not None
         assert results.forms is not None
         updated = np.flatnonzero([bool(used) for used in results.used])
-        settled = updated[estimation.SETTLED_UPDATE - 1 :]
+        settled = updated[summary.SETTLED_UPDATE - 1 :]
         errors.append(np.linalg.norm(results.errors[settled, :3], axis=1))
         angles.append(results.largest_angles[settled])
         forms.append(results.forms[updated])

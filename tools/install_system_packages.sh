@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -31,7 +31,11 @@ for purpose in "$@"; do
             need_command valgrind valgrind
             ;;
         lint) need_command clang-tidy clang-tidy ;;
-        clang) need_command clang++ clang ;;
+        clang)
+            need_command clang++ clang
+            need_package libclang-rt-dev
+            ;;
+        browser) need_command chromium chromium ;;
         *)
             echo "unknown purpose: $purpose" >&2
             exit 2

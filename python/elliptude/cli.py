@@ -2,11 +2,12 @@
 
 Each command is a plain function in a module of its own, ``cli_*.py``; here they are put together, and here alone an
 error that a person can mend becomes a message. Exit codes: 0 done, 1 a file or what is in it is at fault, 2 the command
-line is, 130 interrupted.
+line is, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +92,8 @@ def make_app() -> typer.Typer:
 
 def main() -> None:
     """Run the command line; what `pip` installs as ``elliptude``."""
+    # As an exception, so that temporary files are removed; by itself it would end the program at once.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         app = make_app()
     except ModuleNotFoundError as error:

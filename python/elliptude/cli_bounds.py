@@ -1,9 +1,10 @@
 """The command ``elliptude bounds``."""
 
+import csv
 import dataclasses
 import json
 import math
-import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +15,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude import bound_rules, proposals, tables
+from elliptude import bound_rules, mapping, proposals
 from elliptude.files import FileError, replacing
-from elliptude.proposals import DelayProposal, Proposal, Quantiles, Recording
+from elliptude.mapping import PRESETS, Tables
+from elliptude.models import load_toml
+from elliptude.proposals import DelayProposal, Proposal, Quantiles
+from elliptude.readers import open_log
+from elliptude.starting_configuration import starting_configuration, upward
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -25,22 +30,37 @@ _NOTE = (
 
 
 def bounds(
-    log: Annotated[
-        Path,
-        typer.Argument(
-            help="A recording: NPZ with t, gyr, acc, mag, or CSV with met_s, wx, wy, wz.", show_default=False
-        ),
-    ],
+    log: Annotated[Path, typer.Argument(help="A recording, in any format of docs/logs.md.", show_default=False)],
+    config: Annotated[
+        Path | None,
+        typer.Argument(help="Which columns are which sensors: TOML; bounds may be missing.", show_default=False),
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(PRESETS)}.", show_default=False),
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
+    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+    gyro: Annotated[str | None, typer.Option(help="Three columns, comma between.", show_default=False)] = None,
+    gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
+    accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
+    accelerometer_unit: Annotated[str | None, typer.Option(help="m/s^2, g or mg.", show_default=False)] = None,
+    magnetometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
+    magnetometer_unit: Annotated[str | None, typer.Option(help="T, G, mG, uT or nT.", show_default=False)] = None,
+    truth: Annotated[
+        str | None, typer.Option(help="Four columns qw,qx,qy,qz from body to reference axes.", show_default=False)
+    ] = None,
     reference: Annotated[
         bool,
-        typer.Option(
-            "--reference/--no-reference", help="Compare with the reference attitude, if the recording has one."
-        ),
+        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if it is mapped."),
     ] = True,
     margin: Annotated[
-        float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in the proposed configuration.")
+        float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in what is written.")
     ] = 1.2,
     out: Annotated[
+        Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
+    ] = None,
+    rule: Annotated[
         Path | None, typer.Option(help="Write a rule for bounds to start from: TOML.", show_default=False)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
@@ -48,21 +68,37 @@ def bounds(
 ) -> None:
     """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
 
-    What it prints are quantiles and maxima of this recording, which guarantee nothing about another.
+    Which columns are which sensors, and in which units, is said by a configuration, by --like, by naming columns and
+    units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
+    are quantiles and maxima of this recording, which guarantee nothing about another.
     """
     if not math.isfinite(margin):
         raise typer.BadParameter(f"{margin} is not a number", param_hint="--margin")
-    if out is not None and out.exists() and not force:
-        raise FileError(f"{out} is there already; --force replaces it")
-    recording = read_recording(log)
+    for path in (out, rule):
+        if path is not None and path.exists() and not force:
+            raise FileError(f"{path} is there already; --force replaces it")
+    named = {
+        "gyroscope": (gyro, gyro_unit),
+        "accelerometer": (accelerometer, accelerometer_unit),
+        "magnetometer": (magnetometer, magnetometer_unit),
+    }
+    tables, source = _mapping(log, config, like, time, time_unit, named, truth)
+    configuration = mapping.configuration_of(tables, source)
+    recording, origin = mapping.read_recording(log, configuration)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:
         proposed = proposals.propose(recording)
+        document = (
+            None if out is None else starting_configuration(tables, proposed, margin, log=log.name, origin=origin)
+        )
     except ValueError as error:
         raise FileError(f"{log}: {error}") from error
-    if out is not None:
-        _write(out, proposed, margin, log)
+    if out is not None and document is not None:
+        with replacing(out) as temporary:
+            temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+    if rule is not None:
+        _write(rule, proposed, margin, log)
     if as_json:
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
@@ -72,76 +108,88 @@ def bounds(
         f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
         f"{compared}"
     )
+    for line in _said(tables):
+        typer.echo(f"  {line}")
     Console(width=max(Console().width, 100)).print(_table(proposed))
     for line in _remarks(proposed):
         typer.echo(line)
     typer.echo(_NOTE)
     if out is not None:
+        typer.echo(f"Written: {out}, for `elliptude estimate {log} --config {out}`: maxima times {margin:g}.")
+    if rule is not None:
         typer.echo(
-            f"Written: {out}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
+            f"Written: {rule}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
         )
 
 
 # --- what is read -----------------------------------------------------------------------------------------------------
 
 
-def read_recording(path: Path) -> Recording:
-    """Read a recording.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        NPZ with the arrays t (s), gyr (rad/s), acc (m/s²), mag (µT) and q_ref (qw, qx, qy, qz), all but the first two
-        optional; or a table with the columns met_s, wx, wy, wz (rad/s) and, optionally, qw, qx, qy, qz.
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    FileError
-        If it cannot be read or lacks something.
-    """
-    recording = _read_npz(path) if path.suffix == ".npz" else _read_table(path)
-    if len(recording.times) < 3:
-        raise FileError(f"{path}: has {len(recording.times)} rows; bounds cannot be proposed from fewer than 3")
-    backward = np.flatnonzero(~(np.diff(recording.times) > 0.0))
-    if len(backward):
-        raise FileError(f"{path}: row {int(backward[0]) + 1}: its time is not after that of the row before")
-    return recording
-
-
-def _read_npz(path: Path) -> Recording:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name]) for name in ("t", "gyr", "acc", "mag", "q_ref") if name in file}
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or 'not an NPZ file'}") from error
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise FileError(f"{path}: not an NPZ file: {error}") from error
-    for name in ("t", "gyr"):
-        if name not in arrays:
-            raise FileError(f"{path}: has no array {name}")
-    count = arrays["t"].shape[0] if arrays["t"].ndim == 1 else -1
-    widths = {"t": (), "gyr": (3,), "acc": (3,), "mag": (3,), "q_ref": (4,)}
-    for name, array in arrays.items():
-        if array.shape != (count, *widths[name]) or array.dtype.kind not in "fiu":
-            wanted = ", ".join(["N", *(str(width) for width in widths[name])])
-            raise FileError(f"{path}: {name} must hold numbers, shape ({wanted}), not {array.dtype} {array.shape}")
-    values = {name: array.astype(np.float64) for name, array in arrays.items()}
-    return Recording(values["t"], values["gyr"], values.get("acc"), values.get("mag"), values.get("q_ref"))
+def _mapping(
+    log: Path,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+) -> tuple[Tables, Path]:
+    """Which columns are which sensors, and the file that says so."""
+    by_name = any(columns is not None for columns, _ in named.values()) or time is not None
+    if (config is not None) + (like is not None) + by_name > 1:
+        raise typer.BadParameter("give one of a configuration, --like, and columns by name")
+    if config is not None:
+        return load_toml(config), config
+    if like is not None:
+        if like not in PRESETS:
+            raise typer.BadParameter(f"{like!r} is none of {', '.join(PRESETS)}", param_hint="--like")
+        return _present(PRESETS[like], log), log
+    if not by_name:
+        if (found := mapping.of_headers(open_log(log).columns)) is not None:
+            return found, log
+        raise FileError(
+            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
+            "give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
+        )
+    sensors: dict[str, tuple[Sequence[str], str]] = {}
+    for name, (columns, unit) in named.items():
+        option = "--gyro" if name == "gyroscope" else f"--{name}"
+        if columns is None:
+            continue
+        if unit is None:
+            raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
+        sensors[name] = _listed(columns, 3, option), unit
+    if time is None or "gyroscope" not in sensors:
+        raise typer.BadParameter("needed with columns by name", param_hint="--time, --gyro")
+    return mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ()), log
 
 
-def _read_table(path: Path) -> Recording:
-    columns = tables.read_columns(path, time="met_s", numbers=("wx", "wy", "wz"))
-    rates = np.column_stack([columns[name] for name in ("wx", "wy", "wz")])
-    try:
-        reference = tables.read_columns(path, time="met_s", numbers=tables.QUATERNION)
-    except FileError:  # no reference in it
-        return Recording(columns["met_s"], rates)
-    attitudes = np.column_stack([reference[name] for name in tables.QUATERNION])
-    return Recording(columns["met_s"], rates, attitudes=attitudes)
+def _present(tables: Tables, log: Path) -> Tables:
+    """A preset without the sensors that the file does not have; the gyro it must have."""
+    columns = set(open_log(log).columns)
+    tables = dict(tables)
+    if "directions" in tables:
+        tables["directions"] = [one for one in tables["directions"] if columns.issuperset(one["columns"])]
+    if not columns.issuperset(tables["truth"]["attitude_columns"]):
+        del tables["truth"]
+    return tables
+
+
+def _listed(columns: str, count: int, option: str) -> list[str]:
+    listed = next(csv.reader([columns], skipinitialspace=True))
+    if len(listed) != count:
+        raise typer.BadParameter(f"{count} columns, not {len(listed)}", param_hint=option)
+    return listed
+
+
+def _said(tables: Tables) -> list[str]:
+    """What is read as what."""
+    lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
+    for sensor in [tables["flow"], *tables.get("directions", [])]:
+        lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
+    if "truth" in tables:
+        lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
+    return lines
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------
@@ -361,9 +409,4 @@ def _offset_bound(delay: DelayProposal, margin: float) -> float:
 
 def _upward(value: float, key: str) -> float:
     """Three digits, rounded up; a delay to the nearest 0.1 ms."""
-    if key == "delay_s":
-        return round(value, 4)
-    if value == 0.0:
-        return 0.0
-    scale = 10.0 ** (2 - math.floor(math.log10(value)))
-    return float(f"{math.ceil(value * scale - 1e-9) / scale:.3g}")
+    return round(value, 4) if key == "delay_s" else upward(value)

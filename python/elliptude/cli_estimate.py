@@ -28,6 +28,7 @@ from elliptude import (
     scenarios,
     simulation,
 )
+from elliptude.background import ahead
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
@@ -146,7 +147,7 @@ def _estimate_pieces(
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
-    pieces = plausibility.plausible_pieces(logs.ahead(logs.read_pieces(log, configuration)), configuration, str(log))
+    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
     estimator = PieceEstimator(configuration)
     summary, thinned = Summary(), Thinned()
     try:

@@ -1,14 +1,17 @@
 """The command ``elliptude report``."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from elliptude import figures, report, run_figures
+from elliptude.comparison import read_reference
+from elliptude.configuration import read_configuration
 from elliptude.files import FileError
-from elliptude.runs import Run, read_reference, read_run
+from elliptude.runs import Run, read_run
 
 _PICTURES = ("bands.png", "size.png", "axes.png")
 
@@ -26,13 +29,16 @@ def make_report(
             show_default=False,
         ),
     ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
+    ] = None,
+    largest_gap_s: Annotated[
+        float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
+    ] = 0.0,
     label: Annotated[
         str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
     ] = None,
-    reference_gap_s: Annotated[
-        float,
-        typer.Option(min=0.0, help="No reference is interpolated between samples that are farther apart than this, s."),
-    ] = 0.1,
     pictures: Annotated[
         Path | None,
         typer.Option(help="Folder for the same as PNG; made if need be.", show_default=False),
@@ -51,13 +57,18 @@ def make_report(
     for file in files:
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
+    if not math.isfinite(largest_gap_s):
+        raise typer.BadParameter("not a finite number", param_hint="--largest-gap-s")
+    if reference is None and config is not None:
+        raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
     run, read_label = read_run(result)
     if reference is not None:
-        run, read_label = run.against(*read_reference(reference), reference_gap_s), reference.name
+        configuration = None if config is None else read_configuration(config)
+        run, read_label = run.against(read_reference(reference, configuration), largest_gap_s), reference.name
         if not run.compared.any():
             raise FileError(
-                f"{reference}: no attitude within {reference_gap_s:g} s of a row of {result}; "
-                f"its times are not those of the result, {run.times[0]:g} s to {run.times[-1]:g} s, or too far apart"
+                f"{result}, {reference}: no row with a set has a reference of its time; rows are from "
+                f"{run.times[0]:g} s to {run.times[-1]:g} s, and --largest-gap-s is {largest_gap_s:g}"
             )
     label, title = label or read_label, title or _title(result)
     summary = report.write_report(run, out, title, label=label)

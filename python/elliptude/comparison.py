@@ -241,7 +241,7 @@ def compare(
         If no row has a reference.
     """
     rows = np.flatnonzero(np.isfinite(estimates.quaternions[:, 0]) & np.isfinite(estimates.shapes[:, 0, 0]))
-    rows, true = _at(reference, estimates.times, rows, largest_gap)
+    rows, true = attitudes_at(reference, estimates.times, rows, largest_gap)
     if not len(rows):
         raise ValueError("no row with a set has a reference of its time")
     estimated = Rotation.from_quat(estimates.quaternions[rows], scalar_first=True)
@@ -267,6 +267,43 @@ def compare(
         half_widths_reference=along_reference,
         claims=None if estimates.claims is None else estimates.claims[rows],
     )
+
+
+def attitudes_at(
+    reference: Reference, times: FloatArray, rows: NDArray[np.intp], largest_gap: float
+) -> tuple[NDArray[np.intp], Rotation]:
+    """The reference at some rows.
+
+    Parameters
+    ----------
+    reference : Reference
+    times : (N,) array
+        s.
+    rows : array of int
+        Of the times.
+    largest_gap : float
+        Between two samples of the reference no further apart it is interpolated, s.
+
+    Returns
+    -------
+    rows : array of int
+        Those that have a reference.
+    attitudes : scipy.spatial.transform.Rotation
+        One for each.
+    """
+    known = reference.times
+    if len(known) == 1:
+        rows = rows[np.abs(times[rows] - known[0]) <= _SAME_TIME]
+        return rows, reference.attitudes[np.zeros(len(rows), dtype=np.intp)]
+    after = np.clip(np.searchsorted(known, times[rows]), 1, len(known) - 1)
+    before = after - 1
+    nearest = np.where(times[rows] - known[before] <= known[after] - times[rows], before, after)
+    is_same = np.abs(known[nearest] - times[rows]) <= _SAME_TIME
+    is_between = (times[rows] >= known[before]) & (times[rows] <= known[after])
+    is_between &= known[after] - known[before] <= largest_gap
+    at = np.where(is_same, known[nearest], times[rows])[is_same | is_between]
+    rows = rows[is_same | is_between]
+    return rows, Slerp(known, reference.attitudes)(at) if len(rows) else Rotation.identity(0)
 
 
 def is_near(points: FloatArray, shapes: FloatArray, distance: float) -> NDArray[np.bool_]:
@@ -307,25 +344,6 @@ def is_near(points: FloatArray, shapes: FloatArray, distance: float) -> NDArray[
     apart = high * np.linalg.norm(z / (a + high[:, None]), axis=1)
     inside[out] = apart <= distance
     return inside
-
-
-def _at(
-    reference: Reference, times: FloatArray, rows: NDArray[np.intp], largest_gap: float
-) -> tuple[NDArray[np.intp], Rotation]:
-    """Those of the rows that have a reference, and it."""
-    known = reference.times
-    if len(known) == 1:
-        rows = rows[np.abs(times[rows] - known[0]) <= _SAME_TIME]
-        return rows, reference.attitudes[np.zeros(len(rows), dtype=np.intp)]
-    after = np.clip(np.searchsorted(known, times[rows]), 1, len(known) - 1)
-    before = after - 1
-    nearest = np.where(times[rows] - known[before] <= known[after] - times[rows], before, after)
-    is_same = np.abs(known[nearest] - times[rows]) <= _SAME_TIME
-    is_between = (times[rows] >= known[before]) & (times[rows] <= known[after])
-    is_between &= known[after] - known[before] <= largest_gap
-    at = np.where(is_same, known[nearest], times[rows])[is_same | is_between]
-    rows = rows[is_same | is_between]
-    return rows, Slerp(known, reference.attitudes)(at) if len(rows) else Rotation.identity(0)
 
 
 def _stack(columns: dict[str, NDArray[np.float64]], names: tuple[str, ...]) -> FloatArray:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import guaranteed_results, logs, tables
+from elliptude.background import ahead
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.logs import Log, interval_rates
@@ -87,8 +88,8 @@ class PieceEstimator:
 
     Of the modes ``paper`` and ``first_order``: the guaranteed mode needs the whole log.
 
-    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other, what `estimate` makes of the
-    whole log.
+    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other and up to rounding, what
+    `estimate` makes of the whole log.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -96,7 +97,7 @@ class PieceEstimator:
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
-        """What filter and bounds took, s; reading is not in it."""
+        """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
 
     def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
         """Go through the pieces of a log.
@@ -116,17 +117,25 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
-        for piece in pieces:
+        for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
-            results = self._take(piece)
+            results = _results(self._configuration, *filtered)
             self.elapsed += time.perf_counter() - begin
-            if results is not None:
-                yield results
+            yield results
         if self._filter is None:
             raise _no_start(self._configuration)
 
-    def _take(self, log: Log) -> Results | None:
-        """The next rows' results, or None before the start."""
+    def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
+        """Rows, what the filter made of them, and whether the first is the start."""
+        for piece in pieces:
+            begin = time.perf_counter()
+            filtered = self._take(piece)
+            self.elapsed += time.perf_counter() - begin
+            if filtered is not None:
+                yield filtered
+
+    def _take(self, log: Log) -> tuple[Log, FilterLog, bool] | None:
+        """The next rows from the start on, or None before it."""
         configuration = self._configuration
         is_gyro = isinstance(configuration.flow, GyroFlow)
         starts_here = False
@@ -137,11 +146,12 @@ class PieceEstimator:
                     return None
                 log, starts_here = log.since(int(np.argmax(complete))), True
             self._filter = _filter(log, configuration)
-        # The start says all that the first row does, and a row that was worked on before is there as the begin of the
-        # step to the next one: neither may count twice.
+        # A gyro's step to the first of these rows begins at the last of those before.
         whole = log if self._last is None else logs.joined([self._last, log])
         directions, rates = whole.directions, whole.rates
         if starts_here or self._last is not None:
+            # The start says all that the first row does, and a row that was worked on before has been used: neither may
+            # count twice.
             directions = directions.copy()
             directions[0] = np.nan
             if rates is not None and not is_gyro:
@@ -150,12 +160,13 @@ class PieceEstimator:
         filtered = _run(self._filter, replace(whole, directions=directions, rates=rates), configuration)
         if self._last is not None:
             filtered = filtered.since(1)
-        self._last = log.since(len(log.times) - 1)
+        if is_gyro:
+            self._last = log.since(len(log.times) - 1)
         endless = ~np.isfinite(filtered.shapes).all(axis=(1, 2))
         if endless.any():
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
-        return _results(log, configuration, filtered, starts_here)
+        return log, filtered, starts_here
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
@@ -259,7 +270,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(log: Log, configuration: Configuration, filtered: FilterLog, starts_here: bool) -> Results:
+def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Results:
     names = [sensor.name for sensor in configuration.directions]
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):

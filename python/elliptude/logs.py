@@ -7,7 +7,6 @@ file of any length needs little memory: `read_pieces`; `read_log` puts the piece
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -157,15 +156,6 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
         if all(clock.is_empty for clock in clocks):
             raise FileError(f"{path}: a header, but no rows below it")
         raise FileError(f"{path}: no row between the first and the last sample of {_filled(configuration)}")
-
-
-def ahead(pieces: Iterator[Log]) -> Iterator[Log]:
-    """The same pieces, the next one being read in the background while one is worked on."""
-    with ThreadPoolExecutor(1) as pool:
-        pending = pool.submit(next, pieces, None)
-        while (piece := pending.result()) is not None:
-            pending = pool.submit(next, pieces, None)
-            yield piece
 
 
 def _filled(configuration: Configuration) -> str:

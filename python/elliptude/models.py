@@ -116,15 +116,37 @@ def read_toml(path: str | os.PathLike[str], model: type[SomeModel], **defaults: 
     FileError
         If the file cannot be read, is not TOML (with line and column), or does not fit (with every key at fault).
     """
+    return validate(path, defaults | load_toml(path), model)
+
+
+def load_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or is not TOML (with line and column).
+    """
     try:
-        data = defaults | tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        return model.model_validate(data)
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: not UTF-8 text") from error
     except tomllib.TOMLDecodeError as error:
         raise FileError(f"{path}: not TOML: {error}") from error
+
+
+def validate(path: str | os.PathLike[str], data: Mapping[str, Any], model: type[SomeModel]) -> SomeModel:
+    """The model of some tables.
+
+    Raises
+    ------
+    FileError
+        If they do not fit: with the path that they are of, and every key at fault.
+    """
+    try:
+        return model.model_validate(data)
     except ValidationError as error:
         raise FileError(f"{path}: {_faults(error, data)}") from error
 

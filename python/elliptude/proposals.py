@@ -518,6 +518,8 @@ class Proposal:
     """Against the reference."""
     magnetometer_delay: DelayProposal | None
     """Against the gyro."""
+    rests: list[tuple[float, float]]
+    """First and last time of each phase of rest, s."""
 
 
 def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Proposal:
@@ -557,4 +559,10 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
         dip=None if forces is None or fields is None else dip_scatter(forces, fields, resting),
         gyro_delay=gyro_delay,
         magnetometer_delay=None if fields is None else delay_of_vectors(times, fields, unbiased),
+        rests=_spans(times, resting),
     )
+
+
+def _spans(times: FloatArray, chosen: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    changes = np.flatnonzero(np.diff(chosen, prepend=False, append=False))
+    return [(float(times[begin]), float(times[end - 1])) for begin, end in changes.reshape(-1, 2)]

@@ -130,6 +130,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "css": _text("report.css"),
         "summary": _summary_table(summary),
         "key": _key(label if compares else None),
+        "magnified": _magnified(run.magnification(shown)),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
         "strip_hidden": "" if "strip" in data["plots"] else "hidden",
         "dropped": _spell_table(spells),
@@ -228,6 +229,15 @@ def _key(label: str | None) -> str:
     return "".join(entries)
 
 
+def _magnified(factor: int) -> str:
+    if factor == 1:
+        return "Each patch is the exact image of the set of attitudes:"
+    return (
+        f"<strong>Sets and errors are drawn {factor} times as large</strong>, or they would be dots. Each patch "
+        "is the exact image of the set of attitudes, so magnified:"
+    )
+
+
 def _footnote(run: Run, rows: int, frames: int) -> str:
     count = len(run.times)
     text = f"The numbers are of all {count} rows. The sphere is drawn at {frames} of them, evenly in time"
@@ -304,7 +314,10 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
     scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
     axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
     if scale == "log":
-        ticks = [step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5)]
+        lowest = min(float(np.rad2deg(run.half_widths[rows][known]).min()), float(largest[known].min()))
+        # Few ticks would fall into a narrow range.
+        steps = (1, 2, 5) if lowest * 8.0 < largest[known].max() else (1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)
+        ticks = [step * 10.0**power for power in range(-6, 4) for step in steps]
         axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
     return {"data": traces, "layout": _layout(xaxis={"title": {"text": "time (s)"}}, yaxis=axis)}
 
@@ -456,16 +469,15 @@ def _frame_rows(run: Run) -> NDArray[np.intp]:
 
 def _frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
     """What moves on the sphere."""
+    factor = run.magnification(rows)
     attitudes = run.attitudes[rows]
     attitudes[~run.known[rows]] = np.nan
+    shapes = factor**2 * run.shapes[rows]
     patches = np.stack(
-        [
-            axis_patches(attitudes, run.shapes[rows], i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS)
-            for i in range(3)
-        ],
+        [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS) for i in range(3)],
         axis=1,
     )
-    marks = run.true_axes()[rows].swapaxes(1, 2) if run.compared.any() else None
+    marks = run.true_axes(factor)[rows].swapaxes(1, 2) if run.compared.any() else None
     return {
         "vertices": _RINGS * _MERIDIANS,
         "meridians": _MERIDIANS,
@@ -538,7 +550,7 @@ def _globe() -> dict[str, Any]:
         "colorscale": [[0, "#d8dbe0"], [1, "#d8dbe0"]],
         "hoverinfo": "skip",
         "contours": {name: {"highlight": False} for name in "xyz"},
-        "opacity": 0.8,
+        "opacity": 0.6,
         "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     }
 
@@ -613,7 +625,7 @@ def _sphere(compares: bool, label: str) -> dict[str, Any]:
                 "name": f"estimated body {axis}",
                 **nothing,
                 "text": ["", axis],
-                "textfont": {"color": colour, "size": 16},
+                "textfont": {"color": colour, "size": 26},
                 "line": {"color": colour, "width": 5},
                 "hoverinfo": "name",
             }

@@ -124,6 +124,8 @@ def size_figure(run: Run, title: str) -> Figure:
 def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, label: str = "truth") -> Figure:
     """Where the body's axes may point: the image of the set on the sphere of directions, at some times.
 
+    Small sets, and the errors in them, are drawn larger by a factor that the title states.
+
     Parameters
     ----------
     run : Run
@@ -141,10 +143,12 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     columns = min(3, max(len(rows), 1))
     lines = max(1, -(-len(rows) // columns))
     figure = new_figure(3.3 * lines + 1.0)
-    figure.suptitle(title, fontsize=11)
+    factor = run.magnification(rows)
+    stated = f"{title}\nsets and errors drawn {factor} times as large" if factor > 1 else title
+    figure.suptitle(stated, fontsize=11)
     view = _view()
     panels = figure.subplots(lines, columns, squeeze=False).ravel()
-    attitudes, true_axes = run.attitudes, run.true_axes()
+    attitudes, true_axes = run.attitudes, run.true_axes(factor)
     for panel in panels:
         panel.set_axis_off()
         panel.set_aspect("equal")
@@ -152,17 +156,25 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
         panel.set_ylim(-1.24, 1.24)
     for panel, row in zip(panels, rows, strict=False):
         _draw_sphere(panel, view)
+        is_drawn = True
         for i in range(3):
             patch = axis_patches(
-                attitudes[row][None], run.shapes[row][None], i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS
+                attitudes[row][None],
+                factor**2 * run.shapes[row][None],
+                i,
+                chart=run.chart,
+                meridians=_MERIDIANS,
+                rings=_RINGS,
             )[0]
+            is_drawn &= bool(np.isfinite(patch).all())
             _draw_patch(panel, patch @ view.T, AXIS_COLOURS[i])
             _draw_tip(panel, view @ attitudes[row][:, i], AXIS_COLOURS[i], "xyz"[i])
             true = view @ true_axes[row][:, i]
             if np.isfinite(true).all():
                 panel.plot(*true[:2], "x", color=BLACK, markersize=5, alpha=1.0 if true[2] >= 0.0 else 0.4, zorder=6)
+        size = f"within {np.rad2deg(run.largest_angles[row]):.3g}°"
         panel.set_title(
-            f"{time_text(run, row)} s: within {np.rad2deg(run.largest_angles[row]):.3g}°",
+            f"{time_text(run, row)} s: {size if is_drawn else f'{size}, too large to draw'}",
             fontsize=9.5,
             y=-0.04,
             va="top",

@@ -19,9 +19,10 @@ from typing import Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from elliptude.body_axes import Chart, turns
+from elliptude.comparison import Reference, attitudes_at
 from elliptude.files import FileError
 from elliptude.results import FloatArray
 from elliptude.tables import QUATERNION, Results, attitudes_from_quaternions, column_names, read_columns
@@ -35,8 +36,9 @@ _ERRORS = ("error_rx", "error_ry", "error_rz")
 _UPPER = np.triu_indices(3)
 SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""
-# s; a reference's stamp so near is that of the row.
-_SAME_TIME = 1e-6
+# Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
+_LARGEST_DRAWN = np.deg2rad(20.0)
+_MAGNIFICATIONS: tuple[int, ...] = tuple(digit * scale for scale in (1, 10, 100, 1000, 10_000) for digit in (1, 2, 5))
 
 
 class Refusal(NamedTuple):
@@ -166,17 +168,15 @@ class Run:
                 spells.append(Spell(refusal.time, refusal.time, *key, 1))
         return spells
 
-    def against(self, times: FloatArray, quaternions: FloatArray, largest_gap: float) -> Self:
-        """The run compared with another attitude, interpolated to its times.
+    def against(self, reference: Reference, largest_gap: float = 0.0) -> Self:
+        """The run compared with other attitudes.
 
         Parameters
         ----------
-        times : (M,) array
-            Of the reference, strictly increasing, s.
-        quaternions : (M, 4) array
-            (qw, qx, qy, qz) from body to reference axes, NaN where not known.
+        reference : Reference
+            Of `elliptude.comparison.read_reference`.
         largest_gap : float
-            No reference is interpolated between samples that are farther apart, s.
+            Where the reference has no sample at a row's time it is interpolated between two no further apart, s.
 
         Returns
         -------
@@ -184,40 +184,31 @@ class Run:
             With errors and forms of the attitude; NaN where there is no reference.
         """
         errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
-        known = np.isfinite(quaternions).all(axis=1)
-        times, quaternions = times[known], quaternions[known]
-        after = np.clip(np.searchsorted(times, self.times), 1, max(len(times) - 1, 1))
-        if len(times) == 0:
-            return replace(self, errors=errors, forms=forms)
-        if len(times) == 1:
-            times, quaternions = times[0] + np.arange(2.0), np.repeat(quaternions, 2, axis=0)
-            largest_gap = 0.0
-        before = after - 1
-        nearest = np.where(self.times - times[before] <= times[after] - self.times, before, after)
-        is_same = np.abs(times[nearest] - self.times) <= _SAME_TIME
-        is_between = (
-            (self.times >= times[before]) & (self.times <= times[after]) & (times[after] - times[before] <= largest_gap)
-        )
-        rows = np.flatnonzero((is_same | is_between) & self.known)
+        rows, true = attitudes_at(reference, self.times, np.flatnonzero(self.known), largest_gap)
         if len(rows):
-            at = np.where(is_same, times[nearest], self.times)[rows]
-            true = Slerp(times, Rotation.from_quat(quaternions, scalar_first=True))(at)
-            estimated = Rotation.from_quat(self.quaternions[rows], scalar_first=True)
-            relative = estimated.inv() * true
+            relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
             with np.errstate(invalid="ignore"):
                 forms[rows] = (offsets[:, None] @ np.linalg.pinv(self.shapes[rows]) @ offsets[..., None])[:, 0, 0]
         return replace(self, errors=errors, forms=forms)
 
-    def true_axes(self) -> FloatArray:
-        """The reference's body axes as columns, NaN where there is none, shape (N, 3, 3)."""
+    def magnification(self, rows: NDArray[np.intp]) -> int:
+        """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
+        sizes = self.largest_angles[rows][self.known[rows]]
+        if len(sizes) == 0:
+            return 1
+        fits = _LARGEST_DRAWN / max(float(np.quantile(sizes, 0.9)), 1e-12)
+        return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
+
+    def true_axes(self, magnification: int = 1) -> FloatArray:
+        """The reference's body axes as columns, its error so many times as large; NaN where not known, (N, 3, 3)."""
         axes = np.full((len(self.times), 3, 3), np.nan)
         if self.errors is None:
             return axes
         rows = np.flatnonzero(np.isfinite(self.errors).all(axis=1) & self.known)
         if len(rows):
-            axes[rows] = self.attitudes[rows] @ turns(self.errors[rows], "exponential").as_matrix()
+            axes[rows] = self.attitudes[rows] @ turns(magnification * self.errors[rows], "exponential").as_matrix()
         return axes
 
 
@@ -317,33 +308,6 @@ def _label(summary: Path) -> str:
 
 def _or(words: tuple[str, ...]) -> str:
     return f"{', '.join(words[:-1])} or {words[-1]}"
-
-
-def read_reference(path: str | os.PathLike[str]) -> tuple[FloatArray, FloatArray]:
-    """Read attitudes to compare with: columns ``time_s`` and ``qw,qx,qy,qz`` as in docs/tables.md, others ignored.
-
-    Returns
-    -------
-    times : (M,) array
-        s.
-    quaternions : (M, 4) array
-        Unit, NaN where the cells are empty.
-
-    Raises
-    ------
-    FileError
-        If the file is not such a table, or a quaternion is not of length 1 within 0.01.
-    """
-    columns = read_columns(path, optional=[QUATERNION])
-    quaternions = np.column_stack([columns[name] for name in QUATERNION])
-    lengths = np.linalg.norm(quaternions, axis=1)
-    wrong = np.abs(lengths - 1.0) > 0.01
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise FileError(
-            f"{path}: row {row + 1} below the header: quaternion of length {lengths[row]:.4g}, not 1 within 0.01"
-        )
-    return columns["time_s"], quaternions / lengths[:, None]
 
 
 def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:

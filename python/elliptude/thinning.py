@@ -30,14 +30,14 @@ class Thinned:
         """Take the next rows."""
         numbers = np.arange(self._rows, self._rows + len(results.times))
         self._rows += len(numbers)
-        chosen = _worst(results, numbers // self._stride)
-        part = _chosen(results, chosen)
+        worst = _worst(results, numbers // self._stride)
+        part = chosen(results, worst)
         self._kept = part if self._kept is None else _joined(self._kept, part)
-        self._numbers = np.concatenate([self._numbers, numbers[chosen]])
+        self._numbers = np.concatenate([self._numbers, numbers[worst]])
         while len(self._numbers) > LIMIT:
             self._stride *= 2
-            chosen = _worst(self._kept, self._numbers // self._stride)
-            self._kept, self._numbers = _chosen(self._kept, chosen), self._numbers[chosen]
+            worst = _worst(self._kept, self._numbers // self._stride)
+            self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
 
     def results(self) -> Results:
         """What is left.
@@ -64,7 +64,9 @@ def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.sort(order[last])
 
 
-def _chosen(results: Results, rows: NDArray[np.intp]) -> Results:
+def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
+    """Some rows of results."""
+
     def of(value: Any) -> Any:
         if value is None or isinstance(value, str):
             return value

@@ -41,7 +41,7 @@ TEST_CASE("a tube that has not moved is its set, none smaller") {
   for (const double condition : {1.0, 1e3, 1e6}) {
     const Matrix6<double> shape = random.positive_definite<6>(condition);
     Tube tube;
-    REQUIRE(tube.start(shape) == Status::ok);
+    REQUIRE(tube.start(shape, 0, 0) == Status::ok);
     const Matrix6<double> difference = tube.shape() - shape;
     CHECK(Eigen::SelfAdjointEigenSolver<Matrix6<double>>(difference).eigenvalues().minCoeff() > 0);
     CHECK(difference.norm() < 1e-12 * shape.norm());
@@ -57,7 +57,7 @@ TEST_CASE("a small set is carried by the linear part of the exact flow") {
     const double h = random.log_uniform(0.005, 0.03);
     const Matrix6<double> shape = 1e-10 * random.positive_definite<6>(100);
     Tube tube;
-    REQUIRE(tube.start(shape) == Status::ok);
+    REQUIRE(tube.start(shape, 0, 0) == Status::ok);
     Series series(c.body, c.gravity);
     REQUIRE(series.expand(c.body, 0, h, {}, c.state) == Status::ok);
     REQUIRE(tube.step(c.body, series, h, {}) == Status::ok);
@@ -90,7 +90,7 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
     const double size = 3e-3;
     const Matrix6<double> shape = size * size * Matrix6<double>(random.positive_definite<6>(9));
     Tube tube;
-    REQUIRE(tube.start(shape) == Status::ok);
+    REQUIRE(tube.start(shape, 0, 0) == Status::ok);
     Series series(c.body, c.gravity);
     REQUIRE(series.expand(c.body, 0, h, {}, c.state) == Status::ok);
     REQUIRE(tube.step(c.body, series, h, {}) == Status::ok);
@@ -99,7 +99,7 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
       const RealVector6 step = 1e-5L * RealVector6::Unit(i);
       linear.col(i) = (moved(c, series.end, step, h) - moved(c, series.end, -step, h)) / 2e-5L;
     }
-    // The norm of the tube: of the set and three per cent of its width.
+    // The norm of the tube, with no step to come: of the set and a hundredth of its squared width.
     Matrix6<double> wide = shape;
     wide.diagonal().head<3>().array() += 0.01 * shape.diagonal().head<3>().sum();
     wide.diagonal().tail<3>().array() += 0.01 * shape.diagonal().tail<3>().sum();
@@ -131,10 +131,10 @@ TEST_CASE("flat sets, sets that are too large and errors of the inertia that are
   Tube tube;
   Matrix6<double> flat = Matrix6<double>::Identity();
   flat(2, 2) = 0;
-  CHECK(tube.start(flat) == Status::not_positive_definite);
-  REQUIRE(tube.start(1e4 * Matrix6<double>::Identity()) == Status::ok);
+  CHECK(tube.start(flat, 0, 0) == Status::not_positive_definite);
+  REQUIRE(tube.start(1e4 * Matrix6<double>::Identity(), 0, 0) == Status::ok);
   CHECK(tube.step(c.body, series, 0.05, {}) == Status::unbounded);
-  REQUIRE(tube.start(1e-4 * Matrix6<double>::Identity()) == Status::ok);
+  REQUIRE(tube.start(1e-4 * Matrix6<double>::Identity(), 0, 0) == Status::ok);
   const Matrix6<double> before = tube.shape();
   BodyUncertainty<double> uncertainty;
   uncertainty.inertia = c.body.principal_moments()(2);

@@ -1,6 +1,8 @@
 """`elliptude compare`: containment, errors and widths against figures got another way; what it writes for evo."""
 
 import json
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,3 +212,14 @@ def test_what_is_at_fault(tmp_path, made):
     result, _ = write(tmp_path / "claims", made, ["sure"] * 10)
     with pytest.raises(FileError, match="'sure' is none of unconditional"):
         comparison.read_estimates(result)
+
+
+def test_heading_is_aligned_once():
+    """`tools/compare_vqf.py`: the heading of the first row is taken away, a tilt and what comes later is not."""
+    pytest.importorskip("vqf")
+    path = Path(__file__).parents[2] / "tools" / "compare_vqf.py"
+    aligned_errors = runpy.run_path(str(path))["aligned_errors"]
+    true = Rotation.random(4, rng=np.random.default_rng(1))
+    offsets = Rotation.from_rotvec(np.deg2rad([[0, 0, 30], [0, 0, 30], [0, 0, 33], [0, 0, 30]]))
+    tilts = Rotation.from_rotvec(np.deg2rad([[0, 0, 0], [0, 2, 0], [0, 0, 0], [0, 0, -4]]))
+    np.testing.assert_allclose(aligned_errors(offsets * tilts * true, true), [0, 2, 3, 4], atol=1e-9)

@@ -7,7 +7,8 @@ import tomllib
 
 import numpy as np
 import pytest
-from elliptude import bound_rules, cli, proposals
+from datasets import needs_datasets, xio
+from elliptude import bound_rules, cli, proposals, tables
 from elliptude.bound_rules import apply_rule, hand_held, read_rule
 from elliptude.proposals import Recording
 from elliptude.proposals import angles_between as angle_between
@@ -226,9 +227,9 @@ def log(tmp_path):
     return path
 
 
-def test_command(tmp_path, log):
+def test_rule(tmp_path, log):
     out = tmp_path / "rule.toml"
-    done = run(log, "--out", out)
+    done = run(log, "--like", "broad", "--rule", out)
     assert done.exit_code == 0, done.output
     assert "They are no guarantee" in done.output
     assert "with its reference attitude" in done.output
@@ -238,26 +239,28 @@ def test_command(tmp_path, log):
     assert rule.gyro.noise_deg_per_s >= 1.2 * np.rad2deg(proposed.gyro.noise.maximum)
     assert rule.motion == hand_held().motion
     assert "not seen in the recording" in out.read_text()
-    assert run(log, "--out", out).exit_code == 1
-    assert run(log, "--out", out, "--force", "--margin", "2").exit_code == 0
+    assert run(log, "--like", "broad", "--rule", out).exit_code == 1
+    assert run(log, "--like", "broad", "--rule", out, "--force", "--margin", "2").exit_code == 0
     assert read_rule(out).gyro.noise_deg_per_s == pytest.approx(2.0 * np.rad2deg(proposed.gyro.noise.maximum), rel=0.01)
 
 
 def test_command_says_the_same_as_json(log):
-    done = run(log, "--json")
+    done = run(log, "--like", "broad", "--json")
     said = json.loads(done.stdout)
     assert "no guarantee" in said["note"]
     assert said["quantiles"]["gyro_noise_deg_per_s"]["50%"] == pytest.approx(0.154, rel=0.05)
     assert said["magnetometer_delay_s"]["delay"] == pytest.approx(0.0, abs=0.002)
-    without = json.loads(run(log, "--json", "--no-reference").stdout)
+    without = json.loads(run(log, "--like", "broad", "--json", "--no-reference").stdout)
     assert without["gyro_delay_s"] is None
     assert without["quantiles"]["accelerometer_angle_rest_deg"] is None
 
 
 def test_no_quantile_is_called_a_guarantee(tmp_path, log):
-    out = tmp_path / "rule.toml"
-    for text in (run(log, "--out", out).output, out.read_text(), run("--help").output):
-        words = text.lower().replace("\n", " ")
+    rule, out = tmp_path / "rule.toml", tmp_path / "out.toml"
+    said = run(log, "--like", "broad", "--rule", rule, "--out", out)
+    assert said.exit_code == 0, said.output
+    for text in (said.output, rule.read_text(), out.read_text(), run("--help").output):
+        words = text.lower().replace("\n", " ").replace("#", " ")
         for sentence in words.split("."):
             if "guarantee" in sentence:
                 assert "no guarantee" in " ".join(sentence.split()) or "guarantee nothing" in " ".join(sentence.split())
@@ -265,20 +268,167 @@ def test_no_quantile_is_called_a_guarantee(tmp_path, log):
 
 def test_bad_recordings(tmp_path):
     path = tmp_path / "log.npz"
-    assert "No such file" in run(path).output
-    path.write_bytes(b"")
-    assert "not an NPZ file" in run(path).output
-    np.savez(path, t=np.arange(5.0))
-    assert "has no array gyr" in run(path).output
-    np.savez(path, t=np.arange(5.0), gyr=np.zeros((4, 3)))
-    assert "gyr must hold numbers, shape (N, 3)" in run(path).output.replace("\n", " ")
-    np.savez(path, t=np.array([0.0, 1.0, 1.0, 2.0]), gyr=np.zeros((4, 3)))
-    assert "row 2: its time is not after that of the row before" in run(path).output.replace("\n", " ")
-    np.savez(path, t=np.arange(2.0), gyr=np.zeros((2, 3)))
-    assert "fewer than 3" in run(path).output
-    for done in (run(path), run(tmp_path / "none.csv")):
+
+    def said(*arguments):
+        done = run(path, *arguments)
         assert done.exit_code == 1
         assert "Traceback" not in done.output
+        return done.output.replace("\n", " ")
+
+    like = ("--like", "broad")
+    assert "no such file" in said(*like)
+    path.write_bytes(b"")
+    assert "not an NPZ file" in said(*like)
+    np.savez(path, t=np.arange(5.0))
+    assert "no column 'gyr[0]'" in said(*like)
+    np.savez(path, t=np.arange(5.0), gyr=np.zeros((4, 3)))
+    assert "have not the same rows" in said(*like)
+    np.savez(path, t=np.array([0.0, 1.0, 1.0, 2.0]), gyr=np.zeros((4, 3)))
+    assert "row 3" in said(*like)
+    np.savez(path, t=np.arange(2.0), gyr=np.zeros((2, 3)))
+    assert "fewer than 3" in said(*like)
+    assert "do not state sensor, axis and unit" in said()
+    assert run(path, "--like", "none").exit_code == 2
+    assert run(path, "--gyro", "gyr[0],gyr[1],gyr[2]", "--time", "t").exit_code == 2
+    assert run(path, "--gyro", "gyr[0],gyr[1]", "--gyro-unit", "rad/s", "--time", "t").exit_code == 2
+    assert run(path, *like, "--time", "t").exit_code == 2
+
+
+# --- a configuration to start from ------------------------------------------------------------------------------------
+
+HEADER = ["Time (s)"] + [
+    f"{sensor} {axis} ({unit})"
+    for sensor, unit in (("Gyroscope", "deg/s"), ("Accelerometer", "g"), ("Magnetometer", "uT"))
+    for axis in "XYZ"
+]
+
+
+def write_csv(path, header, *, gyro_scale=180.0 / np.pi, force_scale=1.0 / 9.80665):
+    recording = made()
+    rows = np.column_stack(
+        [
+            recording.times,
+            gyro_scale * recording.angular_velocities,
+            force_scale * recording.specific_forces,
+            recording.fields,
+        ]
+    )
+    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=",".join(header), comments="")
+    return path
+
+
+def test_from_a_users_csv_to_results_in_two_commands(tmp_path):
+    log, config, out = write_csv(tmp_path / "log.csv", HEADER), tmp_path / "config.toml", tmp_path / "out"
+    done = run(log, "--out", config)
+    assert done.exit_code == 0, done.output
+    assert "gyro: Gyroscope X (deg/s), Gyroscope Y (deg/s), Gyroscope Z (deg/s) (deg/s)" in done.output
+    proposed = proposals.propose(dataclasses.replace(made(), attitudes=None))
+    written = tomllib.loads(config.read_text())
+    noise = proposed.gyro.noise.maximum + proposed.gyro.bias_spread.maximum
+    assert written["flow"]["noise_deg_per_s"] == pytest.approx(1.2 * np.rad2deg(noise), rel=0.01)
+    assert written["start"]["bias_bound_deg_per_s"] > np.rad2deg(np.linalg.norm(BIAS))
+    reference = written["directions"][1]["reference"]
+    assert 0.0 <= reference["from_s"] < reference["to_s"] <= 5.0
+    for bounded in ("noise_deg_per_s", "bound_deg", "bias_bound_deg_per_s"):
+        for line in config.read_text().splitlines():
+            assert not line.startswith(bounded) or "times 1.2" in line
+    arguments = ["estimate", str(log), "--config", str(config), "--out", str(out)]
+    done = CliRunner().invoke(cli.make_app(), arguments)
+    assert done.exit_code == 0, done.output
+    results = tables.Results.read(out / "results.csv")
+    # The field's horizontal part points north, so the attitudes are those of the recording.
+    errors = Rotation.from_quat(results.quaternions, scalar_first=True).inv() * attitude(results.times)
+    # Accelerations of up to 1.5 m/s² lean the vertical by up to 8.7 degrees.
+    assert errors.magnitude().mean() < np.arctan(1.5 / 9.8)
+    assert (errors.magnitude() <= results.largest_angles).all()
+
+
+def test_every_way_to_name_columns_reads_the_same(tmp_path):
+    plain = ["t", "wx", "wy", "wz", "ax", "ay", "az", "mx", "my", "mz"]
+    stated = write_csv(tmp_path / "stated.csv", HEADER)
+    named = write_csv(tmp_path / "named.csv", plain)
+    radians = [name.replace("deg/s", "rad/s").replace("(g)", "[m/s²]").replace("uT", "µT") for name in HEADER]
+    other = write_csv(tmp_path / "other.csv", radians, gyro_scale=1.0, force_scale=1.0)
+    by_name = [
+        "--time", "t", "--gyro", "wx,wy,wz", "--gyro-unit", "deg/s", "--accelerometer", "ax,ay,az",
+        "--accelerometer-unit", "g", "--magnetometer", "mx,my,mz", "--magnetometer-unit", "uT",
+    ]  # fmt: skip
+    config = tmp_path / "mapping.toml"
+    config.write_text(
+        """
+        time_column = "t"
+        reference_frame = "NED"
+        flow = { kind = "gyro", columns = ["wx", "wy", "wz"], unit = "deg/s" }
+        directions = [
+            { name = "a", kind = "accelerometer", columns = ["ax", "ay", "az"], unit = "g" },
+            { name = "m", kind = "magnetometer", columns = ["mx", "my", "mz"], unit = "uT" },
+        ]
+        """
+    )
+    said = [
+        json.loads(run(*arguments, "--json").stdout)["quantiles"]
+        for arguments in ([stated], [named, *by_name], [other], [named, config])
+    ]
+    for one in said[1:]:
+        for key, values in one.items():
+            assert values == (None if values is None else pytest.approx(said[0][key], rel=1e-5)), key
+    assert run(named).exit_code == 1
+    # A unit that nobody knows is not read as another one.
+    assert run(write_csv(tmp_path / "odd.csv", [name.replace("deg/s", "turns") for name in HEADER])).exit_code == 1
+
+
+def test_the_reference_attitude_in_another_frame(tmp_path, log):
+    """The same truth given in NED shows the same errors."""
+    recording = made()
+    to_ned = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    turned = to_ned * Rotation.from_quat(recording.attitudes, scalar_first=True)
+    np.savez(
+        tmp_path / "ned.npz", t=recording.times, gyr=recording.angular_velocities, acc=recording.specific_forces,
+        mag=recording.fields, q=turned.as_quat(scalar_first=True),
+    )  # fmt: skip
+    config, out = tmp_path / "ned.toml", tmp_path / "out.toml"
+    config.write_text(
+        """
+        time_column = "t"
+        reference_frame = "NED"
+        flow = { kind = "gyro", columns = ["gyr[0]", "gyr[1]", "gyr[2]"] }
+        directions = [
+            { name = "a", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" },
+            { name = "m", kind = "magnetometer", columns = ["mag[0]", "mag[1]", "mag[2]"], unit = "uT" },
+        ]
+        truth = { attitude_columns = ["q[0]", "q[1]", "q[2]", "q[3]"] }
+        """
+    )
+    enu = json.loads(run(log, "--like", "broad", "--json").stdout)["quantiles"]
+    ned = json.loads(run(tmp_path / "ned.npz", config, "--json", "--out", out).stdout)["quantiles"]
+    for key, values in ned.items():
+        assert values == (None if values is None else pytest.approx(enu[key], rel=1e-6)), key
+    field = tomllib.loads(out.read_text())["directions"][1]["reference_ut"]
+    np.testing.assert_allclose(field, to_ned.apply(FIELD), atol=0.2)
+
+
+def test_no_rest_no_magnetic_reference(tmp_path):
+    recording = made()
+    rows = (recording.times > 7.0) & (recording.times < 19.0)
+    columns = [recording.angular_velocities, recording.specific_forces, recording.fields]
+    path = tmp_path / "log.npz"
+    np.savez(path, t=recording.times[rows], gyr=columns[0][rows], acc=columns[1][rows], mag=columns[2][rows])
+    done = run(path, "--like", "broad", "--out", tmp_path / "out.toml")
+    assert done.exit_code == 1
+    assert "no rest of 1 s" in done.output.replace("\n", " ")
+    assert not (tmp_path / "out.toml").exists()
+    assert run(path, "--like", "broad").exit_code == 0
+
+
+@needs_datasets
+def test_two_commands_on_the_user_style_recording(tmp_path):
+    config = tmp_path / "config.toml"
+    done = run(xio(), "--out", config)
+    assert done.exit_code == 0, done.output
+    arguments = ["estimate", str(xio()), "--config", str(config), "--out", str(tmp_path / "out"), "--json"]
+    done = CliRunner().invoke(cli.make_app(), arguments)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["rows"] > 13_000
 
 
 def test_the_rule_is_valid_toml():

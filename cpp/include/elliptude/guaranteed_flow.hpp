@@ -227,8 +227,10 @@ template <typename Scalar>
 struct GyroUncertainty {
   Matrix3<Scalar> noise = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of v, (rad/s)²
   Matrix3<Scalar> drift = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of dβ/dt at every time, (rad/s²)²
-  Scalar scale = Scalar(0);                         ///< largest relative error: v may be larger by this times ‖ω̃‖
-  Scalar angular_acceleration = Scalar(0);          ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
+  /// Largest relative error: v may be larger by this times ‖ω̃‖ of the rate that is given for an interval. Of a mean that is right
+  /// for an error which is one linear map of the rate throughout the interval.
+  Scalar scale = Scalar(0);
+  Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
 };
 
 /// A body of which nothing is known but what its gyro says, at every time between its samples.

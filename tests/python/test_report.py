@@ -1,0 +1,166 @@
+"""`elliptude report`: one file that needs nothing else, with numbers of all rows; what is wrong is said."""
+
+import base64
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+from elliptude import cli, report
+from scipy.spatial.transform import Rotation
+from test_run_figures import full_run
+from test_runs import make_run, table_columns, write
+from typer.testing import CliRunner
+
+
+def run_cli(*arguments):
+    return CliRunner().invoke(cli.make_app(), ["report", *(str(argument) for argument in arguments)])
+
+
+def data_of(page):
+    return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1])
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    report.write_report(full_run(), path, "A <run> & more", label="optical </script>")
+    return path.read_text(encoding="utf-8")
+
+
+def test_it_loads_nothing(page):
+    own = page.replace(re.search(r"<script>\n(/\*\*\n\* plotly.*?)</script>", page, re.DOTALL)[1], "")
+    assert not re.search(r"(?:src|href)\s*=", own)
+    assert "http" not in own.replace("http-equiv", "")
+    assert "default-src 'none'" in own
+    assert "@" not in re.sub(r"@media[^{]*", "", own)
+
+
+def test_names_are_no_markup(page):
+    assert "<h1>A &lt;run&gt; &amp; more</h1>" in page
+    assert page.count("</script>") == 3
+    assert any(trace["name"] == "error against optical </script>" for trace in data_of(page)["plots"]["bands"]["data"])
+
+
+def test_the_patch_is_the_image_of_the_set(page):
+    """Unpacked again: at time 0 the x axis' rim reaches as far as turns about z (0.3 rad) and y (0.2 rad) take it."""
+    frames = data_of(page)["frames"]
+    numbers = np.frombuffer(base64.b64decode(frames["patches"]), "<i2").reshape(-1, 3, frames["vertices"], 3) / 32767.0
+    rim = numbers[0, 0, : frames["meridians"]]
+    np.testing.assert_allclose(np.linalg.norm(numbers[0], axis=-1), 1.0, atol=1e-4)
+    assert np.abs(np.arctan2(rim[:, 1], rim[:, 0])).max() == pytest.approx(0.3, abs=2e-3)
+    assert np.abs(np.arctan2(rim[:, 2], rim[:, 0])).max() == pytest.approx(0.2, abs=2e-3)
+    assert len(frames["labels"]) == len(numbers) == 50
+    assert frames["labels"][0] == "0.00 s, within 17.2°, claim: unconditional, reference 4.96° off, inside"
+    assert frames["labels"][22] == "2.20 s: nothing is known"
+    tips = np.frombuffer(base64.b64decode(frames["tips"]), "<i2").reshape(-1, 3, 3)
+    assert (tips[22] == -32768).all()
+
+
+def test_bands_have_gaps(page):
+    band, error, *_ = data_of(page)["plots"]["bands"]["data"]
+    assert band["x"].count(None) == 2
+    assert error["y"][20:25] == [None] * 5
+    assert error["y"][0] == pytest.approx(np.rad2deg(0.05), rel=1e-5)
+
+
+def test_the_plots_are_plotlys(page):
+    plotly = pytest.importorskip("plotly.graph_objects")
+    for plot in data_of(page)["plots"].values():
+        plotly.Figure(plot)  # refuses what Plotly does not know
+
+
+def test_summary():
+    run = full_run()
+    run.forms[[3, 45]] = 2.0
+    summary = report.summarize(run, "optical attitude")
+    assert summary["rows"] == 50
+    assert summary["rows_with_a_set"] == 45
+    assert summary["median_rate_hz"] == pytest.approx(10.0)
+    assert summary["claims"] == {"unconditional": 20, "conditional": 25, "none": 5}
+    assert summary["half_width_deg"]["y"]["largest"] == pytest.approx(np.rad2deg(0.2))
+    assert summary["left_out"] == {"dropped": 3, "refused": 0}
+    assert (summary["rows_compared"], summary["escapes"]) == (45, 2)
+    assert summary["escapes_by_claim"] == {"unconditional": 1, "conditional": 1, "none": 0}
+    assert summary["first_escape_s"] == pytest.approx(0.3)
+    assert summary["error_deg"]["mean"] == pytest.approx(np.rad2deg(0.05 * np.sqrt(3.0)))
+    json.dumps(summary, allow_nan=False)
+    alone = report.summarize(make_run(), "truth")
+    assert alone["compared_with"] is None
+    assert alone["left_out"] == {"refused": 0}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_one_row_and_nothing_known(tmp_path, known):
+    run = make_run(1)
+    if not known:
+        for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles):
+            values[:] = np.nan
+    summary = report.write_report(run, tmp_path / "report.html", "One row")
+    assert summary["rows_with_a_set"] == int(known)
+
+
+def test_a_long_run_stays_small(tmp_path):
+    run = make_run(200_000, errors=np.full((200_000, 3), 0.05), forms=np.full(200_000, 0.3))
+    summary = report.write_report(run, tmp_path / "report.html", "Long")
+    assert (tmp_path / "report.html").stat().st_size < 10e6
+    assert summary["drawn"]["rows_of_curves"] < 5000
+    assert summary["drawn"]["times_on_sphere"] <= report.FRAMES + 2
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"The curves are drawn at {summary['drawn']['rows_of_curves']} of them" in page
+
+
+def test_the_command(tmp_path):
+    folder = tmp_path / "hand"
+    write(folder, table_columns(make_run()))
+    out, pictures = tmp_path / "report.html", tmp_path / "pictures"
+    done = run_cli(folder, "--out", out, "--pictures", pictures)
+    assert done.exit_code == 0, done.output
+    assert "50 rows, largest angle 17.2 degrees (median)" in done.output
+    assert sorted(path.name for path in pictures.iterdir()) == ["axes.png", "bands.png", "size.png"]
+    assert "<h1>hand</h1>" in out.read_text(encoding="utf-8")
+    again = run_cli(folder, "--out", out)
+    assert again.exit_code == 1
+    assert "--force replaces it" in again.output
+    asked = run_cli(folder / "results.csv", "--out", out, "--force", "--json")
+    assert json.loads(asked.stdout)["rows"] == 50
+    assert json.loads(asked.stdout)["report"] == str(out)
+
+
+def test_the_command_with_a_reference(tmp_path):
+    write(tmp_path, table_columns(make_run()))
+    lines = ["time_s,qw,qx,qy,qz"]
+    turned = Rotation.from_quat(make_run().quaternions, scalar_first=True) * Rotation.from_rotvec([0.15, 0.0, 0.0])
+    for time, quaternion in zip(make_run().times, turned.as_quat(scalar_first=True), strict=True):
+        lines.append(",".join(repr(float(value)) for value in (time, *quaternion)))
+    path = tmp_path / "camera.csv"
+    path.write_text("\n".join(lines) + "\n")
+    done = run_cli(tmp_path, "--reference", path, "--out", tmp_path / "report.html")
+    assert done.exit_code == 0, done.output
+    # 0.15 rad about x, where the set reaches 0.1 rad.
+    assert "camera.csv outside the set at 50 of 50 rows" in done.output
+    shifted = tmp_path / "later.csv"
+    shifted.write_text("time_s,qw,qx,qy,qz\n1000,1,0,0,0\n")
+    refused = run_cli(tmp_path, "--reference", shifted, "--out", tmp_path / "other.html")
+    assert refused.exit_code == 1
+    assert "no row with a set has a reference of its time" in " ".join(refused.output.split())
+    assert not (tmp_path / "other.html").exists()
+
+
+def test_without_plotly_it_says_what_to_install(tmp_path, monkeypatch):
+    write(tmp_path, table_columns(make_run()))
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    done = run_cli(tmp_path, "--out", tmp_path / "report.html")
+    assert done.exit_code == 1
+    assert "pip install 'elliptude[report]'" in done.output
+    assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("out", ["nowhere/report.html"])
+def test_nothing_half_written(tmp_path, out):
+    write(tmp_path, table_columns(make_run()))
+    done = run_cli(tmp_path, "--out", tmp_path / out)
+    assert done.exit_code == 1
+    assert "not written" in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["results.csv"]

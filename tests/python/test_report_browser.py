@@ -1,0 +1,145 @@
+"""The report in Chromium without a network: it draws, says nothing on the console, and its slider moves the patches.
+
+Set ELLIPTUDE_NEEDS_BROWSER (as .ci/run does) to fail instead of skip where there is no browser. Screenshots are left in
+ELLIPTUDE_SCREENSHOTS, if that names a folder.
+"""
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from elliptude import report
+from test_run_figures import full_run
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+NEEDED = bool(os.environ.get("ELLIPTUDE_NEEDS_BROWSER"))
+
+if CHROMIUM is None and not NEEDED:
+    pytest.skip("no Chromium: tools/install_system_packages.sh browser", allow_module_level=True)
+if not NEEDED:
+    pytest.importorskip("playwright.sync_api", reason="no playwright: pip install playwright")
+
+from playwright.sync_api import sync_playwright  # noqa: E402
+
+# Drawn by the processor: machines that test have no graphics card. Root needs the second.
+ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+PATCH = (
+    "() => [3, 4, 5].map((i) => ['x', 'y', 'z'].map((c) => Array.from(document.getElementById('sphere').data[i][c])))"
+)
+WAIT_S = 120
+
+
+@pytest.fixture(scope="module")
+def browser():
+    assert CHROMIUM is not None, "ELLIPTUDE_NEEDS_BROWSER is set, but there is no Chromium"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    run = full_run()
+    run.forms[40], run.errors[40, 0] = 4.0, 0.2
+    report.write_report(run, path, "A run with a gap", label="optical attitude")
+    return path
+
+
+@pytest.fixture
+def opened(browser, written, request):
+    """The page, with all that it said and asked for."""
+    context = browser.new_context(
+        offline=True, **getattr(request, "param", {"viewport": {"width": 1100, "height": 900}})
+    )
+    page = context.new_page()
+    page.set_default_timeout(1000 * WAIT_S)
+    said, asked = [], []
+    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(written.as_uri())
+    until(page, "document.documentElement.dataset.ready === 'true'")
+    yield page
+    context.close()
+    assert said == []
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def shot(page, name, folder):
+    """The picture of the page, as an array."""
+    path = Path(os.environ.get("ELLIPTUDE_SCREENSHOTS", folder)) / name
+    page.screenshot(path=path, full_page=True)
+    return matplotlib.image.imread(path)
+
+
+def until(page, condition):
+    """Wait for a condition. Playwright's own way evaluates text in the page, which its security policy refuses."""
+    end = time.monotonic() + WAIT_S
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, f"not so after {WAIT_S} s: {condition}"
+        page.wait_for_timeout(50)
+
+
+def at(page, seconds):
+    until(page, f"document.getElementById('now').textContent.startsWith('{seconds}')")
+
+
+def test_the_slider_moves_the_patches(opened, tmp_path):
+    at(opened, "0.00 s, within 17.2°")
+    before = np.array(opened.evaluate(PATCH))
+    opened.locator("#time").focus()
+    opened.keyboard.press("End")
+    at(opened, "4.90 s")
+    opened.wait_for_timeout(300)
+    after = np.array(opened.evaluate(PATCH))
+    assert before.shape == after.shape == (3, 3, 144)
+    np.testing.assert_allclose(np.linalg.norm(after, axis=1), 1.004, atol=1e-3)
+    # The middle of each patch, its last ring, is the estimated axis: the attitude turned by 4.9 s of the rate.
+    turn = np.linalg.norm([0.2, -0.4, 0.3]) * 4.9
+    axis = np.array([0.2, -0.4, 0.3]) / np.linalg.norm([0.2, -0.4, 0.3])
+    for i, patch in enumerate(after):
+        e = np.eye(3)[i]
+        expected = e * np.cos(turn) + np.cross(axis, e) * np.sin(turn) + axis * (axis @ e) * (1.0 - np.cos(turn))
+        np.testing.assert_allclose(patch[:, -1], 1.004 * expected, atol=1e-3)
+        np.testing.assert_allclose(before[i][:, -1], 1.004 * e, atol=1e-3)
+    opened.keyboard.press("ArrowLeft")
+    at(opened, "4.80 s")
+    picture = shot(opened, "report.png", tmp_path)
+    # Something was drawn: the three colours of the patches are there.
+    for colour in ((213, 94, 0), (0, 158, 115), (0, 114, 178)):
+        assert (np.abs(picture[..., :3] * 255.0 - colour).max(axis=-1) < 12.0).sum() > 300
+
+
+def test_where_nothing_is_known_there_is_no_patch(opened):
+    opened.evaluate(
+        "() => { const s = document.getElementById('time'); s.value = '22'; s.dispatchEvent(new Event('input')); }"
+    )
+    at(opened, "2.20 s: nothing is known")
+    opened.wait_for_timeout(300)
+    assert not np.any(opened.evaluate(PATCH))
+
+
+def test_play_and_pause_by_keyboard(opened):
+    opened.locator("#play").focus()
+    opened.keyboard.press("Enter")
+    until(opened, "Number(document.getElementById('time').value) >= 2")
+    opened.keyboard.press("Space")
+    assert opened.locator("#play").text_content() == "Play"
+    opened.wait_for_timeout(300)
+    stopped = opened.locator("#time").input_value()
+    opened.wait_for_timeout(300)
+    assert opened.locator("#time").input_value() == stopped
+
+
+@pytest.mark.parametrize("opened", [{"viewport": {"width": 360, "height": 740}, "color_scheme": "dark"}], indirect=True)
+def test_on_a_phone_in_the_dark(opened, tmp_path):
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 360
+    picture = shot(opened, "report-phone.png", tmp_path)
+    assert np.median(picture[..., :3]) < 0.2
+    assert opened.evaluate("document.getElementById('size').layout.font.color") == "#e8e8e8"

@@ -1,0 +1,120 @@
+"""Pictures of a run: bands, sizes, axes on the sphere, with gaps, claims and what was left out."""
+
+import dataclasses
+
+import matplotlib.image
+import numpy as np
+import pytest
+from elliptude import figures, run_figures
+from test_runs import make_run
+
+
+def full_run():
+    run = make_run(
+        errors=np.full((50, 3), 0.05),
+        forms=np.full(50, 0.3),
+        claims=("unconditional",) * 20 + ("none",) * 5 + ("conditional",) * 25,
+        dropped=("",) * 30 + ("star",) * 3 + ("",) * 17,
+    )
+    for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles, run.errors, run.forms):
+        values[20:25] = np.nan
+    return run
+
+
+def legend_of(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_bands(tmp_path):
+    run = full_run()
+    run.errors[40, 1], run.forms[40] = 0.22, 1.21
+    figure = run_figures.bands_figure(run, "Run", label="optical attitude")
+    *panels, strip = figure.axes
+    assert [panel.get_ylabel() for panel in panels] == [rf"$\zeta_{axis}$ (deg)" for axis in "xyz"]
+    assert strip.get_xlabel() == "time (s)"
+    assert "outside the set: 1 of 45 rows" in panels[0].get_title()
+    error = next(line for line in panels[1].lines if line.get_label() == "error against optical attitude")
+    np.testing.assert_allclose(error.get_ydata(), np.rad2deg(run.errors[:, 1]))
+    (marks,) = [line for line in panels[1].lines if line.get_label() == "outside the band"]
+    assert marks.get_xdata().tolist() == [run.times[40]]
+    # The band has a gap where nothing is known.
+    band = panels[0].collections[0]
+    assert len(band.get_paths()) == 2
+    assert [text.get_text() for text in strip.get_yticklabels()] == ["claim", "star left out"]
+    assert {"claim: unconditional", "claim: conditional", "claim: none", "outside the band"} <= set(legend_of(figure))
+    figures.save(figure, tmp_path / "bands.png")
+    assert matplotlib.image.imread(tmp_path / "bands.png").shape[1] == 1080
+
+
+def test_a_run_without_anything_else_has_no_strip():
+    figure = run_figures.bands_figure(make_run(), "Run")
+    assert len(figure.axes) == 3
+    assert legend_of(figure) == ["bound"]
+    assert "bound of the attitude error" in figure.axes[0].get_title()
+
+
+def test_size():
+    run = full_run()
+    figure = run_figures.size_figure(run, "Run")
+    panel, _ = figure.axes
+    assert panel.get_yscale() == "log"
+    assert panel.get_ylabel() == "angle (deg)"
+    largest = next(line for line in panel.lines if line.get_label() == "largest angle")
+    np.testing.assert_allclose(largest.get_ydata(), np.rad2deg(run.largest_angles))
+
+
+def test_axes_are_where_the_attitude_has_them(tmp_path):
+    run = full_run()
+    figure = run_figures.axes_figure(run, "Run", times=[0.0, 4.9], label="optical attitude")
+    assert [axes.get_title() for axes in figure.axes] == ["0.00 s: within 17.2°", "4.90 s: within 17.2°"]
+    assert legend_of(figure)[-1] == "optical attitude"
+    # At time 0 the body's axes are the reference's, which come out of the sphere at grey dots.
+    dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    grey = [line for line in figure.axes[0].lines if line.get_marker() == "."]
+    for dot, end in zip(dots, grey, strict=True):
+        np.testing.assert_allclose(dot.get_xydata(), end.get_xydata(), atol=1e-12)
+    figures.save(figure, tmp_path / "axes.png")
+    assert matplotlib.image.imread(tmp_path / "axes.png")[..., :3].std() > 0.05
+
+
+def test_the_filled_area_is_the_share_of_the_sphere_that_the_axis_may_have():
+    """Round sets of 52° and of 126°: the area in front is that of the cap seen from there."""
+    for angle in (0.9, 2.2):
+        run = make_run(1)
+        run.shapes[:] = np.eye(3) * angle**2
+        figure = run_figures.axes_figure(run, "")
+        patches = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.35]
+        views = run_figures._view()
+        inside = np.random.default_rng(1).standard_normal((2000, 3))
+        inside /= np.linalg.norm(inside, axis=1, keepdims=True)
+        inside = inside[inside[:, 2] > 0.15]  # towards the eye, in its axes
+        for axis, patch in enumerate(patches):
+            far = np.arccos(inside @ views[:, axis])
+            told = np.array([patch.get_path().contains_point(point) for point in inside[:, :2]])
+            clear = np.abs(far - angle) > 0.03
+            assert (told == (far < angle))[clear].all()
+
+
+@pytest.mark.parametrize("picture", [run_figures.bands_figure, run_figures.size_figure, run_figures.axes_figure])
+def test_a_run_of_which_nothing_is_known(tmp_path, picture):
+    run = make_run(3)
+    for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles):
+        values[:] = np.nan
+    figures.save(picture(run, "Nothing"), tmp_path / "nothing.png")
+    one = dataclasses.replace(make_run(1))
+    figures.save(picture(one, "One row"), tmp_path / "one.png")
+
+
+def test_magnified_sets_say_so():
+    run = make_run()
+    run.shapes[:] *= 0.01
+    run.largest_angles[:] *= 0.1
+    figure = run_figures.axes_figure(run, "Run")
+    assert figure.get_suptitle() == "Run\nsets and errors drawn 10 times as large"
+    large = run_figures.axes_figure(make_run(), "Run")
+    assert large.get_suptitle() == "Run"
+    # Magnified by 10, sets a tenth as large make the same picture.
+    small_patch, large_patch = (one.axes[0].patches[-1].get_path().vertices for one in (figure, large))
+    np.testing.assert_allclose(small_patch, large_patch, atol=1e-9)
+    run.shapes[:], run.largest_angles[:] = np.eye(3) * 4.0**2, 4.0
+    assert run_figures.axes_figure(run, "Run").axes[0].get_title() == "0.00 s: within 229°, too large to draw"

@@ -1,0 +1,176 @@
+"""What pictures show of a run: read with and without gaps and claims, compared with a reference, decimated."""
+
+import json
+
+import numpy as np
+import pytest
+from elliptude import runs, tables
+from elliptude.comparison import Reference
+from elliptude.files import FileError
+from elliptude.runs import Refusal, Run
+from scipy.spatial.transform import Rotation
+
+
+def make_run(count=50, *, chart="exponential", **more):
+    times = np.linspace(0.0, 4.9, count)
+    attitudes = Rotation.from_rotvec(np.outer(times, [0.2, -0.4, 0.3]))
+    return Run(
+        times=times,
+        quaternions=attitudes.as_quat(scalar_first=True),
+        shapes=np.tile(np.diag([0.1, 0.2, 0.3]) ** 2, (count, 1, 1)),
+        half_widths=np.tile([0.1, 0.2, 0.3], (count, 1)),
+        largest_angles=np.full(count, 0.3),
+        used=("sun star",) * count,
+        refused=("",) * count,
+        chart=chart,
+        **more,
+    )
+
+
+def table_columns(run):
+    columns = {"time_s": run.times}
+    columns |= dict(zip(tables.QUATERNION, run.quaternions.T, strict=True))
+    columns |= {f"bias_{axis}": np.zeros(len(run.times)) for axis in "xyz"}
+    shapes = np.zeros((len(run.times), 6, 6))
+    shapes[:, :3, :3] = run.shapes
+    columns |= {f"P{i + 1}{j + 1}": shapes[:, i, j] for i in range(6) for j in range(i, 6)}
+    columns |= {f"half_width_r{axis}": run.half_widths[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"half_width_bias_{axis}": np.zeros(len(run.times)) for axis in "xyz"}
+    columns |= {"largest_angle": run.largest_angles, "used": list(run.used), "refused": list(run.refused)}
+    return columns | {"share": np.full(len(run.times), np.nan), "margin": np.full(len(run.times), np.nan)}
+
+
+def write(folder, columns):
+    folder.mkdir(exist_ok=True)
+    tables.write_columns(folder / "results.csv", "results", columns)
+    return folder / "results.csv"
+
+
+def test_a_table_of_the_estimator_of_today(tmp_path):
+    run, label = runs.read_run(write(tmp_path, table_columns(make_run())))
+    assert label == "truth"
+    np.testing.assert_array_equal(run.shapes, make_run().shapes)
+    np.testing.assert_array_equal(run.quaternions, make_run().quaternions)
+    assert run.claims is None
+    assert run.dropped is None
+    assert run.errors is None
+    assert run.known.all()
+    assert not run.compared.any()
+    assert list(run.refusals()) == []
+
+
+def test_gaps_claims_and_dropped_sensors(tmp_path):
+    columns = table_columns(make_run())
+    for name, values in columns.items():
+        if isinstance(values, np.ndarray) and name != "time_s":
+            values[20:25] = np.nan
+    columns["claim"] = ["unconditional"] * 10 + ["conditional"] * 10 + ["none"] * 5 + ["unconditional"] * 25
+    columns["dropped"] = ["star" if 5 <= i < 8 else "" for i in range(50)]
+    columns["refused"] = ["sun star" if i == 20 else "" for i in range(50)]
+    columns["error_rx"], columns["error_ry"], columns["error_rz"] = np.zeros((3, 50))
+    columns["form"] = np.where(np.arange(50) == 30, 1.5, 0.5)
+    write(tmp_path, columns)
+    (tmp_path / "summary.json").write_text(json.dumps({"compared_with": "optical attitude"}))
+    run, label = runs.read_run(tmp_path)
+    assert label == "optical attitude"
+    assert np.flatnonzero(~run.known).tolist() == [20, 21, 22, 23, 24]
+    assert [int(run.claimed(claim).sum()) for claim in runs.CLAIMS] == [35, 10, 5]
+    assert np.flatnonzero(run.escaped).tolist() == [30]
+    assert run.compared.sum() == 45
+    assert np.isnan(run.attitudes[20:25]).all()
+    assert next(iter(run.refusals())) == Refusal(run.times[5], "star", "dropped")
+    (star, both) = run.refusal_spells()
+    assert (star.first, star.last, star.sensors, star.what, star.measurements) == (
+        *run.times[[5, 7]],
+        "star",
+        "dropped",
+        3,
+    )
+    assert (both.first, both.sensors, both.what) == (run.times[20], "sun star", "refused")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"claim": ["certain"] * 50},
+            "row 1 below the header, column 'claim': 'certain', not unconditional, conditional",
+        ),
+        ({"chart": ["gibbs"] * 49 + ["exponential"]}, "column 'chart' changes"),
+        ({"chart": ["polar"] * 50}, "'polar', not exponential or gibbs"),
+    ],
+)
+def test_words_that_a_table_may_not_hold(tmp_path, change, message):
+    with pytest.raises(FileError, match=message):
+        runs.read_run(write(tmp_path, table_columns(make_run()) | change))
+
+
+def test_no_table(tmp_path):
+    with pytest.raises(FileError, match=r"no results\.csv or results\.parquet"):
+        runs.read_run(tmp_path)
+    with pytest.raises(FileError, match="no such file"):
+        runs.read_run(tmp_path / "nothing.csv")
+    measurements = tmp_path / "measurements.csv"
+    measurements.write_text("# elliptude measurements 1\ntime_s\n0\n")
+    with pytest.raises(FileError, match="a table of measurements, where one of results"):
+        runs.read_run(measurements)
+    write(tmp_path, table_columns(make_run()))
+    tables.write_columns(tmp_path / "results.parquet", "results", table_columns(make_run()))
+    with pytest.raises(FileError, match="name the table"):
+        runs.read_run(tmp_path)
+
+
+@pytest.mark.parametrize("chart", ["exponential", "gibbs"])
+def test_compared_with_a_reference(chart):
+    """A known turn about z beside each estimate: the error is that turn, the form its square over P's."""
+    run, turn = make_run(chart=chart), 0.25
+    fine = np.linspace(-1.0, 6.0, 7001)
+    true = Rotation.from_rotvec(np.outer(fine, [0.2, -0.4, 0.3])) * Rotation.from_rotvec([0.0, 0.0, turn])
+    compared = run.against(Reference(fine, true), 0.01)
+    np.testing.assert_allclose(compared.errors, np.tile([0.0, 0.0, turn], (50, 1)), atol=1e-7)
+    reach = turn if chart == "exponential" else 2.0 * np.tan(0.5 * turn)
+    np.testing.assert_allclose(compared.forms, (reach / 0.3) ** 2, rtol=1e-6)
+    axes = (Rotation.from_quat(run.quaternions, scalar_first=True) * Rotation.from_rotvec([0, 0, turn])).as_matrix()
+    np.testing.assert_allclose(compared.true_axes(), axes, atol=1e-7)
+
+
+def test_a_reference_is_not_carried_over_gaps():
+    run = make_run()
+    attitudes = Rotation.from_quat(run.quaternions, scalar_first=True)
+    some = np.r_[:10, 20:50]
+    compared = run.against(Reference(run.times[some], attitudes[some]), 0.2)
+    assert np.flatnonzero(~compared.compared).tolist() == list(range(10, 20))
+    assert np.isnan(compared.errors[10:20]).all()
+    one = run.against(Reference(run.times[7:8], attitudes[7:8]))
+    assert np.flatnonzero(one.compared).tolist() == [7]
+    none = run.against(Reference(run.times + 100.0, attitudes))
+    assert not none.compared.any()
+
+
+def test_decimation_keeps_what_stands_out():
+    count = 20_000
+    rng = np.random.default_rng(0)
+    run = make_run(count, errors=0.01 * rng.standard_normal((count, 3)), forms=rng.random(count))
+    run.forms[12_345], run.errors[777, 1], run.largest_angles[4_321] = 7.0, 0.5, 2.0
+    run.quaternions[15_001:15_003] = np.nan
+    rows = runs.chosen_rows(run, 100)
+    assert len(rows) <= 800
+    assert (np.diff(rows) > 0).all()
+    assert {12_345, 777, 4_321, 15_001} <= set(rows.tolist())
+    assert runs.chosen_rows(run, count).tolist() == list(range(count))
+
+
+def test_the_weakest_claim_of_a_piece_counts():
+    claims = ("unconditional", "conditional", "unconditional", "none", "", "unconditional")
+    assert runs.worst_claims(claims, runs.pieces(6, 3)) == ["conditional", "none", ""]
+
+
+@pytest.mark.parametrize(("angle", "factor"), [(0.3, 1), (0.1, 2), (0.02, 10), (1e-4, 2000), (2.0, 1), (0.0, 50_000)])
+def test_small_sets_are_magnified(angle, factor):
+    run = make_run(errors=np.tile([0.0, 0.0, 1e-5], (50, 1)), forms=np.zeros(50))
+    run.largest_angles[:] = angle
+    assert run.magnification(np.arange(50)) == factor
+    # The reference's error with it: x axes are turned about z by so many times 1e-5.
+    x, y = run.attitudes[0][:, 0], run.attitudes[0][:, 1]
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ y, np.sin(factor * 1e-5), atol=1e-12)
+    np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ x, np.cos(factor * 1e-5), atol=1e-12)
