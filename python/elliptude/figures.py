@@ -79,6 +79,9 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         bounds = np.rad2deg(results.half_widths[:, part])
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
         limit = error_limit(bounds, deviations)
+        heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
+        if not np.isfinite(bounds).any():
+            heading = f"{name}: not estimated"
         for i in range(3):
             axes = figure.add_subplot(grid[i, j], sharex=first)
             first = first or axes
@@ -90,7 +93,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
             axes.set_ylabel(unit.format(_AXES[i]))
             axes.tick_params(labelbottom=False)
             if i == 0:
-                axes.set_title(f"{name}, body axes" if known else f"bound of the {name}, body axes", fontsize=9.5)
+                axes.set_title(heading, fontsize=9.5)
     below = figure.add_subplot(grid[3, 0], sharex=first)
     _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)

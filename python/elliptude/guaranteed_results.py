@@ -46,13 +46,20 @@ def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
     true_vectors = log.true_vectors if configuration.estimates_vector else None
     errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error)
     extents = guaranteed.extents()
+    vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
+    if not configuration.estimates_vector:
+        # What the filter has in the place of a bias says nothing of the gyro's.
+        attitude = np.arange(6) < 3
+        vectors = np.full_like(vectors, np.nan)
+        shapes = np.where(attitude[:, None] & attitude, shapes, np.nan)
+        half_widths = np.where(attitude, half_widths, np.nan)
     return Results(
         times=guaranteed.times,
         quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
         vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
-        vectors=guaranteed.vectors,
-        shapes=guaranteed.shapes,
-        half_widths=extents.half_widths_body,
+        vectors=vectors,
+        shapes=shapes,
+        half_widths=half_widths,
         largest_angles=extents.largest_angles,
         used=names_of_chosen(names, there & ~dropped),
         refused=[""] * len(log.times),

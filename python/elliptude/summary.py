@@ -88,7 +88,8 @@ class Summary:
         dict
         """
         vector = "gyro_bias" if self._vector == "bias" else "angular_velocity"
-        means = (self._half_widths / self._updates).tolist() if self._updates else None
+        is_estimated = configuration.estimates_vector
+        means = self._half_widths / max(self._updates, 1)
         summary: dict[str, Any] = {
             "elliptude": elliptude.__version__,
             "python": platform.python_version(),
@@ -101,8 +102,8 @@ class Summary:
             "refused": self._refused,
             "elapsed_s": elapsed,
             "settled_from_update": SETTLED_UPDATE,
-            "mean_half_width_attitude_deg": None if means is None else means[:3],
-            f"mean_half_width_{vector}_deg_per_s": None if means is None else means[3:],
+            "mean_half_width_attitude_deg": means[:3].tolist() if self._updates else None,
+            f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
             "largest_angle_deg": self._largest.to_dict(),
             "compared_with": None,
         }

@@ -37,6 +37,7 @@ _VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": ("bias
 MEASURED_RATE = ("rate_wx", "rate_wy", "rate_wz")
 _UPPER = np.triu_indices(6)
 _SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
+_ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
 
 
 # --- what the tables hold ---------------------------------------------------------------------------------------------
@@ -144,7 +145,7 @@ class Results:
     vector: VectorName
     """What is estimated beside the attitude: the angular velocity or the gyro bias."""
     vectors: FloatArray
-    """rad/s, body axes, shape (N, 3)."""
+    """rad/s, body axes, NaN with all that is said of them for a bias that is not estimated, shape (N, 3)."""
     shapes: FloatArray
     """P of [x; δω] or [x; δβ], x the attitude error in `chart`, rad² and rad²/s², shape (N, 6, 6)."""
     half_widths: FloatArray
@@ -240,18 +241,19 @@ class Results:
         vector: VectorName = "bias" if "bias_x" in names else "rate"
         half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
         with_errors = errors[0] in names
-        estimates = (*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle")
-        # Without a set, which such a table says, there is no estimate.
+        of_attitude = (*QUATERNION, *_ATTITUDE_SHAPE, *half_widths[:3], "largest_angle")
+        of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in _ATTITUDE_SHAPE), *half_widths[3:])
+        # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
         further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
         columns = read_columns(
             path,
-            numbers=() if guaranteed else estimates,
+            numbers=() if guaranteed else of_attitude + of_vector,
             # Where the truth is one of the attitude alone, so are the errors.
             optional=[("share",), ("margin",)]
             + [errors[:3], errors[3:]] * with_errors
             + further
-            + [estimates] * guaranteed,
+            + [of_attitude, of_vector] * guaranteed,
             texts=("used", "refused", *(name for name in ("claim", "dropped", "chart") if name in names)),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))

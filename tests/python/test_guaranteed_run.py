@@ -121,13 +121,22 @@ def test_bias_that_is_not_estimated_makes_sets_smaller():
     assert ratio.max() < 0.5
 
 
-def test_bias_that_is_not_estimated_is_not_compared():
+def test_bias_that_is_not_estimated_is_not_in_the_results(tmp_path):
     log = gyro_log(noise=0.01)
     log = dataclasses.replace(log, true_vectors=np.full((len(log.times), 3), 1e-3))
     flow = {"noise_deg_per_s": np.rad2deg(0.01), "bias_deg_per_s": 0.2}
     estimated = estimation.estimate(log, configured(flow))
     assert_holds(estimated)
     assert not estimated.vector_is_compared
+    assert np.isnan(estimated.results.vectors).all()
+    assert np.isnan(estimated.results.half_widths[:, 3:]).all()
+    summary = estimation.summarize(estimated, configured(flow))
+    assert summary["mean_half_width_gyro_bias_deg_per_s"] is None
+    json.dumps(summary, allow_nan=False)
+    estimated.results.write(tmp_path / "results.csv")
+    back = tables.Results.read(tmp_path / "results.csv")
+    np.testing.assert_array_equal(back.shapes, estimated.results.shapes)
+    np.testing.assert_array_equal(back.half_widths, estimated.results.half_widths)
     estimated = estimation.estimate(log, configured(flow | {"estimate_bias": True}))
     assert_holds(estimated)
     assert estimated.vector_is_compared
