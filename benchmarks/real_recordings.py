@@ -92,17 +92,6 @@ def fermi_configuration(increment_deg: float | None, anchor_s: float | None = FE
     )
 
 
-def half_widths_about(estimated: Estimation, line: FloatArray) -> FloatArray:
-    """How far the sets reach about a line (N, 3) in reference axes, rad, shape (N,): 2 atan of half of √γᵀPγ."""
-    assert estimated.guaranteed is not None
-    log = estimated.guaranteed.log
-    in_body = np.einsum("nji,nj->ni", log.attitudes, line)
-    widths: FloatArray = 2.0 * np.arctan(
-        0.5 * np.sqrt(np.einsum("ni,nij,nj->n", in_body, log.shapes[:, :3, :3], in_body))
-    )
-    return widths
-
-
 def _list(values: list[float] | None) -> str:
     return "-" if values is None else " ".join(f"{value:5.1f}" for value in values)
 
@@ -141,7 +130,7 @@ def _fermi_lines(path: Path) -> list[dict[str, Any]]:
     lines: list[dict[str, Any]] = []
     for name, increment in (("0.005 °/s per sample", None), ("and 0.5° over any window", FERMI_INCREMENT_DEG)):
         estimated = estimation.estimate(log, fermi_configuration(increment))
-        about = np.rad2deg(half_widths_about(estimated, sun))
+        about = np.rad2deg(fermi.half_widths_about(estimated.results, sun)[0])
         forms = estimated.results.forms
         assert forms is not None
         line = {

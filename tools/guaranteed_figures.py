@@ -9,7 +9,7 @@ import argparse
 
 import elliptude as el
 import numpy as np
-from elliptude import cli_simulate, estimation, logs, scenarios, simulation
+from elliptude import cli_simulate, estimation, logs, scenarios, simulation, summary
 from elliptude.configuration import Configuration
 
 NOISES: tuple[simulation.Noise, ...] = ("inside", "perpendicular", "common")
@@ -54,7 +54,7 @@ def table(name: str, seeds: int, criterion: str) -> None:
     )
     potential = settings.flow.build().potential
     flow = guaranteed_flow(scenario, potential)
-    settled = slice(estimation.SETTLED_UPDATE - 1, None)
+    settled = slice(summary.SETTLED_UPDATE - 1, None)
     print(f"\n{name}, {seeds} seeds, criterion {criterion}; mean trace of P, guaranteed over paper")
     print(
         f"{'directions, bound':<20}{'noise':<15}{'ratio':>8}{'scatter':>9}"

@@ -913,7 +913,8 @@ ValueError
                              "After how many updates without contradiction a conditional claim ends.")
       .def_property_readonly("vector_bound", &Filter::vector_bound,
                              "What the vector is always in: (center, shape), rad/s and (rad/s)²; or None.")
-      .def_property_readonly("estimate_vector", &Filter::estimate_vector, "Whether the vector is estimated.")
+      .def_property_readonly("estimate_vector", &Filter::estimate_vector,
+                             "Whether the gyro's bias is estimated, and not only bounded; True for a body.")
       .def_property_readonly(
           "claim", &Filter::claim,
           "What the truth's being in the set rests on: 'unconditional', on what the filter was told of errors; "

@@ -59,19 +59,15 @@ def estimate(
     measurement that was left out. Where the configuration names a truth to compare with, they say how far off the
     estimates are and how often the truth lies inside the set.
     """
+    configuration = read_configuration(config)
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
+    if configuration.estimator.mode == "guaranteed":
+        files.insert(1, out / _DROPPED)
     for file in files:
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
-    configuration = read_configuration(config)
-    is_guaranteed = configuration.estimator.mode == "guaranteed"
-    if is_guaranteed:
-        files.insert(1, out / _DROPPED)
-        if files[1].exists() and not force:
-            raise FileError(f"{files[1]} is there already; --force replaces it")
-    run = _estimate_whole if is_guaranteed else _estimate_pieces
     with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = run(log, configuration, out, files[0].name, progress)
+        summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
@@ -119,29 +115,6 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             typer.echo(f"  half-widths about the reference axes {said} degrees{up} (mean, {name.replace('_', ' ')})")
 
 
-def _estimate_whole(
-    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress
-) -> dict[str, Any]:
-    """Read the whole log, estimate and write: bounds from motion look ahead, a contradiction counts everywhere."""
-    task = progress.add_task("Reading", total=None)
-    measured = logs.read_log(log, configuration)
-    plausibility.require_plausible(measured, configuration, str(log))
-    progress.update(task, advance=len(measured.times), description="Estimating")
-    try:
-        estimated = estimation.estimate(measured, configuration)
-    except ValueError as error:  # sets that do not meet among them
-        raise FileError(f"{log}: {error}") from error
-    assert estimated.guaranteed is not None
-    progress.update(task, description="Writing")
-    (out / _SUMMARY).unlink(missing_ok=True)
-    estimated.results.write(out / table)
-    write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimated.guaranteed, measured))
-    thinned = Thinned()
-    thinned.add(estimated.results)
-    summary = estimation.summarize(estimated, configuration)
-    return _finish(thinned.results(), summary, configuration, out, table, log.name, summary.get("inside_share_of_rows"))
-
-
 def _estimate_pieces(
     log: Path, configuration: Configuration, out: Path, table: str, progress: Progress
 ) -> dict[str, Any]:
@@ -161,11 +134,13 @@ def _estimate_pieces(
             (out / _SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # sets that do not meet among them
         raise FileError(f"{log}: {error}") from error
-    truth = configuration.truth
+    if estimator.guaranteed is not None:
+        write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimator.guaranteed))
     figures_of = summary.to_dict(
         configuration,
-        vector_is_compared=truth is not None and truth.vector_columns is not None,
+        vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
+        guaranteed=estimator.guaranteed,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

@@ -16,18 +16,16 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from elliptude import logs
 from elliptude.configuration import Configuration
+from elliptude.containment import least_forms
 from elliptude.files import FileError, replacing
-from elliptude.results import FloatArray
+from elliptude.results import CLAIMS, FloatArray
 from elliptude.tables import QUATERNION, column_names, read_columns
 
-CLAIMS = ("unconditional", "conditional", "none")
 _ATTITUDE_SHAPE = ("P11", "P12", "P13", "P22", "P23", "P33")
 _HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
 _UPPER = np.triu_indices(3)
 # s; stamps so near are the same.
 _SAME_TIME = 1e-6
-# Halvings of the interval in which the closest point of an ellipsoid is looked for.
-_HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,9 +307,8 @@ def attitudes_at(
 def is_near(points: FloatArray, shapes: FloatArray, distance: float) -> NDArray[np.bool_]:
     """Whether points are in ellipsoids {x : xᵀ P⁻¹ x ≤ 1}, or no further from them than a distance.
 
-    In the axes of P = Σ aᵢ uᵢuᵢᵀ the closest point to z is aᵢ zᵢ / (aᵢ + λ), where λ > 0 solves
-    Σ aᵢ zᵢ² / (aᵢ + λ)² = 1. An attitude error of angle θ has coordinates ζ and γ whose distances are at least those
-    of attitudes, so nothing further than ``distance`` counts as near.
+    An attitude error of angle θ has coordinates ζ and γ whose distances are at least those of attitudes, so nothing
+    further than ``distance`` counts as near.
 
     Parameters
     ----------
@@ -324,26 +321,14 @@ def is_near(points: FloatArray, shapes: FloatArray, distance: float) -> NDArray[
     (n,) array of bool
         False where the point is no number.
     """
-    squares, axes = np.linalg.eigh(shapes)
-    flat = ~(squares[:, 0] > 0.0)
-    squares = np.where(flat[:, None], 1.0, squares)
-    finite = np.isfinite(points).all(axis=1) & ~flat
-    z = np.einsum("nji,nj->ni", axes, np.where(finite[:, None], points, 0.0))
-    inside = np.asarray(finite & ((z**2 / squares).sum(axis=1) <= 1.0))
-    if distance <= 0.0:
-        return inside
-    out = np.flatnonzero(finite & ~inside)
-    a, z = squares[out], z[out]
-    low = np.zeros(len(out))
-    # There Σ aᵢ zᵢ² / λ² is at most 1.
-    high = np.sqrt((a * z**2).sum(axis=1))
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        is_low = (a * z**2 / (a + middle[:, None]) ** 2).sum(axis=1) > 1.0
-        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
-    apart = high * np.linalg.norm(z / (a + high[:, None]), axis=1)
-    inside[out] = apart <= distance
-    return inside
+    usable = np.flatnonzero(np.isfinite(points).all(axis=1) & (np.linalg.eigvalsh(shapes)[:, 0] > 0.0))
+    x, shapes = points[usable], shapes[usable]
+    inside = (x * np.linalg.solve(shapes, x[..., None])[..., 0]).sum(axis=1) <= 1.0
+    if distance > 0.0:
+        inside[~inside] = least_forms(x[~inside], shapes[~inside], distance) <= 1.0
+    near = np.zeros(len(points), dtype=np.bool_)
+    near[usable] = inside
+    return near
 
 
 def _stack(columns: dict[str, NDArray[np.float64]], names: tuple[str, ...]) -> FloatArray:

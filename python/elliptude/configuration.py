@@ -441,6 +441,22 @@ class Configuration(Model):
         return self
 
     @property
+    def truth_error(self) -> float:
+        """How far the truth may itself be off, rad."""
+        return 0.0 if self.truth is None else math.radians(self.truth.error_deg)
+
+    @property
+    def estimates_vector(self) -> bool:
+        """Whether angular velocity or gyro bias are estimated; the guaranteed mode may take the bias for an error."""
+        is_error = isinstance(self.flow, GyroFlow) and not self.flow.estimate_bias
+        return not (is_error and self.estimator.mode == "guaranteed")
+
+    @property
+    def compares_vector(self) -> bool:
+        """Whether places in sets are of the vector, too, where its truth is known."""
+        return self.estimates_vector and self.truth_error == 0.0
+
+    @property
     def accelerometer(self) -> Accelerometer | None:
         """The first one among the directions."""
         return next((sensor for sensor in self.directions if isinstance(sensor, Accelerometer)), None)

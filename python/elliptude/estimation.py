@@ -17,15 +17,14 @@ import elliptude
 from elliptude import guaranteed_results, logs, tables
 from elliptude.background import ahead
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
+from elliptude.containment import compare
 from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.logs import Log, interval_rates
-from elliptude.results import FilterLog, FloatArray
+from elliptude.results import FilterLog
 from elliptude.summary import Summary
 from elliptude.tables import Results, names_of_chosen
 
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
-# rad/s; the squares of larger ones are no numbers for a small set.
-_LARGEST_ERROR = 1e50
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +38,6 @@ class Estimation:
     """What filter and bounds took, s."""
     guaranteed: GuaranteedRun | None = None
     """What the guaranteed mode did, in that mode."""
-    resting: NDArray[np.bool_] | None = None
-    """Rows at rest, by gyro and accelerometer, shape (N,); None where that is not known, and in the other modes."""
 
 
 def estimate(log: Log, configuration: Configuration) -> Estimation:
@@ -63,33 +60,22 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
         all numbers.
     """
-    if configuration.estimator.mode == "guaranteed":
-        return _estimate_guaranteed(log, configuration)
     estimator = PieceEstimator(configuration)
     (results,) = estimator.run([log])
-    return Estimation(results=results, vector_is_compared=log.true_vectors is not None, elapsed=estimator.elapsed)
-
-
-def _estimate_guaranteed(log: Log, configuration: Configuration) -> Estimation:
-    begin = time.perf_counter()
-    with _places_in(log):
-        run = run_guaranteed(log, configuration)
     return Estimation(
-        results=guaranteed_results.results_of(run, log, configuration),
-        vector_is_compared=log.true_vectors is not None and not (configuration.truth and configuration.truth.error_deg),
-        elapsed=time.perf_counter() - begin,
-        guaranteed=run,
-        resting=guaranteed_results.resting_rows(log, configuration),
+        results=results,
+        vector_is_compared=estimator.vector_is_compared,
+        elapsed=estimator.elapsed,
+        guaranteed=estimator.guaranteed,
     )
 
 
 class PieceEstimator:
     """A filter that goes through a log piece by piece, so that memory does not grow with the log.
 
-    Of the modes ``paper`` and ``first_order``: the guaranteed mode needs the whole log.
-
     What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other and up to rounding, what
-    `estimate` makes of the whole log.
+    `estimate` makes of the whole log. The guaranteed mode puts them together first: its bounds are of windows, or
+    follow from the whole log.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -98,6 +84,10 @@ class PieceEstimator:
         self._last: Log | None = None
         self.elapsed = 0.0
         """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
+        self.vector_is_compared = False
+        """As `Estimation` has it, of the rows so far."""
+        self.guaranteed: GuaranteedRun | None = None
+        """As `Estimation` has it, after the last row."""
 
     def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
         """Go through the pieces of a log.
@@ -117,6 +107,9 @@ class PieceEstimator:
         InconsistentMeasurement, ValueError
             As `estimate`.
         """
+        if self._configuration.estimator.mode == "guaranteed":
+            yield self._take_whole(logs.joined(list(pieces)))
+            return
         for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
             results = _results(self._configuration, *filtered)
@@ -125,12 +118,23 @@ class PieceEstimator:
         if self._filter is None:
             raise _no_start(self._configuration)
 
+    def _take_whole(self, log: Log) -> Results:
+        """The results of all rows, in the guaranteed mode."""
+        begin = time.perf_counter()
+        with _placed(log):
+            self.guaranteed = run_guaranteed(log, self._configuration)
+        results = guaranteed_results.results_of(self.guaranteed, self._configuration)
+        self.elapsed += time.perf_counter() - begin
+        self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
+        return results
+
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
         """Rows, what the filter made of them, and whether the first is the start."""
         for piece in pieces:
             begin = time.perf_counter()
             filtered = self._take(piece)
             self.elapsed += time.perf_counter() - begin
+            self.vector_is_compared = piece.true_vectors is not None and self._configuration.compares_vector
             if filtered is not None:
                 yield filtered
 
@@ -198,26 +202,23 @@ def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Con
         arguments |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
     if log.control_torques is not None:
         arguments["control_torque"] = log.control_torques
-    with _places_in(log):
+    with _placed(log):
         return attitude_filter.run(log.times, **arguments)
 
 
 @contextmanager
-def _places_in(log: Log) -> Iterator[None]:
-    """Errors name the place in the file."""
+def _placed(log: Log) -> Iterator[None]:
+    """Errors within it have the place in the file in their messages, instead of the row of the arrays."""
+
+    def message(error: ValueError) -> str:
+        return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
+
     try:
         yield
     except elliptude.InconsistentMeasurement as error:
-        raise elliptude.InconsistentMeasurement(
-            _with_place(error, log), error.margin, error.time, error.sensor
-        ) from error
+        raise elliptude.InconsistentMeasurement(message(error), error.margin, error.time, error.sensor) from error
     except ValueError as error:
-        raise ValueError(_with_place(error, log)) from error
-
-
-def _with_place(error: ValueError, log: Log) -> str:
-    """The message with the place in the file, where it has the row of the arrays."""
-    return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
+        raise ValueError(message(error)) from error
 
 
 def first_complete_row(log: Log, configuration: Configuration) -> int:
@@ -275,13 +276,12 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
         names.append("rate")
-        rate_present = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        present = np.column_stack([present, rate_present])
+        present = np.column_stack([present, log.has_rate])
     refused = filtered.outcomes == _REFUSED
     shares = np.where(filtered.outcomes == _UPDATED, filtered.shares, np.nan)
     if starts_here:
         shares[0] = 0.0
-    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors)
+    errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, configuration.truth_error)
     return Results(
         times=filtered.times,
         quaternions=tables.quaternions_from_attitudes(filtered.attitudes),
@@ -299,55 +299,13 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
     )
 
 
-def compare(
-    filtered: FilterLog, true_attitudes: FloatArray | None, true_vectors: FloatArray | None
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """How far the truth is from the estimates, and where in their sets.
-
-    Parameters
-    ----------
-    filtered : FilterLog
-        Of N rows.
-    true_attitudes : (N, 3, 3) array, optional
-    true_vectors : (N, 3) array, optional
-        Angular velocities or gyro biases.
-
-    Returns
-    -------
-    errors : (N, 6) array
-        [ζ; δ], rad and rad/s; NaN where there is nothing to compare with. None without true attitudes.
-    forms : (N,) array
-        [ζ; δ]ᵀ P⁻¹ [ζ; δ], or ζᵀ P_ζζ⁻¹ ζ where δ is not known: at most 1 in the set, or in its projection on attitude.
-    """
-    if true_attitudes is None:
-        return None, None
-    count = len(filtered.times)
-    errors = np.full((count, 6), np.nan)
-    known = np.isfinite(true_attitudes[:, 0, 0])
-    errors[known, :3] = elliptude.log(filtered.attitudes[known].swapaxes(1, 2) @ true_attitudes[known])
-    if true_vectors is not None:
-        errors[:, 3:] = true_vectors - filtered.vectors
-    forms = np.full(count, np.nan)
-    if np.nanmax(np.abs(errors), initial=0.0) > _LARGEST_ERROR:
-        row = np.argmax((np.abs(errors) > _LARGEST_ERROR).any(axis=1))
-        raise ValueError(
-            f"what the estimate is compared with is {np.nanmax(np.abs(errors[row])):.3g} rad/s off at "
-            f"{filtered.times[row]:.6f} s, more than {_LARGEST_ERROR:g} rad/s"
-        )
-    whole = known & np.isfinite(errors[:, 3])
-    for rows, size in ((whole, 6), (known & ~whole, 3)):
-        offsets = errors[rows, :size, None]
-        forms[rows] = (offsets * np.linalg.solve(filtered.shapes[rows, :size, :size], offsets)).sum(axis=(1, 2))
-    return errors, forms
-
-
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
     """Figures of an estimation for ``summary.json``: see `elliptude.summary`."""
     summary = Summary()
     summary.add(estimation.results)
-    found = summary.to_dict(configuration, vector_is_compared=estimation.vector_is_compared, elapsed=estimation.elapsed)
-    if estimation.guaranteed is not None:
-        found |= guaranteed_results.summarize(
-            estimation.results, estimation.guaranteed, estimation.resting, configuration
-        )
-    return found
+    return summary.to_dict(
+        configuration,
+        vector_is_compared=estimation.vector_is_compared,
+        elapsed=estimation.elapsed,
+        guaranteed=estimation.guaranteed,
+    )

@@ -144,4 +144,6 @@ def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, F
     about[known] = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
     projectors = np.eye(3) - in_body[:, :, None] * in_body[:, None, :]
     across[known] = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
+    if results.chart == "gibbs":
+        about, across = 2.0 * np.arctan(0.5 * about), 2.0 * np.arctan(0.5 * across)
     return about, across

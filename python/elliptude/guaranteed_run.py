@@ -29,6 +29,8 @@ _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 class GuaranteedRun:
     """What the guaranteed filter made of a log."""
 
+    measured: Log
+    """What it is of."""
     log: GuaranteedLog
     """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
     rows: DirectionRows
@@ -90,7 +92,13 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims = guaranteed.claims.copy()
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
-    return GuaranteedRun(guaranteed, rows, _tilt_bounds(guaranteed, rows), starts_heading)
+    return GuaranteedRun(
+        measured=log,
+        log=guaranteed,
+        rows=rows,
+        tilt_bounds=_tilt_bounds(guaranteed, rows),
+        starts_heading=starts_heading,
+    )
 
 
 def _anchor_duration(configuration: Configuration) -> float | None:
@@ -227,8 +235,9 @@ def _run(
             arguments["control_torque"] = log.control_torques
         if log.wheel_momenta is not None:
             arguments["wheel_momentum"] = log.wheel_momenta
-    estimate_vector = not isinstance(flow, GyroFlow) or flow.estimate_bias
-    attitude_filter = _filter(core, start, float(log.times[0]), vector_bound, estimate_vector, configuration)
+    attitude_filter = _filter(
+        core, start, float(log.times[0]), vector_bound, configuration.estimates_vector, configuration
+    )
     names = rows.names if isinstance(flow, GyroFlow) or configuration.rate is None else (*rows.names, "rate")
     return attitude_filter.run(log.times, sensors=names or None, **arguments)
 

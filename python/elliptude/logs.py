@@ -64,6 +64,11 @@ class Log:
     """The row of the file, from 0, that has the time, shape (N,); -1 where none has, as with a delay."""
     file: LogFile | None = None
 
+    @property
+    def has_rate(self) -> NDArray[np.bool_]:
+        """Rows with a measured rate, shape (N,)."""
+        return np.zeros(len(self.times), dtype=np.bool_) if self.rates is None else np.isfinite(self.rates[:, 0])
+
     def since(self, first: int) -> "Log":
         """The rows from one on."""
         arrays: dict[str, Any] = {

@@ -25,7 +25,7 @@ from elliptude.body_axes import Chart, turns
 from elliptude.comparison import Reference, attitudes_at
 from elliptude.files import FileError
 from elliptude.results import FloatArray
-from elliptude.tables import QUATERNION, Results, attitudes_from_quaternions, column_names, read_columns
+from elliptude.tables import QUATERNION, attitudes_from_quaternions, column_names, read_columns
 
 Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
 CLAIMS: tuple[Claim, ...] = get_args(Claim)
@@ -95,21 +95,6 @@ class Run:
     """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
     forms: FloatArray | None = None
     """The quadratic form of the reference, at most 1 inside the set, shape (N,)."""
-
-    @classmethod
-    def of(cls, results: Results) -> Self:
-        """The run of a table that the estimator made."""
-        return cls(
-            times=results.times,
-            quaternions=results.quaternions,
-            shapes=results.shapes[:, :3, :3],
-            half_widths=results.half_widths[:, :3],
-            largest_angles=results.largest_angles,
-            used=tuple(results.used),
-            refused=tuple(results.refused),
-            errors=None if results.errors is None else results.errors[:, :3],
-            forms=results.forms,
-        )
 
     @property
     def known(self) -> NDArray[np.bool_]:

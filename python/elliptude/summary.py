@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import tables
+from elliptude import guaranteed_results, tables
 from elliptude.configuration import Configuration
+from elliptude.guaranteed_run import GuaranteedRun
 from elliptude.results import FloatArray
 from elliptude.tables import Results
 
@@ -32,6 +33,7 @@ class Summary:
         self._is_compared = False
         self._inside_updates = _Share()
         self._inside_rows = _Share()
+        self._inside_unconditional = _Share()
         self._largest_form = -np.inf
 
     @property
@@ -42,8 +44,7 @@ class Summary:
     def add(self, results: Results) -> None:
         """Take the next rows into account."""
         updated = np.array([bool(names) for names in results.used], dtype=np.bool_)
-        updated &= np.isfinite(results.largest_angles)  # or there is no set
-        rows = np.flatnonzero(updated)
+        rows = np.flatnonzero(updated & np.isfinite(results.largest_angles))
         settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
         self._vector = results.vector
         self._rows += len(results.times)
@@ -59,8 +60,17 @@ class Summary:
         self._inside_updates.add(results.forms[rows])
         self._inside_rows.add(results.forms)
         self._largest_form = float(np.fmax.reduce(results.forms, initial=self._largest_form))
+        if results.claims is not None:
+            self._inside_unconditional.add(results.forms[np.array(results.claims) == "unconditional"])
 
-    def to_dict(self, configuration: Configuration, *, vector_is_compared: bool, elapsed: float) -> dict[str, Any]:
+    def to_dict(
+        self,
+        configuration: Configuration,
+        *,
+        vector_is_compared: bool,
+        elapsed: float,
+        guaranteed: GuaranteedRun | None = None,
+    ) -> dict[str, Any]:
         """For ``summary.json``; None for what is not known.
 
         Parameters
@@ -70,6 +80,8 @@ class Summary:
             Whether forms are of [ζ; δω], or of ζ alone.
         elapsed : float
             What the filter took, s.
+        guaranteed : GuaranteedRun, optional
+            What the results are of, in the guaranteed mode.
 
         Returns
         -------
@@ -104,6 +116,13 @@ class Summary:
                 "inside_share_of_rows": self._inside_rows.value(),
                 "largest_form": self._largest_form if np.isfinite(self._largest_form) else None,
             }
+        if guaranteed is not None:
+            summary |= guaranteed_results.summarize(guaranteed, configuration)
+            if self._is_compared:
+                summary |= {
+                    "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
+                    "compared_unconditional_rows": self._inside_unconditional.known,
+                }
         return summary
 
 
@@ -152,12 +171,12 @@ class _Share:
     """How many of the known forms are at most 1."""
 
     def __init__(self) -> None:
-        self._inside = self._known = 0
+        self._inside = self.known = 0
 
     def add(self, forms: FloatArray) -> None:
         known = forms[np.isfinite(forms)]
-        self._known += len(known)
+        self.known += len(known)
         self._inside += int((known <= 1.0).sum())
 
     def value(self) -> float | None:
-        return self._inside / self._known if self._known else None
+        return self._inside / self.known if self.known else None

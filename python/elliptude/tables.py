@@ -146,9 +146,9 @@ class Results:
     vectors: FloatArray
     """rad/s, body axes, shape (N, 3)."""
     shapes: FloatArray
-    """P of [ζ; δω] or [ζ; δβ], rad² and rad²/s², shape (N, 6, 6)."""
+    """P of [x; δω] or [x; δβ], x the attitude error in `chart`, rad² and rad²/s², shape (N, 6, 6)."""
     half_widths: FloatArray
-    """√P_ii, rad and rad/s, shape (N, 6)."""
+    """How far [ζ; δω] or [ζ; δβ] reach along body axes, rad and rad/s, √P_ii if x is ζ, shape (N, 6)."""
     largest_angles: FloatArray
     """The largest ‖ζ‖ in the set, rad, shape (N,)."""
     used: Sequence[str]
@@ -162,7 +162,9 @@ class Results:
     errors: FloatArray | None = None
     """[ζ; δω] or [ζ; δβ] of the truth from the estimate, rad and rad/s, NaN where it is not known, shape (N, 6)."""
     forms: FloatArray | None = None
-    """[ζ; δω]ᵀ P⁻¹ [ζ; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
+    """[x; δω]ᵀ P⁻¹ [x; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
+    chart: Literal["exponential", "gibbs"] = "exponential"
+    """Whether x is ζ, or γ = 2 tan(θ/2) n of the same turn, as in the guaranteed mode."""
     claims: Sequence[str] | None = None
     """What each set rests on: "unconditional", "conditional" or "none"; in the guaranteed mode, as the next three."""
     prediction_used: FloatArray | None = None
@@ -209,8 +211,9 @@ class Results:
         }
         _add(columns, _per_axis("error", vector), self.errors)
         _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
-        if self.claims is not None and self.dropped is not None:
-            columns |= {"claim": self.claims, "dropped": self.dropped}
+        charts = None if self.chart == "exponential" else [self.chart] * len(self.times)
+        texts = {"claim": self.claims, "dropped": self.dropped, "chart": charts}
+        columns |= {name: values for name, values in texts.items() if values is not None}
         for name, values in (("prediction_used", self.prediction_used), ("tilt_bound", self.tilt_bounds)):
             _add(columns, (name,), None if values is None else values[:, None])
         return columns
@@ -238,16 +241,18 @@ class Results:
         half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
         with_errors = errors[0] in names
         estimates = (*QUATERNION, *_VECTORS[vector], *_SHAPE, *half_widths, "largest_angle")
+        # Without a set, which such a table says, there is no estimate.
         guaranteed = "claim" in names
         further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
         columns = read_columns(
             path,
             numbers=() if guaranteed else estimates,
+            # Where the truth is one of the attitude alone, so are the errors.
             optional=[("share",), ("margin",)]
             + [errors[:3], errors[3:]] * with_errors
             + further
             + [estimates] * guaranteed,
-            texts=("used", "refused", *(("claim", "dropped") if guaranteed else ())),
+            texts=("used", "refused", *(name for name in ("claim", "dropped", "chart") if name in names)),
         )
         shapes = np.empty((len(columns["time_s"]), 6, 6))
         shapes[:, *_UPPER] = _stack(columns, _SHAPE)
@@ -266,9 +271,10 @@ class Results:
             margins=columns["margin"],
             errors=_stack(columns, errors) if with_errors else None,
             forms=columns.get("form"),
+            chart="gibbs" if "chart" in names and "gibbs" in columns["chart"] else "exponential",
             claims=tuple(columns["claim"]) if guaranteed else None,
             prediction_used=columns.get("prediction_used"),
-            dropped=tuple(columns["dropped"]) if guaranteed else None,
+            dropped=tuple(columns["dropped"]) if "dropped" in names else None,
             tilt_bounds=columns.get("tilt_bound"),
         )
 

@@ -11,6 +11,7 @@ from elliptude.configuration import Configuration
 from elliptude.files import FileError
 from reference import ellipsoid, gyro, measurement, rigid_body, so3
 from reference import filter as reference_filter
+from scipy.spatial.transform import Rotation
 
 # Both find the same minimum of a curve that is flat there, each in its own way.
 MINIMUM = 1e-6
@@ -279,6 +280,26 @@ def test_a_start_that_the_first_rows_do_not_have(pendulum):
         estimation.estimate(dataclasses.replace(log, directions=directions), configuration)
 
 
+def test_truth_that_may_itself_be_off(pendulum):
+    """Against random truths so near to the one that is given."""
+    scenario, simulated = pendulum
+    log = logs.log_of(simulated.measurements)
+    truth = configuration_tables(scenario, simulated)["truth"]
+    error = 0.05
+    off = configured(scenario, simulated, truth=truth | {"error_deg": np.rad2deg(error)})
+    estimated = estimation.estimate(log, off)
+    assert estimation.summarize(estimated, off)["compared"] == "attitude"
+    rng = np.random.default_rng(4)
+    turns = rng.standard_normal((20_000, 3))
+    turns *= (error * np.cbrt(rng.random(20_000)) / np.linalg.norm(turns, axis=1))[:, None]
+    errors = estimated.results.errors[:, :3]
+    for zeta, shape, form in zip(errors, estimated.results.shapes[:, :3, :3], estimated.results.forms, strict=True):
+        near = (Rotation.from_rotvec(zeta) * Rotation.from_rotvec(turns)).as_rotvec()
+        best = np.einsum("ni,ni->n", near @ np.linalg.inv(shape), near).min()
+        assert form >= best * (1.0 - 0.05) - 1e-3
+        assert form <= zeta @ np.linalg.solve(shape, zeta)
+
+
 def test_summary_counts_what_the_table_says(pendulum):
     scenario, simulated = pendulum
     configuration = configured(scenario, simulated)
@@ -311,14 +332,12 @@ def test_summary_counts_what_the_table_says(pendulum):
 
 def test_interval_rates():
     samples = np.array([[0.0, 1.0, 2.0], [2.0, 1.0, 0.0], [4.0, 4.0, 4.0]])
-    np.testing.assert_array_equal(
-        estimation.interval_rates(samples), [[1.0, 1.0, 1.0], [3.0, 2.5, 2.0], [4.0, 4.0, 4.0]]
-    )
+    np.testing.assert_array_equal(logs.interval_rates(samples), [[1.0, 1.0, 1.0], [3.0, 2.5, 2.0], [4.0, 4.0, 4.0]])
 
 
 def test_first_sample_is_another_input():
     log = gyro_log(np.random.default_rng(5))
-    rates = {"mean_of_ends": estimation.interval_rates(log.rates), "first_sample": log.rates}
+    rates = {"mean_of_ends": logs.interval_rates(log.rates), "first_sample": log.rates}
     for choice, expected in rates.items():
         flow = {"kind": "gyro", "columns": list("xyz"), "noise_deg_per_s": 0.1, "interval_rate": choice}
         start = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [0.1] * 6}

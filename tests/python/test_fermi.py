@@ -42,7 +42,7 @@ def test_the_bound_of_the_rate_covers_what_it_stands_for(recorded):
     """The mean of two samples against the turn between the recorded attitudes: manoeuvres and gaps included."""
     attitudes = Rotation.from_quat(recorded.quaternions, scalar_first=True)
     turns = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec() / np.diff(recorded.met)[:, None]
-    rates = estimation.interval_rates(recorded.angular_velocities)[:-1]
+    rates = logs.interval_rates(recorded.angular_velocities)[:-1]
     errors = np.rad2deg(np.linalg.norm(turns - rates, axis=1))
     assert errors.max() < 0.003
     assert fermi.configuration().flow.noise_deg_per_s == 0.005

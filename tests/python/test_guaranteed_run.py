@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomlkit
 from datasets import FOLDER, broad, needs_datasets, xio
-from elliptude import cli, estimation, guaranteed_results, logs, tables
+from elliptude import cli, containment, estimation, fermi, guaranteed_results, logs, tables
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration
 from elliptude.direction_rows import direction_rows
@@ -119,6 +119,18 @@ def test_bias_that_is_not_estimated_makes_sets_smaller():
     # The volume of three dimensions in a sum for six is 2^(3/2) times larger where the measurements alone count.
     assert ratio[0] == pytest.approx(0.125, rel=0.05)
     assert ratio.max() < 0.5
+
+
+def test_bias_that_is_not_estimated_is_not_compared():
+    log = gyro_log(noise=0.01)
+    log = dataclasses.replace(log, true_vectors=np.full((len(log.times), 3), 1e-3))
+    flow = {"noise_deg_per_s": np.rad2deg(0.01), "bias_deg_per_s": 0.2}
+    estimated = estimation.estimate(log, configured(flow))
+    assert_holds(estimated)
+    assert not estimated.vector_is_compared
+    estimated = estimation.estimate(log, configured(flow | {"estimate_bias": True}))
+    assert_holds(estimated)
+    assert estimated.vector_is_compared
 
 
 def test_filter_keeps_whether_it_estimates():
@@ -249,7 +261,7 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     assert (found.row, found.sensor, found.unit) == (100, "up", "m/s^2")
     assert found.excess == pytest.approx(0.5 * GRAVITY - 1.0, abs=1e-6)
     assert estimated.results.used[100] == "two"
-    columns = guaranteed_results.dropped_columns(estimated.guaranteed, log)
+    columns = guaranteed_results.dropped_columns(estimated.guaranteed)
     assert columns["sensor"] == ["up"]
     assert columns["contradicts"] == ["own_bound"]
     assert columns["margin"][0] == pytest.approx(-found.excess)
@@ -292,7 +304,7 @@ def test_dropped_measurements_are_listed(policy):
     assert estimated.results.dropped[200] != ""
     assert estimated.results.claims[199] == "unconditional"
     assert estimated.results.claims[200] == "conditional"
-    columns = guaranteed_results.dropped_columns(estimated.guaranteed, log)
+    columns = guaranteed_results.dropped_columns(estimated.guaranteed)
     assert columns["time_s"][0] == pytest.approx(10.0)
     assert columns["contradicts"][0] == "prediction"
     with pytest.raises(elliptude.InconsistentMeasurement, match=r"at 10\.000000 s"):
@@ -313,7 +325,7 @@ def test_least_forms():
     shapes = factors @ factors.transpose(0, 2, 1) + 0.01 * np.eye(3)
     offsets = 3.0 * draws.standard_normal((30, 3))
     radius = 0.7
-    found = guaranteed_results.least_forms(offsets, shapes, radius)
+    found = containment.least_forms(offsets, shapes, radius)
     trials = draws.standard_normal((200_000, 3))
     trials *= (radius * np.cbrt(draws.random(200_000)) / np.linalg.norm(trials, axis=1))[:, None]
     for offset, shape, form in zip(offsets, shapes, found, strict=True):
@@ -321,7 +333,7 @@ def test_least_forms():
         best = np.einsum("ni,ni->n", left @ np.linalg.inv(shape), left).min()
         assert form <= best * (1.0 + 1e-9)
         assert form >= best * 0.9 - 1e-3
-    np.testing.assert_array_equal(guaranteed_results.least_forms(offsets[:1] * 1e-3, shapes[:1], radius), 0.0)
+    np.testing.assert_array_equal(containment.least_forms(offsets[:1] * 1e-3, shapes[:1], radius), 0.0)
 
 
 # --- a rule -----------------------------------------------------------------------------------------------------------
@@ -374,7 +386,7 @@ def test_rule(tmp_path, rule):
     assert summary["claim_share_of_rows"]["unconditional"] > 0.98
     assert summary["inside_share_of_unconditional_rows"] == 1.0
     assert summary["sizes"]["at_rest"]["tilt_bound_deg"]["mean"] < 5.0
-    assert 0.2 < estimated.resting.mean() < 0.25
+    assert 0.2 < guaranteed_results.resting_rows(estimated.guaranteed.measured, configuration).mean() < 0.25
     json.dumps(summary, allow_nan=False)
 
 
@@ -445,6 +457,32 @@ def test_command(tmp_path, suffix):
     done = run("estimate", path, "--config", tmp_path / "config.toml", "--out", out)
     assert done.exit_code == 1
     assert "--force" in done.output
+
+
+def test_compare_and_report_read_the_table(tmp_path):
+    wrong = made(field_late=0.012).attitudes.copy()
+    turned = Rotation.from_euler("z", 2.5) * Rotation.from_quat(wrong[2000:2500], scalar_first=True)
+    wrong[2000:2500] = turned.as_quat(scalar_first=True)
+    path = recording(tmp_path, q_ref=wrong)
+    (tmp_path / "config.toml").write_text(tomlkit.dumps(ruled()))
+    out = tmp_path / "out"
+    assert run("estimate", path, "--config", tmp_path / "config.toml", "--out", out).exit_code == 0
+    results = tables.Results.read(out / "results.csv")
+    assert results.chart == "gibbs"
+    known = np.isfinite(results.forms)
+    assert 0.0 < np.mean(results.forms[known] <= 1.0) < 1.0
+    done = run("compare", out, path, "--config", tmp_path / "config.toml", "--json")
+    assert done.exit_code == 1  # the reference is wrong
+    figures = json.loads(done.stdout)["by_claim"]["unconditional"]
+    chosen = known & (np.array(results.claims) == "unconditional")
+    assert figures["inside"] == (results.forms[chosen] <= 1.0).sum()
+    assert figures["compared"] == chosen.sum()
+    widths = np.rad2deg(results.half_widths[chosen, :3])
+    np.testing.assert_allclose(figures["half_width_body_deg"]["max"], widths.max(axis=0), rtol=1e-9)
+    assert widths.max() < 180.0
+    done = run("report", out, "--out", tmp_path / "report.html")
+    assert done.exit_code == 0, done.output
+    assert f"outside the set at {(results.forms[known] > 1.0).sum()} of {known.sum()} rows" in done.output
 
 
 @pytest.mark.parametrize(
@@ -520,7 +558,7 @@ def test_fermi_for_four_hours(real_recordings):
         estimated = estimation.estimate(log, real_recordings.fermi_configuration(increment))
         assert np.nanmax(estimated.results.forms) <= 1.0
         assert np.isfinite(estimated.results.forms).all()
-        widths.append(real_recordings.half_widths_about(estimated, sun).mean())
+        widths.append(fermi.half_widths_about(estimated.results, sun)[0].mean())
     assert widths[1] <= widths[0] / 3.0
 
 

@@ -15,7 +15,7 @@ import pyarrow.parquet
 import pytest
 from elliptude import tables
 from elliptude.files import FileError, replacing, write_json
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -89,6 +89,7 @@ def test_results_come_back(tmp_path, rng, suffix, options):
     assert_same_bits(written, tables.Results.read(tmp_path / f"results.{suffix}"))
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
 def test_every_number_comes_back(tmp_path_factory, numbers):
     path = tmp_path_factory.mktemp("numbers") / "log.csv"
