@@ -352,3 +352,52 @@ TEST_CASE("gyro: the rate is an input, and the truth stays in the set") {
     CHECK(form <= 1);
   }
 }
+
+TEST_CASE("a bias that is not estimated takes no share of the sum that bounds the attitude") {
+  using GyroFlow = GuaranteedGyroFlow<double>;
+  using GyroFilter = GuaranteedFilter<GyroFlow>;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 1e-6 * Matrix3d::Identity();
+  GyroFlow flow;
+  REQUIRE(GyroFlow::make(uncertainty, GyroFlow::IntervalRate::mean, flow) == Status::ok);
+  GyroFilter filters[2];
+  for (int i = 0; i < 2; ++i) {
+    GyroFilter::Settings settings;
+    settings.estimates_vector = i == 1;
+    REQUIRE(GyroFilter::make(flow, settings, 0, filters[i]) == Status::ok);
+  }
+  GuaranteedUpdate<double> report;
+  const Vector3d rate(0.3, -0.2, 0.1);
+  const Vector3d noise(6e-4, 0, -8e-4);
+  Matrix3d attitude = exp(Vector3d(1, -0.5, 0.7));
+  const auto measured_at = [&](const Vector3d& reference, const Vector3d& error) {
+    return Direction<double>::within(reference, exp(error) * (attitude.transpose() * reference), bound);
+  };
+  Direction<double> directions[2] = {measured_at(Vector3d::UnitX(), Vector3d(0, 0, bound)),
+                                     measured_at(Vector3d::UnitZ(), Vector3d(bound, 0, 0))};
+  // Without a bound of the bias there is no set.
+  REQUIRE(filters[0].update({directions, 2, nullptr, nullptr}, report) == Status::ok);
+  CHECK(report.claim == Claim::none);
+  for (int step = 0; step < 40; ++step) {
+    const Vector3d axis(bound * std::cos(step), bound * std::sin(step), 0);
+    directions[0] = measured_at(Vector3d::UnitX(), axis);
+    directions[1] = measured_at(Vector3d::UnitZ(), -axis);
+    for (GyroFilter& filter : filters) {
+      REQUIRE(filter.bound_vector({Vector3d::Zero(), 1e-18 * Matrix3d::Identity()}) == Status::ok);
+      REQUIRE(filter.update({directions, 2, nullptr, nullptr}, report) == Status::ok);
+      CHECK(report.claim == Claim::unconditional);
+      double form = 2;
+      REQUIRE(quadratic_form(filter.ellipsoid(), {attitude, Vector3d::Zero()}, form) == Status::ok);
+      CHECK(form <= 1);
+      REQUIRE(filter.predict(0.1 * (step + 1), {rate + noise}) == Status::ok);
+    }
+    const double ratio = filters[0].ellipsoid().shape.topLeftCorner<3, 3>().determinant() /
+                         filters[1].ellipsoid().shape.topLeftCorner<3, 3>().determinant();
+    CHECK(ratio < 0.5);
+    attitude = attitude * exp(Vector3d(0.1 * rate));
+  }
+  BodyFilter::Settings settings;
+  settings.estimates_vector = false;
+  BodyFilter body;
+  CHECK(BodyFilter::make(filter_with({}).flow(), settings, 0, body) == Status::out_of_range);
+}
