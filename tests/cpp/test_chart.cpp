@@ -79,8 +79,9 @@ TEST_CASE("the slack of a cone is the angle's, about any center") {
     const long double expected = (1 + static_cast<long double>(gamma.squaredNorm()) / 4) * (1 - ratio * ratio);
     const double scale = (1 + gamma.squaredNorm()) / (r * r);
     CHECK(slack(quadric, gamma) == doctest::Approx(static_cast<double>(expected)).epsilon(1e-12 * scale));
-    if (std::abs(angle - r) > 1e-12) {
-      CHECK(contains(quadric, gamma) == (angle < r));
+    const auto bound = static_cast<long double>(r);
+    if (std::abs(angle - bound) > 1e-12L) {
+      CHECK(contains(quadric, gamma) == (angle < bound));
     }
   }
 }

@@ -32,7 +32,7 @@ BodyFilter filter_with(const BodyFilter::Settings& settings) {
 State after(const State& state, double duration) {
   const RealMatrix inertia = Vector3d(1, 2, 2.5).cast<Real>().asDiagonal();
   const RealTorque none = [](const RealMatrix&, Real) { return RealVector(RealVector::Zero()); };
-  const Motion motion = independent_flow(inertia, none, gibbs_motion(state, RealVector6::Zero()), 0, duration, 4);
+  const Motion motion = independent_flow(inertia, none, gibbs_motion(state, RealVector6::Zero()), 0, Real(duration), 4);
   return {motion.attitude.cast<double>(), motion.angular_velocity.cast<double>()};
 }
 

@@ -67,7 +67,8 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
     const Vector3<double> e = kind % 4 == 0 ? Vector3<double>(axes.col(k)) : random.unit_vector<3>();
     const Long3 b = turn.transpose() * (center.transpose().cast<long double>() * e.cast<long double>()).normalized();
     const Long3 across = b.cross(random.unit_vector<3>().cast<long double>()).normalized();
-    const long double angle = (kind % 5 < 2 ? 1.0L : static_cast<long double>(random.uniform(0, 1))) * r;
+    const long double angle =
+        (kind % 5 < 2 ? 1.0L : static_cast<long double>(random.uniform(0, 1))) * static_cast<long double>(r);
     const Long3 measured = std::cos(angle) * b + std::sin(angle) * across;
     Quadric<double, 3> quadric;
     REQUIRE(cone(center, Direction<double>::within(e, measured.cast<double>(), r), quadric) == Status::ok);

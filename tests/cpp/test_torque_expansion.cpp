@@ -154,7 +154,7 @@ TEST_CASE("series, expansion and bounds of each potential's torque") {
     const Field field = random_field(random);
     const RealMatrix inertia = field.body.inertia().cast<Real>();
     const auto gravity = [&](const RealMatrix& a, Real) { return pendulum_torque(field.arm, a); };
-    const auto gradient = [&](const RealMatrix& a, Real t) { return gradient_torque(inertia, field.rate, a, t); };
+    const auto gradient = [&](const RealMatrix& a, Real t) { return gradient_torque(inertia, Real(field.rate), a, t); };
     check_expansion(field.gravity, gravity, random, third[0], fourth[0]);
     check_expansion(field.gradient, gradient, random, third[1], fourth[1]);
     check_expansion(

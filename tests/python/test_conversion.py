@@ -246,7 +246,7 @@ def test_full_disk_while_estimating(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, handler)
     assert_refused(tmp_path, done, os.strerror(errno.EFBIG))
-    assert list((tmp_path / "result").iterdir()) == []
+    assert not (tmp_path / "result").exists()
 
 
 def test_interrupt_while_estimating(tmp_path):

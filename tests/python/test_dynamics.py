@@ -425,14 +425,16 @@ def test_python_potentials_leak_nothing():
     tracemalloc.start()
     work()
     gc.collect()
-    before = tracemalloc.get_traced_memory()[0]
-    work()
-    gc.collect()
-    grown = tracemalloc.get_traced_memory()[0] - before
+    grown = []
+    for _ in range(3):  # a leak shows each time, a cache that grows now and then does not
+        before = tracemalloc.get_traced_memory()[0]
+        work()
+        gc.collect()
+        grown.append(tracemalloc.get_traced_memory()[0] - before)
     tracemalloc.stop()
     assert references == (sys.getrefcount(potential), sys.getrefcount(failing), sys.getrefcount(ZERO))
     # 200 rounds with one leaked 3-vector each would be 20 kB.
-    assert grown < 10_000
+    assert min(grown) < 10_000
 
 
 def test_cycles_through_a_potential_are_collected():
