@@ -28,7 +28,8 @@ Case random_case(Random& random) {
 
 RealVector6 moved(const Case& c, const RigidBodyState<double>& end, const RealVector6& y, double h) {
   const RealTorque torque = [&](const RealMatrix& a, Real) { return pendulum_torque(c.arm, a); };
-  return gibbs_error(end, independent_flow(c.body.inertia().cast<Real>(), torque, gibbs_motion(c.state, y), 0, h, 4));
+  return gibbs_error(end,
+                     independent_flow(c.body.inertia().cast<Real>(), torque, gibbs_motion(c.state, y), 0, Real(h), 4));
 }
 
 using Tube = ErrorTube<double, UniformGravity<double>>;

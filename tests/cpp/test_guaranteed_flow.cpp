@@ -137,12 +137,12 @@ TEST_CASE("the state of the continuous motion is in the predicted set") {
           attempt(body, gravity, step, uncertainty, input, trial, random, tally);
         } else if (field == 3) {
           trial.torque = [=](const RealMatrix& a, Real t) {
-            return RealVector(control + gradient_torque(inertia, rate, a, t));
+            return RealVector(control + gradient_torque(inertia, Real(rate), a, t));
           };
           attempt(body, gradient, step, uncertainty, input, trial, random, tally);
         } else {
           trial.torque = [=](const RealMatrix& a, Real t) {
-            return RealVector(control + pendulum_torque(arm, a) + gradient_torque(inertia, rate, a, t));
+            return RealVector(control + pendulum_torque(arm, a) + gradient_torque(inertia, Real(rate), a, t));
           };
           attempt(body, SumPotential<UniformGravity<double>, GravityGradient<double>>(gravity, gradient), step,
                   uncertainty, input, trial, random, tally);

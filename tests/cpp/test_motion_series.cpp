@@ -48,7 +48,7 @@ void check_step(const RigidBody<double>& body, const Potential& potential, const
     return sum;
   };
   const RealTorque drive = [&](const RealMatrix&, Real s) { return rate(s, 1); };
-  const Motion with_rate = independent_flow(RealMatrix::Identity(), drive, start, 0, h, 8);
+  const Motion with_rate = independent_flow(RealMatrix::Identity(), drive, start, 0, Real(h), 8);
   const double angle = static_cast<double>(gibbs_error(series.end, with_rate).template head<3>().norm());
   CHECK(angle <= series.attitude_error);
   CHECK((series.end.angular_velocity.template cast<Real>() - rate(h, 0)).norm() < 1e-14L * (1 + series.largest_rate));
@@ -76,7 +76,7 @@ void check_step(const RigidBody<double>& body, const Potential& potential, const
   // And where the bounds say rounding, the end is that of the motion itself.
   if (series.impulse_defect < 1e-12 * least && series.attitude_error < 1e-13) {
     const RealTorque whole = [&](const RealMatrix& a, Real t) { return RealVector(torque(a, t) + control); };
-    const Motion end = independent_flow(inertia, whole, start, time, h, 4, wheel);
+    const Motion end = independent_flow(inertia, whole, start, Real(time), Real(h), 4, wheel);
     CHECK(static_cast<double>(gibbs_error(series.end, end).norm()) < 1e-11);
   }
 }
@@ -97,7 +97,9 @@ TEST_CASE("the end of a step, and the bounds of its error at any length") {
       GravityGradient<double> gradient;
       REQUIRE(GravityGradient<double>::make(body, rate, Matrix3d::Identity(), gradient) == Status::ok);
       const RealTorque by_gravity = [&](const RealMatrix& a, Real) { return pendulum_torque(arm, a); };
-      const RealTorque by_gradient = [&](const RealMatrix& a, Real t) { return gradient_torque(inertia, rate, a, t); };
+      const RealTorque by_gradient = [&](const RealMatrix& a, Real t) {
+        return gradient_torque(inertia, Real(rate), a, t);
+      };
       const RealTorque none = [](const RealMatrix&, Real) { return RealVector(RealVector::Zero()); };
       check_step(body, FreeBody<double>{}, none, h, random, result);
       check_step(body, gravity, by_gravity, h, random, result);
