@@ -51,7 +51,8 @@ void check_step(const RigidBody<double>& body, const Potential& potential, const
   const Motion with_rate = independent_flow(RealMatrix::Identity(), drive, start, 0, Real(h), 8);
   const double angle = static_cast<double>(gibbs_error(series.end, with_rate).template head<3>().norm());
   CHECK(angle <= series.attitude_error);
-  CHECK((series.end.angular_velocity.template cast<Real>() - rate(h, 0)).norm() < 1e-14L * (1 + series.largest_rate));
+  CHECK((series.end.angular_velocity.template cast<Real>() - rate(Real(h), 0)).norm() <
+        1e-14L * (1 + Real(series.largest_rate)));
   result.attitude_share = std::fmax(result.attitude_share, angle / series.attitude_error);
 
   // The defect's impulse, by Simpson's rule along the step.

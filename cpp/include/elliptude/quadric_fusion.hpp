@@ -4,6 +4,8 @@
 /// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of quadrics at once
 /// (theory, section 16).
 
+#include <algorithm>
+
 #include "elliptude/quadric.hpp"
 
 namespace elliptude {
@@ -44,7 +46,7 @@ template <typename Scalar, int N>
 class ManyQuadrics {
  public:
   static constexpr std::size_t most = most_quadrics + 1;
-  static constexpr int lead = N == 6 ? 3 : N;
+  static constexpr int lead = std::min(N, 3);
   using Multipliers = std::array<Scalar, most>;
 
   /// A(μ) ≻ 0 and what follows from it.
