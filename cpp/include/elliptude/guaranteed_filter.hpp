@@ -250,7 +250,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     const Sensors all = present(measurements);
     GuaranteedUpdate<Scalar> result;
     Solution solution;
-    Status status;
+    Status status = Status::ok;
     if (settings_.policy == Policy::relaxed && settings_.most_wrong > 0 && all != 0) {
       status = relaxed(measurements, all, solution, result);
     } else {

@@ -29,7 +29,7 @@ struct MotionSeries {
   Coefficients rate;
   Coefficients momentum;                      ///< Jω_k, and the wheel's in the first
   std::array<Scalar, terms> rate_norms;       ///< ‖ω_k‖
-  std::array<Scalar, 2 * terms> step_powers;  ///< hᵏ
+  std::array<Scalar, std::size_t{2} * terms> step_powers;  ///< hᵏ
   RigidBodyState<Scalar> end;
   Scalar largest_rate;    ///< Σ ‖ω_k‖ hᵏ ≥ sup ‖ω̂‖
   Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
