@@ -53,9 +53,6 @@ struct GuaranteedUpdate {
   Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
 };
 
-/// The mode of the filter whose sets are guaranteed.
-struct GuaranteedEstimator {};
-
 /// The guaranteed filter, in the Gibbs chart throughout. It may know nothing at all of the attitude, at the beginning or when a
 /// prediction has become too large to be of use, and then starts from the next measurements that determine one. A function
 /// that does not return `ok` has changed nothing.
