@@ -317,8 +317,7 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
   explicit TorqueExpansion(const SumPotential<Potentials...>& sum) noexcept
       : terms_(std::apply(
             [](const auto&... p) {
-              return std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...>(
-                  TorqueExpansion<Potentials, Scalar, Terms>(p)...);
+              return std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...>(p...);  // each one made in its place
             },
             sum.potentials())) {}
 
