@@ -8,10 +8,10 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <elliptude/guaranteed_filter.hpp>
 #include <elliptude/intersection.hpp>
 #include <elliptude/linearization.hpp>
 #include <elliptude/measurement.hpp>
-#include <elliptude/quadric_fusion.hpp>
 #include <elliptude/wahba_set.hpp>
 #include <random>
 
@@ -242,6 +242,69 @@ double fuse_quadrics(long count) {
   return sum;
 }
 
+// --- the guaranteed filter --------------------------------------------------------------------------------------------
+
+/// What a spacecraft of the scenario `orbit` measures at each step at 7 degrees: three directions and the angular velocity.
+struct Cycle {
+  double time;
+  std::array<Direction<double>, 3> directions;
+  AngularVelocity<double> angular_velocity;
+};
+
+constexpr std::size_t cycle_count = 64;
+
+inline std::array<Cycle, cycle_count> typical_cycles() {
+  auto motion = gravity_gradient_motion();
+  const double bound = 0.12217304763960307;
+  const double half_side = bound / std::sqrt(3);  // of a cube in the ball
+  Random random;
+  std::array<Cycle, cycle_count> cycles;
+  for (std::size_t i = 0; i < cycle_count; ++i) {
+    cycles[i].time = static_cast<double>(i) * motion.h;
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d e = Vector3d::Unit(k);
+      const Vector3d b = exp(random.in_cube(half_side)) * (motion.state.attitude.transpose() * e);
+      cycles[i].directions[static_cast<std::size_t>(k)] = Direction<double>::within(e, b, bound);
+    }
+    cycles[i].angular_velocity = {motion.state.angular_velocity + random.in_cube(half_side),
+                                  bound * bound * Matrix3d::Identity()};
+    expect_ok(integrate_step(motion.body, motion.potential, composition(4), cycles[i].time, motion.h, Vector3d(0, 0, 0),
+                             motion.state, motion.state));
+  }
+  return cycles;
+}
+
+/// One step of the flow and the fusion of all measurements with its end, for a filter that has been running.
+template <SizeCriterion<double, 6>::Kind kind>
+double guaranteed_cycle(long count) {
+  static const std::array<Cycle, cycle_count> cycles = typical_cycles();
+  using Flow = GuaranteedRigidBodyFlow<double, GravityGradient<double>>;
+  using Filter = GuaranteedFilter<Flow>;
+  const auto motion = gravity_gradient_motion();
+  Flow flow;
+  expect_ok(Flow::make(motion.body, motion.potential, motion.h, BodyUncertainty<double>(), flow));
+  Filter::Settings settings;
+  settings.criterion = kind == SizeCriterion<double, 6>::Kind::trace ? SizeCriterion<double, 6>::trace()
+                                                                     : SizeCriterion<double, 6>::volume();
+  Filter filter;
+  GuaranteedUpdate<double> update;
+  const auto measured = [](const Cycle& cycle) {
+    return Measurements<double>{cycle.directions.data(), cycle.directions.size(), &cycle.angular_velocity, nullptr};
+  };
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const std::size_t at = 1 + static_cast<std::size_t>(i) % (cycle_count - 1);
+    if (at == 1) {
+      expect_ok(Filter::make(flow, settings, cycles[0].time, filter));
+      expect_ok(filter.update(measured(cycles[0]), update));
+    }
+    expect_ok(filter.predict(cycles[at].time, BodyInput<double>()));
+    expect_ok(filter.update(measured(cycles[at]), update));
+    sum += filter.ellipsoid().shape.trace();
+  }
+  return sum;
+}
+
 // --- attitude from directions ------------------------------------------------------------------------------------------
 
 constexpr std::size_t wahba_samples = 64;
@@ -361,7 +424,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 32> all{{
+inline constexpr std::array<Operation, 34> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -380,6 +443,8 @@ inline constexpr std::array<Operation, 32> all{{
     {"fuse_volume", fuse<Kind::volume>},
     {"fuse_3_cones_and_rate_trace", fuse_quadrics<Kind::trace>},
     {"fuse_3_cones_and_rate_volume", fuse_quadrics<Kind::volume>},
+    {"guaranteed_cycle_trace", guaranteed_cycle<Kind::trace>},
+    {"guaranteed_cycle_volume", guaranteed_cycle<Kind::volume>},
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
     {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
     {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},

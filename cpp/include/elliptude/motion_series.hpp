@@ -27,8 +27,8 @@ struct MotionSeries {
   TorqueExpansion<Potential, Scalar, terms> torque;
   BodyInput<Scalar> input;
   Coefficients rate;
-  Coefficients momentum;                      ///< Jω_k, and the wheel's in the first
-  std::array<Scalar, terms> rate_norms;       ///< ‖ω_k‖
+  Coefficients momentum;                                   ///< Jω_k, and the wheel's in the first
+  std::array<Scalar, terms> rate_norms;                    ///< ‖ω_k‖
   std::array<Scalar, std::size_t{2} * terms> step_powers;  ///< hᵏ
   RigidBodyState<Scalar> end;
   Scalar largest_rate;    ///< Σ ‖ω_k‖ hᵏ ≥ sup ‖ω̂‖
