@@ -207,9 +207,10 @@ class ManyQuadrics {
   }
 };
 
-/// Solves H x = b for a positive definite H (lower triangle, overwritten), b overwritten. \return whether it is.
+/// The factor L of a positive definite H = L Lᵀ, in place of the lower triangle of H, with 1/lᵢᵢ on its diagonal.
+/// \return whether H is positive definite.
 template <typename Scalar>
-[[nodiscard]] bool solve_in_place(Scalar* h, std::size_t stride, std::size_t count, Scalar* b) noexcept {
+[[nodiscard]] bool factor_in_place(Scalar* h, std::size_t stride, std::size_t count) noexcept {
   for (std::size_t j = 0; j < count; ++j) {
     for (std::size_t i = j; i < count; ++i) {
       Scalar sum = h[i * stride + j];
@@ -226,19 +227,24 @@ template <typename Scalar>
       }
     }
   }
+  return true;
+}
+
+/// x = H⁻¹ b in place of b, with what `factor_in_place` has left.
+template <typename Scalar>
+void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count, Scalar* b) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      b[i] -= h[i * stride + k] * b[k];
+      b[i] -= factor[i * stride + k] * b[k];
     }
-    b[i] *= h[i * stride + i];
+    b[i] *= factor[i * stride + i];
   }
   for (std::size_t i = count; i-- > 0;) {
     for (std::size_t k = i + 1; k < count; ++k) {
-      b[i] -= h[k * stride + i] * b[k];
+      b[i] -= factor[k * stride + i] * b[k];
     }
-    b[i] *= h[i * stride + i];
+    b[i] *= factor[i * stride + i];
   }
-  return true;
 }
 
 /// The constraint as it is seen in u, where y = shift + factor u, and relaxed by what rounding may do to it: for all u of the
@@ -348,8 +354,9 @@ template <typename Scalar, int N>
   return l1.diagonal().prod() < l2.diagonal().prod();
 }
 
-/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = τ/μ − ∇F, stays
-/// inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and the best is kept.
+/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
+/// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
+/// the best is kept.
 /// \param start an iterate with A ≻ 0; its multipliers are positive.
 /// \param least_level the least N/Σμ/scale met.
 /// \return `empty_intersection` with `best` the proof.
@@ -411,36 +418,76 @@ template <typename Scalar, int N>
     if (gap + defect <= tolerance + it.rounding) {
       break;
     }
-    const Scalar mean = (gap + defect) / Scalar(count);
-    const Scalar fastest = scalar::constant<Scalar>(0.02L);
-    const Scalar tau = mean * (mean < fastest ? mean : fastest);
     problem.hessian(it, v, gradient, hessian.data());
-    Multipliers move;
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
-      move[k] = tau / it.multipliers[k] - gradient[k];
     }
-    if (!solve_in_place(hessian.data(), Problem::most, count, move.data())) {
+    if (!factor_in_place(hessian.data(), Problem::most, count)) {
       break;
     }
-    const Scalar inside = scalar::constant<Scalar>(0.99L);
-    Scalar primal(1);
-    Scalar dual(1);
+    // The step that takes all μₖzₖ to their targets, linearized.
+    Multipliers move;
     Multipliers dz;
+    const auto aim_at = [&](const Multipliers& target) {
+      for (std::size_t k = 0; k < count; ++k) {
+        move[k] = target[k] / it.multipliers[k] - gradient[k];
+      }
+      solve_in_place(hessian.data(), Problem::most, count, move.data());
+      for (std::size_t k = 0; k < count; ++k) {
+        dz[k] = (target[k] - z[k] * move[k]) / it.multipliers[k] - z[k];
+      }
+    };
+    // How much of a step stays inside, up to a share of the way to the boundary.
+    const auto longest = [count](const Multipliers& from, const Multipliers& along, const Scalar& share) {
+      Scalar length(1);
+      for (std::size_t k = 0; k < count; ++k) {
+        if (length * along[k] < -share * from[k]) {
+          length = -share * from[k] / along[k];
+        }
+      }
+      return length;
+    };
+    // Mehrotra's predictor and corrector: a step straight at the optimum shows how far one gets, and so how much to keep away
+    // from the boundary, and what the products μₖzₖ then miss in second order.
+    Multipliers target;
+    target.fill(Scalar(0));
+    aim_at(target);
+    const Scalar straight_primal = longest(it.multipliers, move, Scalar(1));
+    const Scalar straight_dual = longest(z, dz, Scalar(1));
+    Scalar left(0);
     for (std::size_t k = 0; k < count; ++k) {
-      dz[k] = (tau - z[k] * move[k]) / it.multipliers[k] - z[k];
-      if (primal * move[k] < -inside * it.multipliers[k]) {
-        primal = -inside * it.multipliers[k] / move[k];
-      }
-      if (dual * dz[k] < -inside * z[k]) {
-        dual = -inside * z[k] / dz[k];
-      }
+      left += (it.multipliers[k] + straight_primal * move[k]) * (z[k] + straight_dual * dz[k]);
     }
+    const Scalar ratio_left = left / gap;
+    const Scalar least_center = scalar::constant<Scalar>(1e-4L);
+    const Scalar most_center = scalar::constant<Scalar>(0.3L);
+    Scalar center = ratio_left * ratio_left * ratio_left;
+    center = center > least_center ? center : least_center;
+    center = center < most_center ? center : most_center;
+    const Scalar tau = center * (gap + defect) / Scalar(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      target[k] = tau - move[k] * dz[k];
+    }
+    aim_at(target);
+    const auto slope_of = [&] {  // of F − τ Σ log μ along the step
+      Scalar along(0);
+      for (std::size_t k = 0; k < count; ++k) {
+        along += (gradient[k] - tau / it.multipliers[k]) * move[k];
+      }
+      return along;
+    };
+    Scalar slope = slope_of();
+    if (!(slope < Scalar(0))) {  // the correction is too large: without it the slope is negative
+      for (std::size_t k = 0; k < count; ++k) {
+        target[k] = tau;
+      }
+      aim_at(target);
+      slope = slope_of();
+    }
+    const Scalar inside = scalar::constant<Scalar>(0.99L);
+    Scalar primal = longest(it.multipliers, move, inside);
+    const Scalar dual = longest(z, dz, inside);
     // F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
-    Scalar slope(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      slope += (gradient[k] - tau / it.multipliers[k]) * move[k];
-    }
     const Multipliers from = it.multipliers;
     const Scalar value = it.level + it.barrier;
     const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
@@ -592,8 +639,12 @@ template <typename Scalar, int N>
     return prediction_alone(Scalar(1));
   }
 
-  // Equal weights, or more of what is positive where A is not.
-  multipliers.fill(Scalar(N) / Scalar(problem.count));
+  // As much of the prediction as of all measurements, which share alike; or more of what is positive where A is not.
+  multipliers.fill(Scalar(N) / Scalar(count));
+  if (problem.with_ball) {
+    multipliers.fill(Scalar(N) / Scalar(2 * count));
+    multipliers[0] = Scalar(N) / Scalar(2);
+  }
   typename Problem::Iterate start;
   if (const Status status = fusion::find_bounded(problem, multipliers, start); status != Status::ok) {
     return status;
