@@ -233,12 +233,7 @@ def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]
         ("gyro_speed_deg_per_s", "gyro: rate, °/s", _DEGREES, gyro.speed),
         ("gyro_noise_deg_per_s", "gyro: noise at rest, °/s", _DEGREES, gyro.noise),
         ("gyro_bias_spread_deg_per_s", "gyro: bias of 0.5 s at rest, from its mean, °/s", _DEGREES, gyro.bias_spread),
-        (
-            "gyro_sum_deg",
-            "gyro: what noise adds up to, °",
-            _DEGREES,
-            gyro.increment,
-        ),
+        ("gyro_sums_rest_deg", "gyro: what noise adds up to in a rest, °", _DEGREES, gyro.sums_rest),
         (
             "gyro_rate_error_deg_per_s",
             "gyro: rate over 0.05 s, from the reference, °/s",
@@ -255,6 +250,14 @@ def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]
                 angles,
             )
         )
+    lines.append(
+        (
+            "gyro_unexplained_deg",
+            "gyro: turns over 1 to 16 s, bias and scale taken out, °",
+            _DEGREES,
+            gyro.unexplained,
+        )
+    )
     for key, unit, name, vector in (
         ("accelerometer", "m_per_s2", "accelerometer", proposed.accelerometer),
         ("magnetometer", "ut", "magnetometer", proposed.magnetometer),

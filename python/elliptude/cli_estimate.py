@@ -62,8 +62,8 @@ def estimate(
     """Estimate attitudes and their bounds from a log of measurements.
 
     Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
-    measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration names a truth to compare with, they say how far off the
-    estimates are and how often the truth lies inside the set.
+    measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
+    names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
     configuration = read_configuration(config)
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]

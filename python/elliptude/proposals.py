@@ -20,6 +20,8 @@ from elliptude.results import FloatArray
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 """Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""
 _LONGEST_INCREMENT_S = 16.0
+# A scale error is said where it is known with this standard error: what turns too little about some axis tells nothing.
+_SCALE_WITHIN = 0.01
 # s; a rest is cut into pieces so long, and what is averaged is averaged over one.
 _PIECE_S = 0.5
 
@@ -114,12 +116,15 @@ class GyroProposal:
     window_angles: dict[float, Quantiles | None]
     """By how much the turn over a window (its duration in s) is off against the reference."""
     scale_error: float | None
-    """Spectral norm of the matrix that explains the reference's increments best, less the identity."""
-    increment: Quantiles | None
-    """What the noise adds up to, rad. With a reference: of the windows of up to 16 s above, what ``bias_spread`` and
-    ``scale_error`` leave unexplained of the turn's error; the reference's jitter is in it. Without: for each phase of
-    rest, the diagonal of the box about the integral of the rate less its mean in that phase. A constant bias in each
-    phase, and noise whose integral over any window is at most so long, explain what was seen there."""
+    """Spectral norm of the matrix that explains the reference's increments best, less the identity; None where the
+    recording hardly turns about some axis."""
+    sums_rest: Quantiles | None
+    """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate less
+    its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so long,
+    explain what was seen there."""
+    unexplained: Quantiles | None
+    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the turn's error,
+    rad; the reference's jitter is in it. None without a reference."""
 
 
 def propose_gyro(
@@ -156,8 +161,9 @@ def propose_gyro(
     finite = _finite(rates)
     still = resting & finite
     bias = rates[still].mean(axis=0) if still.any() else None
-    noise = spread = None
+    noise = spread = sums = None
     if bias is not None:
+        sums = quantiles(_sums_at_rest(stamps, rates, still))
         noise = quantiles(np.linalg.norm(rates[still] - bias, axis=1))
         means, _ = _means_of_pieces(stamps, rates, still, piece)
         spread = quantiles(np.linalg.norm(means - bias, axis=1))
@@ -178,7 +184,10 @@ def propose_gyro(
             # ω̃ = M ω + b, so M and b fit the turns per second by the gyro to those by the reference.
             unknowns = np.column_stack([increments, np.ones(len(increments))])
             matrix = np.linalg.lstsq(unknowns, mean_rates, rcond=None)[0].T
-            scale = float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
+            residual = np.sqrt(np.mean((mean_rates - unknowns @ matrix.T) ** 2))
+            turned_least = np.linalg.svd(increments - increments.mean(axis=0), compute_uv=False)[-1]
+            if residual <= _SCALE_WITHIN * turned_least:
+                scale = float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
         if bias is None and len(true):
             bias = (shown - true).mean(axis=0)
         offset = np.zeros(3) if bias is None else bias
@@ -202,9 +211,9 @@ def propose_gyro(
                 explained = (scale or 0.0) * (swept[end] - swept[start])
                 explained += (0.0 if spread is None else spread.maximum) * duration
                 unexplained.append(np.maximum(angles - explained, 0.0))
-    increment = quantiles(np.concatenate(unexplained) if unexplained else _sums_at_rest(stamps, rates, still))
+    left = quantiles(np.concatenate(unexplained)) if unexplained else None
     speed = quantiles(np.linalg.norm(rates - (0.0 if bias is None else bias), axis=1))
-    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale, increment)
+    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale, sums, left)
 
 
 def _means_of_pieces(

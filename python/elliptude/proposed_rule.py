@@ -76,7 +76,7 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -
 
 def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed, *, in_full: bool) -> Proposed:
     """A maximum times the margin; where it was seen in part, the standard number if that is larger."""
-    if found is None:
+    if found is None or found.maximum == 0.0:  # no sensor is without an error
         return standard
     value = upward(margin * found.maximum)
     if in_full or value >= standard.value:
@@ -96,27 +96,20 @@ def _in_degrees(found: Quantiles | None) -> Quantiles | None:
 
 def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal | None, margin: float) -> None:
     gyro = proposed.gyro
-    against_reference = any(found is not None for found in gyro.window_angles.values())
-    noise, increment = _in_degrees(gyro.noise), _in_degrees(gyro.increment)
+    noise, sums, unexplained = (_in_degrees(one) for one in (gyro.noise, gyro.sums_rest, gyro.unexplained))
     moved = _in_degrees(gyro.bias_spread if start is None else start.bias_moved)
-    what = "the rate at rest less the bias"
-    if against_reference and increment is not None:
-        # A window of one second that is off by so much has a noise of so much in the mean.
-        shortest = increment.maximum / _SHORTEST_WINDOW_S
-        if noise is None or shortest > noise.maximum:
-            noise, what = increment, "what a turn over 1 to 16 s is off against the reference, bias and scale taken out"
-    table["noise_deg_per_s"] = _seen(
-        noise, what, margin, table["noise_deg_per_s"], in_full=against_reference and gyro.noise is not None
-    )
-    table["increment_deg"] = _seen(
-        increment,
-        "what a turn over 1 to 16 s is off against the reference, bias and scale taken out"
-        if against_reference
-        else "what the noise adds up to in a phase of rest",
-        margin,
-        table["increment_deg"],
-        in_full=against_reference,
-    )
+    noise_what, sums_what = "the rate at rest less the bias", "what the noise adds up to in a phase of rest"
+    # Against a reference the gyro is seen in motion, too. A window of one second that is off by so much has a noise of
+    # so much in the mean.
+    in_full = noise is not None and unexplained is not None
+    if unexplained is not None:
+        what = "what a turn over 1 to 16 s is off against the reference, bias and scale taken out"
+        if noise is None or unexplained.maximum / _SHORTEST_WINDOW_S > noise.maximum:
+            noise, noise_what = unexplained, what
+        if sums is None or unexplained.maximum > sums.maximum:
+            sums, sums_what = unexplained, what
+    table["noise_deg_per_s"] = _seen(noise, noise_what, margin, table["noise_deg_per_s"], in_full=in_full)
+    table["increment_deg"] = _seen(sums, sums_what, margin, table["increment_deg"], in_full=in_full)
     since = "its mean over all rest" if start is None else "its mean in the rest at the start"
     table["bias_deg_per_s"] = _seen(
         moved, f"the bias over 0.5 s at rest less {since}", margin, table["bias_deg_per_s"], in_full=False
