@@ -146,6 +146,8 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
                 sensor["bound_deg"] = 1.0
             if sensor.get("kind") == "magnetometer" and not sensor.keys() & {"reference", "reference_ut"}:
                 sensor["reference_ut"] = [0.0, 1.0, 0.0]
+    if "rule" in full:
+        full.setdefault("reference_frame", "ENU")  # a rule's own
     for key in ("start", "estimator", "rule"):
         full.pop(key, None)
     full["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}

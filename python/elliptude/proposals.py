@@ -119,12 +119,12 @@ class GyroProposal:
     """Spectral norm of the matrix that explains the reference's increments best, less the identity; None where the
     recording hardly turns about some axis."""
     sums_rest: Quantiles | None
-    """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate less
-    its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so long,
-    explain what was seen there."""
+    """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate
+    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so
+    long, explain what was seen there."""
     unexplained: Quantiles | None
-    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the turn's error,
-    rad; the reference's jitter is in it. None without a reference."""
+    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the error of
+    the turn, rad; the reference's jitter is in it. None without a reference."""
 
 
 def propose_gyro(

@@ -88,7 +88,8 @@ def starting_configuration(
 def _first_order(full: Tables, comments: dict[Place, str], proposed: Proposal, margin: float, origin: int) -> None:
     flow = full["flow"]
     if "noise_deg_per_s" not in flow:
-        flow["noise_deg_per_s"], comments["flow", "noise_deg_per_s"] = _gyro_noise(proposed, margin)
+        flow["noise_deg_per_s"], how = _gyro_noise(proposed, margin)
+        comments["flow", "noise_deg_per_s"] = f"no guarantee: {how}"
     directions = full.get("directions", [])
     if len(directions) < 2:
         raise ValueError("a configuration to start from needs two directions, such as accelerometer and magnetometer")
@@ -99,11 +100,12 @@ def _first_order(full: Tables, comments: dict[Place, str], proposed: Proposal, m
             is_magnetometer = sensor.get("kind") == "magnetometer"
             vector = _vector_of(sensor, proposed)
             dip = proposed.dip if is_magnetometer else None
-            sensor["bound_deg"], comments["directions", name, "bound_deg"] = _angle(vector, dip, margin)
+            sensor["bound_deg"], how = _angle(vector, dip, margin)
+            comments["directions", name, "bound_deg"] = f"no guarantee: {how}"
     if "start" not in full:
         bias, how = _bias(proposed, margin)
         full["start"] = {"kind": "first_measurement", "bias_bound_deg_per_s": bias}
-        comments["start", "bias_bound_deg_per_s"] = how
+        comments["start", "bias_bound_deg_per_s"] = f"no guarantee: {how}"
     if "estimator" not in full:
         # Bounds that one recording showed are broken by the next one: such rows are said, not fatal.
         full["estimator"] = {"mode": "first_order", "when_sets_do_not_meet": "skip"}
@@ -128,7 +130,7 @@ def _refer_field(sensor: Tables, full: Tables, comments: dict[Place, str], propo
     if sensor.get("kind") == "magnetometer" and not sensor.keys() & {"reference", "reference_ut"}:
         key, value, how = _field_reference(proposed, full.get("reference_frame"), origin)
         sensor[key] = value
-        comments["directions", sensor["name"], key] = how
+        comments["directions", sensor["name"], key] = f"no guarantee: {how}"
 
 
 def _gyro_noise(proposed: Proposal, margin: float) -> tuple[float, str]:
@@ -319,10 +321,8 @@ def _bound_gyro(flow: Tables, comments: dict[Place, str], table: RuleTables, pro
             numbers["bias_deg_per_s"] = _BIAS_BY_DATASHEET, "not seen in the recording: datasheets of small sensors"
         else:
             known = [round(float(part), 4) for part in np.rad2deg(proposed.gyro.bias)]
-            numbers["known_bias_deg_per_s"] = (
-                known,
-                "mean over all rest, subtracted; what is left of it is bounded next",
-            )
+            seen = "over all rest" if proposed.gyro.noise is not None else "against the reference"
+            numbers["known_bias_deg_per_s"] = known, f"no guarantee: mean {seen}, subtracted; the rest is bounded next"
             numbers |= _rule_numbers(table, "gyro", "bias_deg_per_s")
     over_windows = not flow.get("estimate_bias") and not flow.get("angular_acceleration_deg_per_s2")
     if over_windows and flow.get("interval_rate", "mean_of_ends") == "mean_of_ends":
