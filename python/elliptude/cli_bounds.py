@@ -16,7 +16,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude import mapping, proposals
+from elliptude import logs, mapping, plausibility, proposals
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.mapping import PRESETS, Tables
@@ -98,6 +98,9 @@ def bounds(
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
+    if out is not None:
+        # What `estimate` would refuse, such as degrees that are called radians, is no log to write a configuration for.
+        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log)), None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:

@@ -265,14 +265,16 @@ def test_sums_at_rest():
 
 
 def test_where_nothing_turns_there_is_no_scale_error():
-    recording = made()
-    rows = recording.times < 4.5
-    still = Recording(
-        *(array[rows] for array in (recording.times, recording.angular_velocities, recording.specific_forces)),
-        attitudes=recording.attitudes[rows],
-    )
+    """Against a reference that jitters, as all do; a fit would say that the gyro shows nothing of a turn."""
+    draws = np.random.default_rng(4)
+    times = np.arange(0.0, 20.0, STEP)
+    count = len(times)
+    jitter = Rotation.from_rotvec(np.deg2rad(0.05) * draws.standard_normal((count, 3))).as_quat(scalar_first=True)
+    gyro = BIAS + np.deg2rad(0.1) * draws.standard_normal((count, 3))
+    still = Recording(times, gyro, np.tile([0.0, 0.0, 9.8], (count, 1)), attitudes=jitter)
     assert proposals.propose(still).gyro.scale_error is None
-    assert proposals.propose(recording).gyro.scale_error is not None
+    scaled = made(scale=0.01 * np.eye(3))
+    assert proposals.propose(scaled).gyro.scale_error == pytest.approx(0.01, abs=0.002)
 
 
 def test_what_differs_from_the_start():
@@ -330,6 +332,9 @@ def test_what_cannot_be_configured_is_not_written(tmp_path):
     assert "estimator.most" in refused("bounds", log, mapping, "--mode", "guaranteed", "--out", config)
     assert "--mode" in refused("bounds", log, mapping, "--mode", "first_order", "--out", config, exit_code=2)
     assert "--mode" in refused(*like, "--mode", "paper", exit_code=2)
+    degrees = write_csv(tmp_path / "degrees.csv", [name.replace("deg/s", "rad/s") for name in HEADER])
+    assert "degrees were declared as radians" in refused("bounds", degrees, "--out", config)
+    degrees.unlink()
     assert "not written" in refused(*like[:-1], tmp_path / "nowhere" / "config.toml")
     assert not config.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.npz", "mapping.toml"]
