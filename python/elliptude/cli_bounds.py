@@ -60,9 +60,9 @@ def bounds(
     mode: Annotated[
         Mode | None,
         typer.Option(
-            help="Of what --out writes. If left out: what the configuration's [estimator] says, else guaranteed, whose "
-            "sets hold wherever the stated bounds do and which says where they are contradicted; first_order drops "
-            "second-order terms.",
+            help="Of what --out writes. If left out: what the configuration states, else guaranteed, as its sets hold "
+            "wherever the stated bounds do, and it says where these are contradicted; first_order drops second-order "
+            "terms.",
             show_default=False,
         ),
     ] = None,
