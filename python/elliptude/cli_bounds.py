@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import math
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,13 +16,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude import bound_rules, mapping, proposals
+from elliptude import logs, mapping, plausibility, proposals
+from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.mapping import PRESETS, Tables
-from elliptude.models import load_toml
-from elliptude.proposals import DelayProposal, Proposal, Quantiles
+from elliptude.models import load_toml, validate
+from elliptude.proposals import Proposal, Quantiles
+from elliptude.proposed_rule import rule_tables, sections
 from elliptude.readers import open_log
-from elliptude.starting_configuration import starting_configuration, upward
+from elliptude.starting_configuration import Mode, starting_configuration
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -54,6 +57,15 @@ def bounds(
         bool,
         typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if it is mapped."),
     ] = True,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(
+            help="Of what --out writes. If left out: what the configuration states, else guaranteed, as its sets hold "
+            "wherever the stated bounds do, and it says where these are contradicted; first_order drops second-order "
+            "terms.",
+            show_default=False,
+        ),
+    ] = None,
     margin: Annotated[
         float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in what is written.")
     ] = 1.2,
@@ -84,17 +96,24 @@ def bounds(
     }
     tables, source = _mapping(log, config, like, time, time_unit, named, truth)
     configuration = mapping.configuration_of(tables, source)
+    mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
+    if out is not None:
+        # What `estimate` would refuse, such as degrees that are called radians, is no log to write a configuration for.
+        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log)), None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:
         proposed = proposals.propose(recording)
-        document = (
-            None if out is None else starting_configuration(tables, proposed, margin, log=log.name, origin=origin)
-        )
+        document = None
+        if out is not None:
+            document = starting_configuration(
+                tables, proposed, margin, mode=mode, log=log.name, origin=origin, shared_stamps=recording.shared_stamps
+            )
     except ValueError as error:
         raise FileError(f"{log}: {error}") from error
     if out is not None and document is not None:
+        validate(source, document.unwrap(), Configuration)
         with replacing(out) as temporary:
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
@@ -115,11 +134,24 @@ def bounds(
         typer.echo(line)
     typer.echo(_NOTE)
     if out is not None:
-        typer.echo(f"Written: {out}, for `elliptude estimate {log} --config {out}`: maxima times {margin:g}.")
+        typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
+        following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
+        typer.echo(f"  elliptude {shlex.join(following)}")
     if rule is not None:
         typer.echo(
             f"Written: {rule}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
         )
+
+
+def _mode(mode: Mode | None, tables: Tables) -> Mode:
+    """What is asked for, what the configuration states, or the guaranteed mode."""
+    estimator = tables.get("estimator")
+    if not isinstance(estimator, dict):
+        return mode or "guaranteed"
+    stated: Mode = "guaranteed" if estimator.get("mode") == "guaranteed" else "first_order"
+    if mode not in {None, stated}:
+        raise typer.BadParameter(f"{mode!r}, but the configuration's [estimator] says otherwise", param_hint="--mode")
+    return stated
 
 
 # --- what is read -----------------------------------------------------------------------------------------------------
@@ -204,6 +236,7 @@ def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]
         ("gyro_speed_deg_per_s", "gyro: rate, °/s", _DEGREES, gyro.speed),
         ("gyro_noise_deg_per_s", "gyro: noise at rest, °/s", _DEGREES, gyro.noise),
         ("gyro_bias_spread_deg_per_s", "gyro: bias of 0.5 s at rest, from its mean, °/s", _DEGREES, gyro.bias_spread),
+        ("gyro_sums_rest_deg", "gyro: what noise adds up to in a rest, °", _DEGREES, gyro.sums_rest),
         (
             "gyro_rate_error_deg_per_s",
             "gyro: rate over 0.05 s, from the reference, °/s",
@@ -220,6 +253,14 @@ def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]
                 angles,
             )
         )
+    lines.append(
+        (
+            "gyro_unexplained_deg",
+            "gyro: turns over 1 to 16 s, bias and scale taken out, °",
+            _DEGREES,
+            gyro.unexplained,
+        )
+    )
     for key, unit, name, vector in (
         ("accelerometer", "m_per_s2", "accelerometer", proposed.accelerometer),
         ("magnetometer", "ut", "magnetometer", proposed.magnetometer),
@@ -249,17 +290,44 @@ def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]
                     getattr(vector, f"angle_{state}"),
                 ),
             ]
-        lines.append(
+        lines += [
             (
                 f"{key}_aligned_rest_deg",
                 f"{name}: the same at rest, best turn removed, °",
                 _DEGREES,
                 vector.aligned_rest,
-            )
-        )
+            ),
+            (
+                f"{key}_averaged_rest_{unit}",
+                f"{name}: mean over 0.5 s off, at rest, {shown}",
+                1.0,
+                vector.averaged_rest,
+            ),
+            (
+                f"{key}_scatter_rest_{unit}",
+                f"{name}: sample from its mean over 0.5 s, at rest, {shown}",
+                1.0,
+                vector.scatter_rest,
+            ),
+        ]
     lines.append(
         ("dip_rest_deg", "angle between field and specific force at rest, from its median, °", _DEGREES, proposed.dip)
     )
+    if proposed.start is not None:
+        lines += [
+            (
+                "gyro_bias_moved_deg_per_s",
+                "gyro: bias of 0.5 s at rest, from that at the start, °/s",
+                _DEGREES,
+                proposed.start.bias_moved,
+            ),
+            (
+                "magnetometer_field_moved_ut",
+                "magnetometer: off from the start, delay taken out, µT",
+                1.0,
+                proposed.start.field_moved,
+            ),
+        ]
     return lines
 
 
@@ -333,80 +401,11 @@ def _write(path: Path, proposed: Proposal, margin: float, log: Path) -> None:
         f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",
         "They guarantee nothing about another recording. Replace each number by one for which there is a reason, such",
         "as a datasheet or the size of the room; what the recording could not show is that of the rule for a sensor in",
-        "the hand, as marked.",
+        "the hand, as marked, and what it shows in part alone is not less than that.",
     ):
         document.add(tomlkit.comment(line))
-    for name, table in rule_tables(proposed, margin).items():
+    for name, section in sections(rule_tables(proposed, margin)).items():
         document.add(tomlkit.nl())
-        section = tomlkit.table()
-        for key, (value, seen) in table.items():
-            section.add(key, value)
-            if not seen:
-                section[key].comment("not seen in the recording")
         document.add(name, section)
     with replacing(path) as temporary:
         temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
-
-
-def rule_tables(proposed: Proposal, margin: float) -> dict[str, dict[str, tuple[Any, bool]]]:
-    """A rule to start from: by table and key the value, and whether the recording showed it.
-
-    Parameters
-    ----------
-    proposed : Proposal
-    margin : float
-        What maxima are multiplied by.
-
-    Returns
-    -------
-    dict
-        What `elliptude.bound_rules.Rule` takes, each value with True if it comes from the recording.
-    """
-    standard = bound_rules.hand_held().model_dump(mode="json", exclude_none=True)
-    if proposed.magnetometer is None:
-        del standard["magnetometer"]
-    seen: dict[tuple[str, str], float | None] = {}
-
-    def largest(found: Quantiles | None, factor: float = 1.0) -> float | None:
-        return None if found is None else margin * factor * found.maximum
-
-    gyro = proposed.gyro
-    seen["gyro", "noise_deg_per_s"] = largest(gyro.noise, _DEGREES)
-    seen["gyro", "bias_deg_per_s"] = largest(gyro.bias_spread, _DEGREES)
-    if gyro.scale_error is not None:
-        seen["gyro", "scale_error"] = min(margin * gyro.scale_error, 0.99)
-    if proposed.accelerometer is not None:
-        rest = proposed.accelerometer.vector_rest or proposed.accelerometer.norm_rest
-        seen["accelerometer", "error_m_per_s2"] = largest(rest)
-    if proposed.magnetometer is not None:
-        vector = proposed.magnetometer
-        seen["magnetometer", "error_ut"] = largest(vector.vector_rest or vector.norm_rest)
-        seen["magnetometer", "disturbance_ut"] = largest(vector.vector_moving or vector.norm_moving)
-        delay = proposed.magnetometer_delay
-        if delay is not None:
-            seen["magnetometer", "delay_s"] = delay.delay
-            seen["magnetometer", "time_offset_bound_s"] = _offset_bound(delay, margin)
-    result: dict[str, dict[str, tuple[Any, bool]]] = {}
-    for name, table in standard.items():
-        result[name] = {}
-        for key, value in table.items():
-            found = seen.get((name, key))
-            result[name][key] = (value, False) if found is None else (_upward(found, key), True)
-    for name, error, averaged in (
-        ("accelerometer", "error_m_per_s2", "averaged_error_m_per_s2"),
-        ("magnetometer", "error_ut", "averaged_error_ut"),
-    ):
-        # An average is not further off than the samples that it is made of.
-        if name in result and result[name][averaged][0] > result[name][error][0]:
-            result[name][averaged] = (result[name][error][0], result[name][error][1])
-    return result
-
-
-def _offset_bound(delay: DelayProposal, margin: float) -> float:
-    """The scatter over the recording, and half a row, below which nothing is known."""
-    return margin * (delay.scatter + 0.5 * delay.step)
-
-
-def _upward(value: float, key: str) -> float:
-    """Three digits, rounded up; a delay to the nearest 0.1 ms."""
-    return round(value, 4) if key == "delay_s" else upward(value)

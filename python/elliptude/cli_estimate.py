@@ -28,11 +28,13 @@ from elliptude import (
     scenarios,
     simulation,
 )
+from elliptude import report as html_report
 from elliptude.background import ahead
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
 from elliptude.results import FloatArray
+from elliptude.runs import read_run
 from elliptude.summary import SETTLED_UPDATE, Summary
 from elliptude.tables import Results, write_columns, writing_columns
 from elliptude.thinning import Thinned
@@ -49,6 +51,10 @@ def estimate(
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
     ],
     out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
+    ] = None,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
@@ -56,18 +62,27 @@ def estimate(
     """Estimate attitudes and their bounds from a log of measurements.
 
     Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
-    measurement that was left out. Where the configuration names a truth to compare with, they say how far off the
-    estimates are and how often the truth lies inside the set.
+    measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
+    names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
     configuration = read_configuration(config)
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
+    if report is not None:
+        # What would fail at the end is better said before a long estimation.
+        html_report.plotly_script()
+        if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
+            raise FileError(f"{report}: not written: no such folder")
+        files.append(report)
     for file in files:
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")
     with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
+        if report is not None:
+            run, label = read_run(out)
+            html_report.write_report(run, report, log.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return

@@ -35,6 +35,7 @@ PRESETS: Mapping[str, Tables] = {
         "truth": {
             "attitude_columns": ["q_ref[0]", "q_ref[1]", "q_ref[2]", "q_ref[3]"],
             "label": "the optical attitude",
+            "error_deg": 0.5,
         },
     },
     # A table of a spacecraft's attitudes and rates.
@@ -145,6 +146,8 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
                 sensor["bound_deg"] = 1.0
             if sensor.get("kind") == "magnetometer" and not sensor.keys() & {"reference", "reference_ut"}:
                 sensor["reference_ut"] = [0.0, 1.0, 0.0]
+    if "rule" in full:
+        full.setdefault("reference_frame", "ENU")  # a rule's own
     for key in ("start", "estimator", "rule"):
         full.pop(key, None)
     full["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}
@@ -178,10 +181,12 @@ def read_recording(path: str | os.PathLike[str], configuration: Configuration) -
     if len(gyro.times) < 3:
         raise FileError(f"{path}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
     vectors: dict[str, FloatArray] = {}
+    together = np.ones(len(gyro.times), dtype=np.bool_)
     for sensor in configuration.directions:
         if sensor.kind != "direction" and sensor.kind not in vectors:
             there = samples[sensor.name]
             vectors[sensor.kind] = _at(gyro.times, there.times, there.values[:, :3])
+            together &= np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
         reference = comparison.read_reference(path, configuration)
@@ -200,6 +205,7 @@ def read_recording(path: str | os.PathLike[str], configuration: Configuration) -
         vectors.get("accelerometer"),
         None if fields is None else fields / units.FIELD["uT"],
         attitudes,
+        float(together.mean()),
     )
     return recording, gyro.origin
 

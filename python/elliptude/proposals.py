@@ -6,7 +6,7 @@ of a room, the speed of an arm. Nothing here is called more than it is. Arrays i
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.physical_bounds import STANDARD_GRAVITY, attitudes_from_rates
+from elliptude.physical_bounds import shift as shifted_back
 from elliptude.results import FloatArray
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 """Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""
+_LONGEST_INCREMENT_S = 16.0
+# A scale error is said where it is known with this standard error: what turns too little about some axis tells nothing.
+_SCALE_WITHIN = 0.01
+# s; a rest is cut into pieces so long, and what is averaged is averaged over one.
+_PIECE_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -110,7 +116,15 @@ class GyroProposal:
     window_angles: dict[float, Quantiles | None]
     """By how much the turn over a window (its duration in s) is off against the reference."""
     scale_error: float | None
-    """Spectral norm of the matrix that explains the reference's increments best, less the identity."""
+    """Spectral norm of the matrix that explains the reference's increments best, less the identity; None where the
+    recording hardly turns about some axis."""
+    sums_rest: Quantiles | None
+    """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate
+    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so
+    long, explain what was seen there."""
+    unexplained: Quantiles | None
+    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the error of
+    the turn, rad; the reference's jitter is in it. None without a reference."""
 
 
 def propose_gyro(
@@ -120,7 +134,7 @@ def propose_gyro(
     attitudes: ArrayLike | None = None,
     *,
     delay: float = 0.0,
-    piece: float = 0.5,
+    piece: float = _PIECE_S,
 ) -> GyroProposal:
     """Measure the gyro's errors.
 
@@ -147,14 +161,14 @@ def propose_gyro(
     finite = _finite(rates)
     still = resting & finite
     bias = rates[still].mean(axis=0) if still.any() else None
-    noise = spread = None
+    noise = spread = sums = None
     if bias is not None:
+        sums = quantiles(_sums_at_rest(stamps, rates, still))
         noise = quantiles(np.linalg.norm(rates[still] - bias, axis=1))
-        numbers = np.floor((stamps[still] - stamps[0]) / piece + 1e-9).astype(np.intp)
-        starts = np.flatnonzero(np.diff(numbers, prepend=-1))
-        means = np.add.reduceat(rates[still], starts) / np.diff(starts, append=len(numbers))[:, None]
+        means, _ = _means_of_pieces(stamps, rates, still, piece)
         spread = quantiles(np.linalg.norm(means - bias, axis=1))
     rate_error, windows, scale = None, {}, None
+    unexplained: list[FloatArray] = []
     if attitudes is not None:
         reference, known = _rotations(attitudes)
         step = float(np.median(np.diff(stamps)))
@@ -170,12 +184,16 @@ def propose_gyro(
             # ω̃ = M ω + b, so M and b fit the turns per second by the gyro to those by the reference.
             unknowns = np.column_stack([increments, np.ones(len(increments))])
             matrix = np.linalg.lstsq(unknowns, mean_rates, rcond=None)[0].T
-            scale = float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
+            residual = np.sqrt(np.mean((mean_rates - unknowns @ matrix.T) ** 2))
+            turned_least = np.linalg.svd(increments - increments.mean(axis=0), compute_uv=False)[-1]
+            if residual <= _SCALE_WITHIN * turned_least:
+                scale = float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
         if bias is None and len(true):
             bias = (shown - true).mean(axis=0)
         offset = np.zeros(3) if bias is None else bias
         rate_error = quantiles(np.linalg.norm(shown - offset - true, axis=1))
         turned = _integrated(stamps, np.where(finite[:, None], rates, 0.0) - offset)
+        swept = _running_sums(stamps, np.linalg.norm(np.where(finite[:, None], rates, 0.0) - offset, axis=1))
         missing = np.concatenate([[0], np.cumsum(~(finite & known))])
         for duration in WINDOWS_S:
             if duration > 0.25 * (stamps[-1] - stamps[0]):
@@ -187,9 +205,40 @@ def propose_gyro(
             start, end = start[whole], end[whole]
             by_gyro = turned[start].inv() * turned[end]
             by_reference = reference[start].inv() * reference[end]
-            windows[duration] = quantiles((by_reference.inv() * by_gyro).magnitude()) if len(start) else None
+            angles = (by_reference.inv() * by_gyro).magnitude()
+            windows[duration] = quantiles(angles)
+            if duration <= _LONGEST_INCREMENT_S:
+                explained = (scale or 0.0) * (swept[end] - swept[start])
+                explained += (0.0 if spread is None else spread.maximum) * duration
+                unexplained.append(np.maximum(angles - explained, 0.0))
+    left = quantiles(np.concatenate(unexplained)) if unexplained else None
     speed = quantiles(np.linalg.norm(rates - (0.0 if bias is None else bias), axis=1))
-    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale)
+    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale, sums, left)
+
+
+def _means_of_pieces(
+    times: FloatArray, values: FloatArray, chosen: NDArray[np.bool_], piece: float = _PIECE_S
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Means of the chosen rows in each piece of the recording, shape (n, 3), and to which each chosen row belongs."""
+    numbers = np.floor((times[chosen] - times[0]) / piece + 1e-9).astype(np.intp)
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    means: FloatArray = np.add.reduceat(values[chosen], starts) / np.diff(starts, append=len(numbers))[:, None]
+    return means, np.cumsum(np.diff(numbers, prepend=-1) > 0) - 1
+
+
+def _running_sums(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Integral from the first row on, by trapezoids, shape (N, ...)."""
+    sums = np.zeros_like(values)
+    np.cumsum((0.5 * np.diff(times) * (values[1:] + values[:-1]).T).T, axis=0, out=sums[1:])
+    return sums
+
+
+def _sums_at_rest(times: FloatArray, rates: FloatArray, still: NDArray[np.bool_]) -> FloatArray:
+    """For each phase of rest, the diagonal of the box about the integral of the rate less its mean there, rad."""
+    changes = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    phases = [slice(begin, end) for begin, end in changes]
+    sums = [_running_sums(times[phase], rates[phase] - rates[phase].mean(axis=0)) for phase in phases]
+    return np.array([np.linalg.norm(np.ptp(one, axis=0)) for one in sums], dtype=np.float64)
 
 
 def _finite(rows: FloatArray) -> NDArray[np.bool_]:
@@ -247,6 +296,10 @@ class VectorProposal:
     """The same after the constant turn that fits all rows at rest best, ``misalignment``, is removed."""
     misalignment: float | None
     """Angle of that turn: how far sensor axes and the reference's body axes seem to differ."""
+    averaged_rest: Quantiles | None = None
+    """Of the means over 0.5 s at rest: of the vector against the reference attitude, or without one of the length."""
+    scatter_rest: Quantiles | None = None
+    """At rest, a sample's distance from the mean over its 0.5 s."""
 
 
 def propose_vector(
@@ -316,6 +369,30 @@ def propose_vector(
         aligned,
         misalignment,
     )
+
+
+def _with_averages(
+    vector: VectorProposal,
+    times: FloatArray,
+    rows: FloatArray,
+    resting: NDArray[np.bool_],
+    attitudes: FloatArray | None,
+    reference: FloatArray | None,
+) -> VectorProposal:
+    """The proposal with what averages over pieces of rest show."""
+    still = resting & _finite(rows)
+    if not still.any():
+        return vector
+    means, piece = _means_of_pieces(times, rows, still)
+    scatter = quantiles(np.linalg.norm(rows[still] - means[piece], axis=1))
+    off = np.abs(np.linalg.norm(means, axis=1) - vector.magnitude)
+    if attitudes is not None and reference is not None:
+        turns, known = _rotations(attitudes)
+        still &= known
+        if still.any():
+            differences, _ = _means_of_pieces(times, rows - turns.inv().apply(reference), still)
+            off = np.linalg.norm(differences, axis=1)
+    return replace(vector, averaged_rest=quantiles(off), scatter_rest=scatter)
 
 
 def _best_turn(expected: FloatArray, measured: FloatArray) -> Rotation:
@@ -499,6 +576,21 @@ class Recording:
     """µT, body axes, shape (N, 3)."""
     attitudes: FloatArray | None = None
     """The reference (qw, qx, qy, qz) from body to reference axes (third axis up), shape (N, 4)."""
+    shared_stamps: float = 1.0
+    """The share of rows at which all sensors were sampled; at the others their vectors are interpolated."""
+
+
+@dataclass(frozen=True)
+class StartProposal:
+    """What a recording that starts at rest shows against that rest."""
+
+    duration: float
+    """Of the rest, s."""
+    bias_moved: Quantiles | None
+    """Of a piece at rest anywhere, its mean's distance from the gyro's mean over the rest at the start, rad/s."""
+    field_moved: Quantiles | None
+    """Against the mean field of that rest, its delay taken out, µT: length of the vector difference with a reference
+    attitude, without one the difference of the lengths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -520,6 +612,8 @@ class Proposal:
     """Against the gyro."""
     rests: list[tuple[float, float]]
     """First and last time of each phase of rest, s."""
+    start: StartProposal | None
+    """None where the recording does not start at rest."""
 
 
 def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Proposal:
@@ -550,17 +644,50 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
     gyro = propose_gyro(times, rates, resting, attitudes, delay=delay)
     unbiased = rates if gyro.bias is None else rates - gyro.bias
     up = None if attitudes is None else np.array([0.0, 0.0, gravity])
+    accelerometer = magnetometer = magnetometer_delay = None
+    if forces is not None:
+        accelerometer = propose_vector(forces, resting, attitudes, up, gravity)
+        accelerometer = _with_averages(accelerometer, times, forces, resting, attitudes, up)
+    if fields is not None:
+        magnetometer = propose_vector(fields, resting, attitudes)
+        magnetometer = _with_averages(magnetometer, times, fields, resting, attitudes, magnetometer.reference)
+        magnetometer_delay = delay_of_vectors(times, fields, unbiased)
+    late = 0.0 if magnetometer_delay is None else magnetometer_delay.delay
     return Proposal(
         duration=float(times[-1] - times[0]),
         rest=float(resting.mean()),
         gyro=gyro,
-        accelerometer=None if forces is None else propose_vector(forces, resting, attitudes, up, gravity),
-        magnetometer=None if fields is None else propose_vector(fields, resting, attitudes),
+        accelerometer=accelerometer,
+        magnetometer=magnetometer,
         dip=None if forces is None or fields is None else dip_scatter(forces, fields, resting),
         gyro_delay=gyro_delay,
-        magnetometer_delay=None if fields is None else delay_of_vectors(times, fields, unbiased),
+        magnetometer_delay=magnetometer_delay,
         rests=_spans(times, resting),
+        start=_against_the_start(recording, resting, delay + late) if resting[0] else None,
     )
+
+
+def _against_the_start(recording: Recording, resting: NDArray[np.bool_], late: float) -> StartProposal:
+    """What differs from the rest at the start; ``late`` is the magnetometer's delay against the reference, s."""
+    times, rates = recording.times, recording.angular_velocities
+    begin, end = _spans(times, resting)[0]
+    at_start, still = resting & (times <= end), resting & _finite(rates)
+    bias_moved = None
+    if (at_start & still).any():
+        means, _ = _means_of_pieces(times, rates, still)
+        bias_moved = quantiles(np.linalg.norm(means - rates[at_start & still].mean(axis=0), axis=1))
+    field_moved = None
+    if recording.fields is not None and _finite(recording.fields[at_start]).any():
+        fields, _ = shifted_back(times, recording.fields, late)
+        off = np.abs(np.linalg.norm(fields, axis=1) - np.linalg.norm(np.nanmean(recording.fields[at_start], axis=0)))
+        if recording.attitudes is not None:
+            turns, known = _rotations(recording.attitudes)
+            there = at_start & known & _finite(recording.fields)
+            if there.any():
+                reference = turns[there].apply(recording.fields[there]).mean(axis=0)
+                off = np.linalg.norm(fields - turns.inv().apply(reference), axis=1)[known]
+        field_moved = quantiles(off)
+    return StartProposal(end - begin, bias_moved, field_moved)
 
 
 def _spans(times: FloatArray, chosen: NDArray[np.bool_]) -> list[tuple[float, float]]:

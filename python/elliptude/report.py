@@ -114,10 +114,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     FileError
         If plotly is not installed, or the file cannot be written.
     """
-    try:
-        from plotly.offline import get_plotlyjs
-    except ModuleNotFoundError as error:
-        raise FileError("a report needs plotly: pip install 'elliptude[report]'") from error
+    plotly = plotly_script()
     rows, shown = chosen_rows(run, PIECES), _frame_rows(run)
     summary = summarize(run, label)
     summary["drawn"] = {"rows_of_curves": len(rows), "times_on_sphere": len(shown)}
@@ -135,7 +132,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "strip_hidden": "" if "strip" in data["plots"] else "hidden",
         "dropped": _spell_table(spells),
         "footnote": _footnote(run, len(rows), len(shown)),
-        "plotly": get_plotlyjs(),
+        "plotly": plotly,
         # "</script>" in a name would end the script.
         "data": json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         "script": _text("report.js"),
@@ -147,6 +144,22 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     with replacing(path) as temporary:
         temporary.write_text("".join(pieces_of_page), encoding="utf-8")
     return summary
+
+
+def plotly_script() -> str:
+    """Plotly as JavaScript.
+
+    Raises
+    ------
+    FileError
+        If plotly is not installed.
+    """
+    try:
+        from plotly.offline import get_plotlyjs
+    except ModuleNotFoundError as error:
+        raise FileError("a report needs plotly: pip install 'elliptude[report]'") from error
+    script: str = get_plotlyjs()
+    return script
 
 
 def _text(name: str) -> str:

@@ -1,0 +1,396 @@
+"""From a recording to a report in two commands: configurations to start from, of the guaranteed mode above all."""
+
+import dataclasses
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from datasets import broad, needs_datasets, xio
+from elliptude import cli, proposals, report, tables
+from elliptude.bound_rules import hand_held
+from elliptude.configuration import read_configuration
+from elliptude.files import FileError
+from elliptude.proposals import Recording
+from scipy.spatial.transform import Rotation
+from test_proposals import BIAS, FIELD, HEADER, STEP, attitude, made, write_csv
+from typer.testing import CliRunner
+
+MARGIN = 1.2
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.make_app(), [str(argument) for argument in arguments])
+
+
+def succeed(*arguments):
+    done = run(*arguments)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def refused(*arguments, exit_code=1):
+    """What a command says that must not end well."""
+    done = run(*arguments)
+    assert done.exit_code == exit_code, done.output
+    assert "Traceback" not in done.output
+    return " ".join(done.output.split())
+
+
+def write_npz(path, recording, *, rows=slice(None), **more):
+    arrays = {
+        "t": recording.times, "gyr": recording.angular_velocities, "acc": recording.specific_forces,
+        "mag": recording.fields, "q_ref": recording.attitudes,
+    }  # fmt: skip
+    np.savez(path, **{name: array[rows] for name, array in arrays.items() if array is not None}, **more)
+    return path
+
+
+def forms(results, true):
+    """γᵀ P⁻¹ γ with γ = 2 tan(θ/2) n of the true attitude from the estimated one, NaN without a set."""
+    known = np.isfinite(results.quaternions[:, 0])
+    errors = Rotation.from_quat(results.quaternions[known], scalar_first=True).inv() * true[known]
+    vectors = errors.as_rotvec()
+    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
+    gibbs = 2.0 * np.tan(0.5 * angles) * vectors / np.where(angles > 0.0, angles, 1.0)
+    result = np.full(len(known), np.nan)
+    inverses = np.linalg.inv(results.shapes[known, :3, :3])
+    result[known] = np.einsum("ni,nij,nj->n", gibbs, inverses, gibbs)
+    return result
+
+
+def assert_every_number_says_from_what_it_comes(text):
+    """Of what was proposed, and so not of lists of columns and of the reference attitude."""
+    said = 0
+    for line in text.splitlines():
+        if re.match(r"\w+ = [-\d\[{]", line) and not re.match(r'\w+ = \["|error_deg', line):
+            assert "# " in line, line
+            comment = line.split("# ")[1]
+            assert re.search(r"no guarantee|not seen in the recording|how often a prediction", comment), line
+            said += 1
+        if "maximum" in line and "shows a part" not in line:
+            assert f"times {MARGIN:g}" in line
+    assert said >= 8
+
+
+def expected(maximum, standard=0.0):
+    return pytest.approx(max(MARGIN * maximum, standard), rel=0.01)
+
+
+# --- two commands -----------------------------------------------------------------------------------------------------
+
+
+def test_from_a_users_csv_to_a_report_in_two_commands(tmp_path):
+    log, config, out = write_csv(tmp_path / "my log.csv", HEADER), tmp_path / "config.toml", tmp_path / "out"
+    said = succeed("bounds", log, "--out", config)
+    assert "mode guaranteed" in said
+    assert "elliptude estimate '" in said  # as a shell takes it
+    page = out / "report.html"
+    said = succeed("estimate", log, "--config", config, "--out", out, "--report", page)
+    assert str(page) in said
+    assert "unconditional" in page.read_text()
+
+    results = tables.Results.read(out / "results.csv")
+    assert results.claims == ("unconditional",) * len(results.times)
+    true = attitude(results.times)
+    # The field's horizontal part points north, and the recording's second axis does so too.
+    assert np.nanmax(forms(results, true)) <= 1.0
+    assert np.isfinite(forms(results, true)).all()
+    # The test can fail: an attitude that is off by more than the bound of the heading.
+    assert np.nanmax(forms(results, Rotation.from_rotvec([0.0, 0.0, 1.5]) * true)) > 1.0
+
+    assert_every_number_says_from_what_it_comes(config.read_text())
+    written = tomllib.loads(config.read_text())
+    assert "start" not in written
+    assert written["estimator"] == {"mode": "guaranteed", "policy": "drop_measurement"}
+    rule, standard = written["rule"], hand_held()
+    recording = made()
+    at_start = recording.times < 5.0
+    rates = recording.angular_velocities - recording.angular_velocities[at_start].mean(axis=0)
+    # At rest alone noise shows a part of itself, so that the number for sensors in the hand is not made smaller.
+    assert np.rad2deg(MARGIN * np.linalg.norm(rates[at_start], axis=1).max()) < standard.gyro.noise_deg_per_s
+    assert rule["gyro"]["noise_deg_per_s"] == standard.gyro.noise_deg_per_s
+    assert rule["motion"]["velocity_m_per_s"] == standard.motion.velocity_m_per_s
+
+
+def test_a_part_that_is_larger_counts(tmp_path):
+    recording = made()
+    draws = np.random.default_rng(3)
+    noise = np.deg2rad(0.35) * draws.uniform(-1.0, 1.0, recording.fields.shape)
+    lengths = 1.0 + 0.2 * (abs(recording.times - 15.0) < 1.0)
+    changed = dataclasses.replace(
+        recording,
+        angular_velocities=recording.angular_velocities + 3.0 * noise * (recording.times < 4.5)[:, None] / 3.0,
+        fields=recording.fields * lengths[:, None],
+        attitudes=None,
+    )
+    config = tmp_path / "config.toml"
+    succeed("bounds", write_npz(tmp_path / "log.npz", changed), "--like", "broad", "--out", config, "--margin", "3")
+    rule = tomllib.loads(config.read_text())["rule"]
+    length = np.linalg.norm(changed.fields, axis=1)
+    at_start = length[recording.times < 4.5].mean()
+    assert rule["magnetometer"]["disturbance_ut"] == pytest.approx(3.0 * (length.max() - at_start), rel=0.02)
+    assert rule["gyro"]["noise_deg_per_s"] > hand_held().gyro.noise_deg_per_s
+
+
+def test_with_a_reference_what_is_seen_in_full_stands(tmp_path):
+    recording = made(field_late=0.015)
+    log, config, out = write_npz(tmp_path / "log.npz", recording), tmp_path / "config.toml", tmp_path / "out"
+    succeed("bounds", log, "--like", "broad", "--out", config)
+    assert_every_number_says_from_what_it_comes(config.read_text())
+    rule = tomllib.loads(config.read_text())["rule"]
+    true = Rotation.from_quat(recording.attitudes, scalar_first=True)
+    resting = (recording.times < 4.9) | (abs(recording.times - 22.0) < 1.9)
+    off = np.linalg.norm(recording.specific_forces - true.inv().apply([0.0, 0.0, 9.80665]), axis=1)
+    assert rule["accelerometer"]["error_m_per_s2"] == expected(off[resting].max())
+    assert rule["accelerometer"]["error_m_per_s2"] < hand_held().accelerometer.error_m_per_s2
+    noise = np.linalg.norm(recording.angular_velocities - BIAS, axis=1)[resting].max()
+    assert rule["gyro"]["noise_deg_per_s"] == pytest.approx(MARGIN * np.rad2deg(noise), rel=0.05)
+    # Once the delay is taken out the field is off by its noise alone, 0.2 µT for an axis.
+    assert rule["magnetometer"]["delay_s"] == pytest.approx(0.015, abs=0.002)
+    assert 0.5 < rule["magnetometer"]["disturbance_ut"] < 2.0
+    succeed("estimate", log, "--config", config, "--out", out)
+    results = tables.Results.read(out / "results.csv")
+    assert np.isfinite(results.forms).all()
+    assert forms(results, true).max() <= 1.0
+
+
+def test_without_a_magnetometer_the_heading_counts_from_the_first_row(tmp_path):
+    recording = dataclasses.replace(made(), fields=None)
+    log, config, out = write_npz(tmp_path / "log.npz", recording), tmp_path / "config.toml", tmp_path / "out"
+    succeed("bounds", log, "--like", "broad", "--no-reference", "--out", config)
+    written = tomllib.loads(config.read_text())
+    assert written["estimator"]["criterion"] == "trace"
+    assert "magnetometer" not in written["rule"]
+    said = json.loads(succeed("estimate", log, "--config", config, "--out", out, "--json"))
+    assert said["heading"] == "from the first row"
+    assert said["inside_share_of_updates"] == 1.0
+    # First order needs a second direction.
+    assert "two directions" in refused("bounds", log, "--like", "broad", "--mode", "first_order", "--out", out / "o")
+
+
+# --- by sensor --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reference", ["--reference", "--no-reference"])
+def test_without_a_rest_at_the_start_each_sensor_states_its_bounds(tmp_path, reference):
+    recording = made()
+    log = write_npz(tmp_path / "log.npz", recording, rows=recording.times > 3.5)
+    config, out = tmp_path / "config.toml", tmp_path / "out"
+    succeed("bounds", log, "--like", "broad", reference, "--out", config)
+    text = config.read_text()
+    assert_every_number_says_from_what_it_comes(text)
+    assert "a rest of" in text
+    assert "a rule asks for 2 s" in text
+    written = tomllib.loads(text)
+    assert "rule" not in written
+    flow, (up, field) = written["flow"], written["directions"]
+    np.testing.assert_allclose(np.deg2rad(flow["known_bias_deg_per_s"]), BIAS, atol=np.deg2rad(0.03))
+    assert up["bound_from"]["kind"] == "velocity_window"
+    assert field["bound_from"]["kind"] == "field"
+    assert field["reference_error_deg"] > 0.0
+    succeed("estimate", log, "--config", config, "--out", out)
+    results = tables.Results.read(out / "results.csv")
+    assert np.isfinite(results.forms).mean() > 0.95
+    assert np.nanmax(forms(results, attitude(results.times))) <= 1.0
+
+
+def test_slow_sensors_are_bounded_sample_by_sample(tmp_path):
+    """Accelerometer and magnetometer in every fourth row, another frame, and a bound that is already there."""
+    recording = made()
+    columns = np.column_stack(
+        [recording.times, recording.angular_velocities, recording.specific_forces, recording.fields]
+    )
+    log, mapping, config = tmp_path / "log.csv", tmp_path / "mapping.toml", tmp_path / "config.toml"
+    with log.open("w") as file:
+        file.write("t,wx,wy,wz,ax,ay,az,mx,my,mz\n")
+        for k, row in enumerate(columns):
+            cells = [f"{value:.9g}" for value in (row if k % 4 == 0 else row[:4])]
+            file.write(",".join(cells + [""] * (10 - len(cells))) + "\n")
+    mapping.write_text(
+        """
+        time_column = "t"
+        reference_frame = "NWU"
+        flow = { kind = "gyro", columns = ["wx", "wy", "wz"], noise_deg_per_s = 0.9 }
+        directions = [
+            { name = "a", kind = "accelerometer", columns = ["ax", "ay", "az"], unit = "m/s^2" },
+            { name = "m", kind = "magnetometer", columns = ["mx", "my", "mz"], unit = "uT" },
+        ]
+        """
+    )
+    succeed("bounds", log, mapping, "--out", config)
+    assert "sampled together in 25 % of the rows" in config.read_text()
+    written = read_configuration(config)
+    assert written.flow.noise_deg_per_s == 0.9
+    lengths = np.linalg.norm(recording.specific_forces[::4], axis=1)
+    up = written.accelerometer.bound_from
+    assert up.kind == "acceleration"
+    assert up.acceleration_m_per_s2 == expected(np.abs(lengths - 9.80665).max())
+    succeed("estimate", log, "--config", config, "--out", tmp_path / "out")
+    results = tables.Results.read(tmp_path / "out" / "results.csv")
+    to_nwu = Rotation.from_matrix([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert np.isfinite(results.quaternions[:, 0]).mean() > 0.95
+    assert np.nanmax(forms(results, to_nwu * attitude(results.times))) <= 1.0
+
+
+def test_a_rule_that_is_there_stays(tmp_path):
+    mapping, config = tmp_path / "mapping.toml", tmp_path / "config.toml"
+    log = write_npz(tmp_path / "log.npz", made())
+    mapping.write_text(
+        """
+        time_column = "t"
+        rule = { kind = "hand_held" }
+        flow = { kind = "gyro", columns = ["gyr[0]", "gyr[1]", "gyr[2]"] }
+        directions = [{ name = "up", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" }]
+        """
+    )
+    succeed("bounds", log, mapping, "--out", config)
+    assert read_configuration(config).rule.kind == "hand_held"
+
+
+# --- what is measured -------------------------------------------------------------------------------------------------
+
+
+def test_sums_at_rest():
+    """A rate whose integral goes back and forth by a known angle, about two axes."""
+    times = np.arange(0.0, 10.0, STEP)
+    turned = np.deg2rad(0.05)
+    rates = BIAS + turned * np.pi * np.column_stack([np.sin(2 * np.pi * times), np.cos(2 * np.pi * times), 0 * times])
+    still = Recording(times, rates, np.tile([0.0, 0.0, 9.8], (len(times), 1)))
+    found = proposals.propose(still).gyro.sums_rest
+    assert found.count == 1
+    # Each axis swings by 0.05 degrees; the box's diagonal is √2 times that.
+    assert found.maximum == pytest.approx(np.sqrt(2.0) * turned, rel=0.01)
+
+
+def test_where_nothing_turns_there_is_no_scale_error():
+    """Against a reference that jitters, as all do; a fit would say that the gyro shows nothing of a turn."""
+    draws = np.random.default_rng(4)
+    times = np.arange(0.0, 20.0, STEP)
+    count = len(times)
+    jitter = Rotation.from_rotvec(np.deg2rad(0.05) * draws.standard_normal((count, 3))).as_quat(scalar_first=True)
+    gyro = BIAS + np.deg2rad(0.1) * draws.standard_normal((count, 3))
+    still = Recording(times, gyro, np.tile([0.0, 0.0, 9.8], (count, 1)), attitudes=jitter)
+    assert proposals.propose(still).gyro.scale_error is None
+    scaled = made(scale=0.01 * np.eye(3))
+    assert proposals.propose(scaled).gyro.scale_error == pytest.approx(0.01, abs=0.002)
+
+
+def test_what_differs_from_the_start():
+    """Bias and field that are others in the second rest."""
+    recording = made()
+    later = recording.times > 15.0
+    moved, shift = np.deg2rad([0.0, 0.2, 0.0]), np.array([3.0, 0.0, 0.0])
+    changed = dataclasses.replace(
+        recording,
+        angular_velocities=recording.angular_velocities + later[:, None] * moved,
+        fields=recording.fields + later[:, None] * attitude(recording.times).inv().apply(shift),
+    )
+    start = proposals.propose(changed).start
+    assert start.duration == pytest.approx(5.0, abs=0.6)
+    assert start.bias_moved.maximum == pytest.approx(np.deg2rad(0.2), rel=0.2)
+    assert start.field_moved.maximum == pytest.approx(3.0, abs=1.2)
+    without = proposals.propose(dataclasses.replace(changed, attitudes=None)).start
+    lengths = np.linalg.norm([FIELD + shift, FIELD], axis=1)
+    assert without.field_moved.maximum == pytest.approx(lengths[0] - lengths[1], abs=1.2)
+    rows = slice(1400, None)
+    moving = Recording(*(array[rows] for array in vars(recording).values() if isinstance(array, np.ndarray)))
+    assert proposals.propose(moving).start is None
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_configured_is_not_written(tmp_path):
+    recording = made()
+    log, config, mapping = tmp_path / "log.npz", tmp_path / "config.toml", tmp_path / "mapping.toml"
+    write_npz(log, recording, rows=recording.times > 7.0, other=recording.times[recording.times > 7.0] + 0.4 * STEP)
+    like = ("bounds", log, "--like", "broad", "--out", config)
+    text = """
+        time_column = "t"
+        reference_frame = "ENU"
+        flow = { kind = "gyro", columns = ["gyr[0]", "gyr[1]", "gyr[2]"] }
+        """
+    accelerometer = '{ name = "a", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" }'
+    mapping.write_text(text)
+    assert "two directions" in refused("bounds", log, mapping, "--out", config)
+    mapping.write_text(f"{text}\ndirections = [{accelerometer}]")
+    said = refused("bounds", log, mapping, "--out", config)
+    assert "two directions" in said
+    assert "a rest of 0 s, and a rule asks for 2 s" in said
+    other = (
+        '{ name = "m", kind = "magnetometer", columns = ["mag[0]", "mag[1]", "mag[2]"], unit = "uT", '
+        'time_column = "other", time_unit = "s" }'
+    )
+    mapping.write_text(f"{text}\ndirections = [{accelerometer}, {other}]")
+    assert "never have the same stamp" in refused("bounds", log, mapping, "--out", config)
+    mapping.write_text(f"{text}\ndirections = [{accelerometer}]\n[start]\nkind = 'first_measurement'")
+    assert "start.kind = 'first_measurement'" in refused("bounds", log, mapping, "--out", config)
+    together = other.replace('"other", time_unit', '"t", time_unit')
+    mapping.write_text(f"{text}\ndirections = [{accelerometer}, {together}]\n[estimator]\nmode='guaranteed'\nmost=2")
+    assert "estimator.most" in refused("bounds", log, mapping, "--mode", "guaranteed", "--out", config)
+    assert "--mode" in refused("bounds", log, mapping, "--mode", "first_order", "--out", config, exit_code=2)
+    assert "--mode" in refused(*like, "--mode", "paper", exit_code=2)
+    degrees = write_csv(tmp_path / "degrees.csv", [name.replace("deg/s", "rad/s") for name in HEADER])
+    assert "degrees were declared as radians" in refused("bounds", degrees, "--out", config)
+    degrees.unlink()
+    assert "not written" in refused(*like[:-1], tmp_path / "nowhere" / "config.toml")
+    assert not config.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.npz", "mapping.toml"]
+
+
+def test_a_report_that_cannot_be_is_said_before_the_estimation(tmp_path, monkeypatch):
+    log, config, out = write_csv(tmp_path / "log.csv", HEADER), tmp_path / "config.toml", tmp_path / "out"
+    succeed("bounds", log, "--out", config)
+    arguments = ("estimate", log, "--config", config, "--out", out, "--report")
+    assert "no such folder" in refused(*arguments, tmp_path / "nowhere" / "report.html")
+    (tmp_path / "there.html").touch()
+    assert "--force" in refused(*arguments, tmp_path / "there.html")
+
+    def missing():
+        raise FileError("a report needs plotly")
+
+    monkeypatch.setattr(report, "plotly_script", missing)
+    assert "needs plotly" in refused(*arguments, tmp_path / "report.html")
+    assert not out.exists()
+
+
+# --- recordings -------------------------------------------------------------------------------------------------------
+
+
+@needs_datasets
+def test_two_commands_on_the_user_style_recording(tmp_path):
+    config, out, page = tmp_path / "config.toml", tmp_path / "out", tmp_path / "report.html"
+    succeed("bounds", xio(), "--out", config)
+    assert_every_number_says_from_what_it_comes(config.read_text())
+    arguments = ("estimate", xio(), "--config", config, "--out", out, "--report", page, "--json")
+    said = json.loads(succeed(*arguments))
+    assert said["mode"] == "guaranteed"
+    assert said["rows"] > 13_000
+    assert said["claim_share_of_rows"]["none"] < 0.05
+    assert said["sizes"]["at_rest"]["tilt_bound_deg"]["mean"] < 5.0
+    assert page.stat().st_size > 1e6
+
+
+@needs_datasets
+def test_first_order_on_the_user_style_recording(tmp_path):
+    config = tmp_path / "config.toml"
+    succeed("bounds", xio(), "--mode", "first_order", "--out", config)
+    assert read_configuration(config).estimator.mode == "first_order"
+    said = json.loads(succeed("estimate", xio(), "--config", config, "--out", tmp_path / "out", "--json"))
+    assert said["rows"] > 13_000
+
+
+@needs_datasets
+@pytest.mark.parametrize("reference", ["--reference", "--no-reference"])
+def test_a_recording_with_an_optical_attitude(tmp_path, reference):
+    """With and without a look at the optical attitude it is in the sets; it may itself be off by 0.5 degrees."""
+    config, out = tmp_path / "config.toml", tmp_path / "out"
+    succeed("bounds", broad("02"), "--like", "broad", reference, "--out", config)
+    assert read_configuration(config).truth_error == pytest.approx(np.deg2rad(0.5))
+    said = json.loads(succeed("estimate", broad("02"), "--config", config, "--out", out, "--json"))
+    assert said["compared_with"] == "the optical attitude"
+    assert said["inside_share_of_updates"] >= 0.999
+    assert said["claim_share_of_rows"]["unconditional"] >= 0.8
+    assert said["sizes"]["at_rest"]["tilt_bound_deg"]["mean"] < 5.0
