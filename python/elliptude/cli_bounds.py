@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude import bound_rules, mapping, proposals
+from elliptude.cli_options import Force, refuse_to_replace, require_finite
 from elliptude.files import FileError, replacing
 from elliptude.mapping import PRESETS, Tables
 from elliptude.models import load_toml
@@ -64,7 +64,7 @@ def bounds(
         Path | None, typer.Option(help="Write a rule for bounds to start from: TOML.", show_default=False)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    force: Force = False,
 ) -> None:
     """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
 
@@ -72,11 +72,8 @@ def bounds(
     units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
     are quantiles and maxima of this recording, which guarantee nothing about another.
     """
-    if not math.isfinite(margin):
-        raise typer.BadParameter(f"{margin} is not a number", param_hint="--margin")
-    for path in (out, rule):
-        if path is not None and path.exists() and not force:
-            raise FileError(f"{path} is there already; --force replaces it")
+    require_finite("--margin", margin)
+    refuse_to_replace((path for path in (out, rule) if path is not None), force)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),

@@ -29,6 +29,7 @@ from elliptude import (
     simulation,
 )
 from elliptude.background import ahead
+from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
@@ -50,8 +51,8 @@ def estimate(
     ],
     out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
 ) -> None:
     """Estimate attitudes and their bounds from a log of measurements.
 
@@ -63,9 +64,7 @@ def estimate(
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
-    for file in files:
-        if file.exists() and not force:
-            raise FileError(f"{file} is there already; --force replaces it")
+    refuse_to_replace(files, force)
     with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
     if as_json:

@@ -1,7 +1,7 @@
 """An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
 
-Curves are drawn at chosen rows (`elliptude.runs.chosen_rows`), the sphere at up to `FRAMES` times; the numbers in the
-summary are of all rows.
+Curves are drawn at chosen rows (`elliptude.thinning.chosen_rows`), the sphere at up to `FRAMES` times; the numbers in
+the summary are of all rows.
 """
 
 import base64
@@ -18,9 +18,10 @@ import elliptude
 from elliptude.body_axes import axis_patches
 from elliptude.figures import error_limit
 from elliptude.files import FileError, replacing
-from elliptude.results import FloatArray
+from elliptude.results import CLAIMS, FloatArray
 from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, time_text
-from elliptude.runs import CLAIMS, SPELL_GAP, Run, Spell, chosen_rows, pieces, worst_claims
+from elliptude.runs import SPELL_GAP, Run, Spell
+from elliptude.thinning import chosen_rows, pieces, worst_claims
 
 FRAMES = 240
 """Times at which the sphere is drawn."""

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from elliptude.body_axes import axis_patches
 from elliptude.figures import BLACK, BLUE, GREY, ORANGE, degrees_on_log_axis, error_limit, new_figure
-from elliptude.results import FloatArray
-from elliptude.runs import CLAIMS, Run, chosen_rows, pieces, worst_claims
+from elliptude.results import CLAIMS, FloatArray
+from elliptude.runs import Run
+from elliptude.thinning import chosen_rows, pieces, worst_claims
 
 AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
 """Of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can tell apart."""

@@ -15,25 +15,29 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, Self, TypeAlias, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.body_axes import Chart, turns
-from elliptude.comparison import Reference, attitudes_at
+from elliptude.body_axes import turns
+from elliptude.containment import attitude_forms
 from elliptude.files import FileError
-from elliptude.results import FloatArray
-from elliptude.tables import QUATERNION, attitudes_from_quaternions, column_names, read_columns
+from elliptude.reference_attitudes import Reference, attitudes_at
+from elliptude.results import CLAIMS, Chart, Claim, FloatArray
+from elliptude.tables import (
+    ATTITUDE_ERRORS,
+    ATTITUDE_HALF_WIDTHS,
+    ATTITUDE_SHAPE,
+    QUATERNION,
+    attitudes_from_quaternions,
+    column_names,
+    read_columns,
+    stacked,
+    symmetric,
+)
 
-Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
-CLAIMS: tuple[Claim, ...] = get_args(Claim)
-
-_ATTITUDE_SHAPE = ("P11", "P12", "P13", "P22", "P23", "P33")
-_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
-_ERRORS = ("error_rx", "error_ry", "error_rz")
-_UPPER = np.triu_indices(3)
 SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""
 # Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
@@ -94,7 +98,12 @@ class Run:
     errors: FloatArray | None = None
     """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
     forms: FloatArray | None = None
-    """The quadratic form of the reference, at most 1 inside the set, shape (N,)."""
+    """The quadratic form of the reference, or the least of all attitudes that it may stand for, shape (N,).
+
+    At most 1 inside the set; infinite for a set without volume.
+    """
+    reference_error: float = 0.0
+    """Angle by which the reference may itself be off, rad."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -122,7 +131,7 @@ class Run:
         """Rows that have a set and a reference, shape (N,)."""
         if self.forms is None:
             return np.zeros(len(self.times), dtype=bool)
-        return np.asarray(np.isfinite(self.forms) & self.known)
+        return np.asarray(~np.isnan(self.forms) & self.known)
 
     def claimed(self, claim: Claim) -> NDArray[np.bool_]:
         """Rows with this claim, shape (N,)."""
@@ -153,15 +162,17 @@ class Run:
                 spells.append(Spell(refusal.time, refusal.time, *key, 1))
         return spells
 
-    def against(self, reference: Reference, largest_gap: float = 0.0) -> Self:
+    def against(self, reference: Reference, largest_gap: float = 0.0, reference_error: float = 0.0) -> Self:
         """The run compared with other attitudes.
 
         Parameters
         ----------
         reference : Reference
-            Of `elliptude.comparison.read_reference`.
+            Of `elliptude.reference_attitudes.read_reference`.
         largest_gap : float
             Where the reference has no sample at a row's time it is interpolated between two no further apart, s.
+        reference_error : float
+            Angle by which the reference may itself be off, rad: its form is the least of all attitudes so near.
 
         Returns
         -------
@@ -174,9 +185,8 @@ class Run:
             relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
-            with np.errstate(invalid="ignore"):
-                forms[rows] = (offsets[:, None] @ np.linalg.pinv(self.shapes[rows]) @ offsets[..., None])[:, 0, 0]
-        return replace(self, errors=errors, forms=forms)
+            forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
+        return replace(self, errors=errors, forms=forms, reference_error=reference_error)
 
     def magnification(self, rows: NDArray[np.intp]) -> int:
         """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
@@ -226,17 +236,14 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     table = _table_of(Path(result))
     names = column_names(table, "results")
     texts = [name for name in ("claim", "dropped", "chart") if name in names]
-    with_errors, with_forms = _ERRORS[0] in names, "form" in names
+    with_errors, with_forms = ATTITUDE_ERRORS[0] in names, "form" in names
     columns = read_columns(
         table,
-        optional=[QUATERNION, _ATTITUDE_SHAPE, _HALF_WIDTHS, ("largest_angle",)]
-        + [_ERRORS] * with_errors
+        optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
+        + [ATTITUDE_ERRORS] * with_errors
         + [("form",)] * with_forms,
         texts=("used", "refused", *texts),
     )
-
-    def together(triple: tuple[str, ...]) -> FloatArray:
-        return np.column_stack([columns[name] for name in triple])
 
     def words(name: str) -> tuple[str, ...] | None:
         return tuple(str(text or "") for text in columns[name]) if name in columns else None
@@ -251,21 +258,18 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     used_charts = {word for word in charts or () if word} or {"exponential"}
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
-    shapes = np.empty((len(columns["time_s"]), 3, 3))
-    shapes[:, *_UPPER] = together(_ATTITUDE_SHAPE)
-    shapes[:, *_UPPER[::-1]] = shapes[:, *_UPPER]
     run = Run(
         times=columns["time_s"],
-        quaternions=together(QUATERNION),
-        shapes=shapes,
-        half_widths=together(_HALF_WIDTHS),
+        quaternions=stacked(columns, QUATERNION),
+        shapes=symmetric(columns, ATTITUDE_SHAPE),
+        half_widths=stacked(columns, ATTITUDE_HALF_WIDTHS),
         largest_angles=columns["largest_angle"],
         used=words("used") or (),
         refused=words("refused") or (),
         dropped=words("dropped"),
         claims=claims,
         chart="gibbs" if used_charts == {"gibbs"} else "exponential",
-        errors=together(_ERRORS) if with_errors else None,
+        errors=stacked(columns, ATTITUDE_ERRORS) if with_errors else None,
         forms=columns["form"] if with_forms else None,
     )
     return run, _label(table.with_name("summary.json"))
@@ -293,53 +297,3 @@ def _label(summary: Path) -> str:
 
 def _or(words: tuple[str, ...]) -> str:
     return f"{', '.join(words[:-1])} or {words[-1]}"
-
-
-def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
-    """The weakest claim in each piece of rows; nothing where a row says nothing."""
-    ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
-    coded = np.array([ranks[word] for word in claims])
-    order = (*CLAIMS, "")
-    return [order[int(coded[chunk].max())] for chunk in chunks]
-
-
-def pieces(count: int, most: int) -> list[slice]:
-    """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
-    length = -(-count // most)
-    return [slice(begin, min(begin + length, count)) for begin in range(0, count, length)]
-
-
-def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
-    """Rows to draw instead of all: every extreme stays, each row as it is.
-
-    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
-    the edge of the band on each axis or farthest beyond it, the one with the largest form, and the first one of which
-    nothing is known.
-
-    Parameters
-    ----------
-    run : Run
-    most : int
-        Pieces. All rows are drawn if there are not more.
-
-    Returns
-    -------
-    (K,) array
-        Increasing, K at most 8 times ``most``.
-    """
-    count = len(run.times)
-    if count <= most:
-        return np.arange(count)
-    ratios = np.zeros((count, 0))
-    if run.errors is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.abs(run.errors) / run.half_widths
-    scores = [run.largest_angles, -run.largest_angles, *ratios.T] + ([run.forms] if run.forms is not None else [])
-    scores = [np.where(np.isfinite(score), score, -np.inf) for score in scores]
-    gaps, rows = ~run.known, set()
-    for piece in pieces(count, most):
-        rows.add(piece.start)
-        rows.update(piece.start + int(np.argmax(score[piece])) for score in scores)
-        if gaps[piece].any():
-            rows.add(piece.start + int(np.argmax(gaps[piece])))
-    return np.array(sorted(rows), dtype=np.intp)

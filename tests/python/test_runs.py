@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from elliptude import runs, tables
-from elliptude.comparison import Reference
+from elliptude import runs, tables, thinning
 from elliptude.files import FileError
+from elliptude.reference_attitudes import Reference
+from elliptude.results import CLAIMS
 from elliptude.runs import Refusal, Run
 from scipy.spatial.transform import Rotation
 
@@ -74,7 +75,7 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
     run, label = runs.read_run(tmp_path)
     assert label == "optical attitude"
     assert np.flatnonzero(~run.known).tolist() == [20, 21, 22, 23, 24]
-    assert [int(run.claimed(claim).sum()) for claim in runs.CLAIMS] == [35, 10, 5]
+    assert [int(run.claimed(claim).sum()) for claim in CLAIMS] == [35, 10, 5]
     assert np.flatnonzero(run.escaped).tolist() == [30]
     assert run.compared.sum() == 45
     assert np.isnan(run.attitudes[20:25]).all()
@@ -147,22 +148,32 @@ def test_a_reference_is_not_carried_over_gaps():
     assert not none.compared.any()
 
 
+def test_a_flat_set_holds_only_what_lies_in_it():
+    """Without volume: nothing that is measured lies in it, and the row counts as compared all the same."""
+    run = make_run()
+    run.shapes[:] = np.diag([0.1, 0.2, 0.0]) ** 2
+    true = Rotation.from_quat(run.quaternions, scalar_first=True) * Rotation.from_rotvec([0.0, 0.0, 0.01])
+    compared = run.against(Reference(run.times, true))
+    assert compared.compared.all()
+    assert compared.escaped.all()
+
+
 def test_decimation_keeps_what_stands_out():
     count = 20_000
     rng = np.random.default_rng(0)
     run = make_run(count, errors=0.01 * rng.standard_normal((count, 3)), forms=rng.random(count))
     run.forms[12_345], run.errors[777, 1], run.largest_angles[4_321] = 7.0, 0.5, 2.0
     run.quaternions[15_001:15_003] = np.nan
-    rows = runs.chosen_rows(run, 100)
+    rows = thinning.chosen_rows(run, 100)
     assert len(rows) <= 800
     assert (np.diff(rows) > 0).all()
     assert {12_345, 777, 4_321, 15_001} <= set(rows.tolist())
-    assert runs.chosen_rows(run, count).tolist() == list(range(count))
+    assert thinning.chosen_rows(run, count).tolist() == list(range(count))
 
 
 def test_the_weakest_claim_of_a_piece_counts():
     claims = ("unconditional", "conditional", "unconditional", "none", "", "unconditional")
-    assert runs.worst_claims(claims, runs.pieces(6, 3)) == ["conditional", "none", ""]
+    assert thinning.worst_claims(claims, thinning.pieces(6, 3)) == ["conditional", "none", ""]
 
 
 @pytest.mark.parametrize(("angle", "factor"), [(0.3, 1), (0.1, 2), (0.02, 10), (1e-4, 2000), (2.0, 1), (0.0, 50_000)])
