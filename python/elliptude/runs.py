@@ -8,9 +8,14 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
     The sensors whose measurements were left out as contradictory, with a space between their names.
 ``chart``
     ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
+``prediction_used``, ``tilt_bound``
+    Whether the prediction went into the row's set; how far the estimated up may be off.
+
+Of the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
 
 import json
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -34,6 +39,7 @@ from elliptude.tables import (
     attitudes_from_quaternions,
     column_names,
     read_columns,
+    read_events,
     stacked,
     symmetric,
 )
@@ -52,8 +58,8 @@ class Refusal(NamedTuple):
     """s."""
     sensors: str
     """Names, a space between them."""
-    what: Literal["dropped", "refused"]
-    """By itself, or with all others of its row because the sets did not meet."""
+    what: Literal["dropped", "refused", "own bound"]
+    """By itself, or with all others of its row because the sets did not meet, or because its own bound excludes it."""
 
 
 class Spell(NamedTuple):
@@ -69,6 +75,24 @@ class Spell(NamedTuple):
     """As of `Refusal`."""
     measurements: int
     """How many."""
+
+
+@dataclass(frozen=True, eq=False)
+class DroppedMeasurements:
+    """Measurements that were left out, n of them, in order of time; of ``dropped.csv``."""
+
+    times: FloatArray
+    """s, shape (n,)."""
+    places: tuple[str, ...]
+    """Lines or rows of the log."""
+    sensors: tuple[str, ...]
+    """A name each."""
+    contradicts: tuple[str, ...]
+    """``prediction`` or ``own_bound``."""
+    margins: FloatArray
+    """How far the sets were from meeting, or minus what is missing to the own bound, shape (n,)."""
+    units: tuple[str, ...]
+    """Of the margins; nothing for those of sets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +128,16 @@ class Run:
     """
     reference_error: float = 0.0
     """Angle by which the reference may itself be off, rad."""
+    prediction_used: FloatArray | None = None
+    """1 where the prediction went into the set, 0 where it did not, shape (N,); None where the table does not say."""
+    tilt_bounds: FloatArray | None = None
+    """Of the angle between estimated and true up, rad, shape (N,); None where the table does not say."""
+    listed: DroppedMeasurements | None = None
+    """All that was left out by itself; None where there is no list."""
+    void: tuple[str, ...] = ()
+    """Sensors that were left out from beginning to end because they contradict their own bounds."""
+    heading_from_start: bool = False
+    """Whether the heading counts from the first row, because nothing told it."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -141,12 +175,21 @@ class Run:
 
     def refusals(self) -> Iterator[Refusal]:
         """Each row's measurements that did not go in, in time order."""
-        dropped = self.dropped if self.dropped is not None else ("",) * len(self.times)
+        dropped = self.dropped if self.dropped is not None and self.listed is None else ("",) * len(self.times)
+        found = [] if self.listed is None else self._of_list(self.listed)
         for time, alone, together in zip(self.times, dropped, self.refused, strict=True):
             if alone:
-                yield Refusal(float(time), alone, "dropped")
+                found.append(Refusal(float(time), alone, "dropped"))
             if together and together != alone:
-                yield Refusal(float(time), together, "refused")
+                found.append(Refusal(float(time), together, "refused"))
+        yield from sorted(found, key=lambda refusal: refusal.time)
+
+    @staticmethod
+    def _of_list(listed: DroppedMeasurements) -> list[Refusal]:
+        return [
+            Refusal(float(time), sensor, "own bound" if why == "own_bound" else "dropped")
+            for time, sensor, why in zip(listed.times, listed.sensors, listed.contradicts, strict=True)
+        ]
 
     def refusal_spells(self) -> list[Spell]:
         """The same in spells: one sensor or set of sensors, no more than `SPELL_GAP` between one time and the next."""
@@ -236,12 +279,13 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     table = _table_of(Path(result))
     names = column_names(table, "results")
     texts = [name for name in ("claim", "dropped", "chart") if name in names]
-    with_errors, with_forms = ATTITUDE_ERRORS[0] in names, "form" in names
+    with_errors = ATTITUDE_ERRORS[0] in names
+    further = [name for name in ("form", "prediction_used", "tilt_bound") if name in names]
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
-        + [("form",)] * with_forms,
+        + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
 
@@ -258,6 +302,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     used_charts = {word for word in charts or () if word} or {"exponential"}
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
+    summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
     run = Run(
         times=columns["time_s"],
         quaternions=stacked(columns, QUATERNION),
@@ -270,9 +315,15 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         claims=claims,
         chart="gibbs" if used_charts == {"gibbs"} else "exponential",
         errors=stacked(columns, ATTITUDE_ERRORS) if with_errors else None,
-        forms=columns["form"] if with_forms else None,
+        forms=columns.get("form"),
+        reference_error=math.radians(summary.truth_error_deg),
+        prediction_used=columns.get("prediction_used"),
+        tilt_bounds=columns.get("tilt_bound"),
+        listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
+        void=summary.void,
+        heading_from_start=summary.heading_from_start,
     )
-    return run, _label(table.with_name("summary.json"))
+    return run, summary.label
 
 
 def _table_of(result: Path) -> Path:
@@ -285,14 +336,45 @@ def _table_of(result: Path) -> Path:
     return found[0]
 
 
-def _label(summary: Path) -> str:
-    """What the summary beside a table says that the errors are against."""
+class _Summary(NamedTuple):
+    """What a summary beside a table may say of it."""
+
+    label: str = "truth"
+    truth_error_deg: float = 0.0
+    void: tuple[str, ...] = ()
+    heading_from_start: bool = False
+
+
+def _read_summary(path: Path) -> _Summary:
+    """What the errors are against and how far that may be off, and sensors left out altogether; if there is one."""
     try:
-        read = json.loads(summary.read_text(encoding="utf-8"))
+        read = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return "truth"
-    label = read.get("compared_with") if isinstance(read, dict) else None
-    return label if isinstance(label, str) else "truth"
+        return _Summary()
+    if not isinstance(read, dict):
+        return _Summary()
+    label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    return _Summary(
+        label if isinstance(label, str) else "truth",
+        float(error) if isinstance(error, int | float) else 0.0,
+        tuple(str(name) for name in void) if isinstance(void, list) else (),
+        read.get("heading") == "from the first row",
+    )
+
+
+def _read_dropped(path: Path) -> DroppedMeasurements:
+    columns = read_events(path, "dropped", numbers=("margin",), texts=("place", "sensor", "contradicts", "unit"))
+    texts = {
+        name: tuple(str(text or "") for text in columns[name]) for name in ("place", "sensor", "contradicts", "unit")
+    }
+    return DroppedMeasurements(
+        times=columns["time_s"],
+        places=texts["place"],
+        sensors=texts["sensor"],
+        contradicts=texts["contradicts"],
+        margins=columns["margin"],
+        units=texts["unit"],
+    )
 
 
 def _or(words: tuple[str, ...]) -> str:

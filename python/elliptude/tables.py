@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -517,6 +517,39 @@ def read_columns(
         some = np.any([empty[name] for name in group], axis=0)
         for name in group:
             source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def read_events(
+    path: str | os.PathLike[str], kind: Kind, *, numbers: Iterable[str], texts: Iterable[str]
+) -> dict[str, NDArray[Any]]:
+    """Read a table with a row for each event, of which several may be at a time, and which may have none.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : str
+    numbers, texts : iterable of str
+        Columns of finite numbers and of text.
+
+    Returns
+    -------
+    dict of str to array
+        With ``time_s``, each shape (n,); texts as objects.
+
+    Raises
+    ------
+    FileError
+        If it is no such table; the message names file, line and column.
+    """
+    source, numbers, texts = _open(path, kind), ["time_s", *numbers], list(texts)
+    require_columns(source, [*numbers, *texts])
+    table = source.read(numbers, texts)
+    columns: dict[str, NDArray[Any]] = {}
+    for name in numbers:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        source.refuse(~np.isfinite(columns[name]), name, "not a finite number")
+    source.refuse(np.diff(columns["time_s"], prepend=-np.inf) < 0.0, "time_s", "before the time of the row before")
     return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
 
 

@@ -64,10 +64,10 @@ def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
     if results.forms is not None:
         known = np.isfinite(results.forms)
         size = np.where(known, results.forms, size)
-    return _largest_of_each(bins, known, size)
+    return largest_of_each(bins, known, size)
 
 
-def _largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
+def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
     """The row of each bin with the largest score, and of such the first; of several scores the first one counts most.
 
     Bins must not decrease, and no score may be NaN.
@@ -112,6 +112,15 @@ def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
     return [order[int(coded[chunk].max())] for chunk in chunks]
 
 
+def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
+    """At how many rows of each piece that have a set the prediction went into it: "every row", "some rows", "none"."""
+    shares = []
+    for chunk in chunks:
+        known = used[chunk][np.isfinite(used[chunk])]
+        shares.append("every row" if len(known) and known.all() else "some rows" if known.any() else "none")
+    return shares
+
+
 def pieces(count: int, most: int) -> list[slice]:
     """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
     length = -(-count // most)
@@ -122,8 +131,8 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     """Rows to draw instead of all: every extreme stays, each row as it is.
 
     Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
-    the edge of the band on each axis or farthest beyond it, the one with the largest form, and the first one of which
-    nothing is known.
+    the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
+    of which nothing is known.
 
     Parameters
     ----------
@@ -134,7 +143,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     Returns
     -------
     (K,) array
-        Increasing, K at most 8 times ``most``.
+        Increasing, K at most 9 times ``most``.
     """
     count = len(run.times)
     if count <= most:
@@ -143,10 +152,11 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     if run.errors is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.abs(run.errors) / run.half_widths
-    scores = [run.largest_angles, -run.largest_angles, *ratios.T] + ([run.forms] if run.forms is not None else [])
+    scores = [run.largest_angles, -run.largest_angles, *ratios.T]
+    scores += [score for score in (run.forms, run.tilt_bounds) if score is not None]
     scores = [np.where(np.isnan(score), -np.inf, score) for score in scores]
     some, is_gap = pieces(count, most), ~run.known
     bins = np.arange(count) // some[0].stop
-    gaps = _largest_of_each(bins, is_gap)
+    gaps = largest_of_each(bins, is_gap)
     rows = [np.array([piece.start for piece in some]), gaps[is_gap[gaps]]]
-    return np.unique(np.concatenate(rows + [_largest_of_each(bins, score) for score in scores]))
+    return np.unique(np.concatenate(rows + [largest_of_each(bins, score) for score in scores]))

@@ -90,6 +90,62 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
     assert (both.first, both.sensors, both.what) == (run.times[20], "sun star", "refused")
 
 
+DROPPED = {
+    "time_s": np.array([0.5, 0.5, 0.7, 4.0]),
+    "place": ["line 8", "line 8", "line 10", "line 43"],
+    "sensor": ["star", "sun", "star", "sun"],
+    "contradicts": ["prediction", "prediction", "prediction", "own_bound"],
+    "margin": np.array([-0.4, -0.4, -0.2, -1.5]),
+    "unit": ["", "", "", "m/s^2"],
+}
+
+
+def write_guaranteed(folder):
+    """What the guaranteed mode writes beside a table, and what it has more in the table."""
+    columns = table_columns(make_run()) | {
+        "claim": ["conditional"] * 50,
+        "dropped": ["star sun" if i == 5 else "star" if i == 7 else "" for i in range(50)],
+        "prediction_used": np.where(np.arange(50) < 10, 0.0, 1.0),
+        "tilt_bound": np.linspace(0.05, 0.1, 50),
+    }
+    columns["prediction_used"][49] = np.nan
+    write(folder, columns)
+    tables.write_columns(folder / "dropped.csv", "dropped", DROPPED)
+    said = {"compared_with": "camera", "truth_error_deg": 0.5, "void": ["field"], "heading": "from the first row"}
+    (folder / "summary.json").write_text(json.dumps(said))
+    return columns
+
+
+def test_what_the_guaranteed_mode_says_more(tmp_path):
+    columns = write_guaranteed(tmp_path)
+    run, label = runs.read_run(tmp_path)
+    assert label == "camera"
+    np.testing.assert_array_equal(run.tilt_bounds, columns["tilt_bound"])
+    np.testing.assert_array_equal(run.prediction_used, columns["prediction_used"])
+    assert run.reference_error == pytest.approx(np.deg2rad(0.5))
+    assert (run.void, run.heading_from_start) == (("field",), True)
+    # The list says more than the column does, and each measurement counts once.
+    assert [(refusal.time, refusal.sensors, refusal.what) for refusal in run.refusals()] == [
+        (0.5, "star", "dropped"),
+        (0.5, "sun", "dropped"),
+        (0.7, "star", "dropped"),
+        (4.0, "sun", "own bound"),
+    ]
+    assert [(spell.sensors, spell.what, spell.measurements) for spell in run.refusal_spells()] == [
+        ("star", "dropped", 2),
+        ("sun", "dropped", 1),
+        ("sun", "own bound", 1),
+    ]
+    shares = thinning.prediction_shares(run.prediction_used, thinning.pieces(50, 4))
+    assert shares == ["some rows", "every row", "every row", "every row"]
+    assert thinning.prediction_shares(np.array([0.0, 0.0, np.nan]), [slice(0, 2), slice(2, 3)]) == ["none", "none"]
+    (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n")
+    assert len(runs.read_run(tmp_path)[0].listed.times) == 0
+    (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n1,line 2,a,b,c,\n")
+    with pytest.raises(FileError, match=r"dropped\.csv: line 3, column 5 \(margin\): not a number: 'c'"):
+        runs.read_run(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
