@@ -7,6 +7,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from elliptude.configuration import Configuration
 from elliptude.files import FileError
 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
@@ -19,6 +20,15 @@ TruthConfig: TypeAlias = Annotated[
 ]
 LargestGap: TypeAlias = Annotated[
     float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
+]
+ReferenceErrorDeg: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0,
+        max=180.0,
+        help="What the reference may itself be off, degrees; if left out, truth.error_deg of the configuration.",
+        show_default=False,
+    ),
 ]
 
 
@@ -33,6 +43,30 @@ def refuse_to_replace(paths: Iterable[Path], force: bool) -> None:
     for path in paths:
         if path.exists() and not force:
             raise FileError(f"{path} is there already; --force replaces it")
+
+
+def reference_error(stated_deg: float | None, configuration: Configuration | None) -> tuple[float, str | None]:
+    """What a reference may itself be off, and who says so.
+
+    Parameters
+    ----------
+    stated_deg : float, optional
+        By an option, which goes before the configuration.
+    configuration : Configuration, optional
+
+    Returns
+    -------
+    error_deg : float
+        Degrees, 0 if nobody says.
+    source : str, optional
+        In words; None if nobody does.
+    """
+    if stated_deg is not None:
+        require_finite("--reference-error-deg", stated_deg)
+        return stated_deg, "--reference-error-deg"
+    if configuration is not None and configuration.truth is not None:
+        return configuration.truth.error_deg, "truth.error_deg of the configuration"
+    return 0.0, None
 
 
 def require_finite(option: str, value: float) -> None:

@@ -1,13 +1,23 @@
 """The command ``elliptude report``."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from elliptude import figures, report, run_figures
-from elliptude.cli_options import Force, LargestGap, SummaryAsJson, TruthConfig, refuse_to_replace, require_finite
+from elliptude.cli_options import (
+    Force,
+    LargestGap,
+    ReferenceErrorDeg,
+    SummaryAsJson,
+    TruthConfig,
+    reference_error,
+    refuse_to_replace,
+    require_finite,
+)
 from elliptude.configuration import read_configuration
 from elliptude.files import FileError
 from elliptude.reference_attitudes import read_reference
@@ -31,6 +41,7 @@ def make_report(
     ] = None,
     config: TruthConfig = None,
     largest_gap_s: LargestGap = 0.0,
+    reference_error_deg: ReferenceErrorDeg = None,
     label: Annotated[
         str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
     ] = None,
@@ -53,10 +64,14 @@ def make_report(
     require_finite("--largest-gap-s", largest_gap_s)
     if reference is None and config is not None:
         raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
+    if reference is None and reference_error_deg is not None:
+        raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
     run, read_label = read_run(result)
     if reference is not None:
         configuration = None if config is None else read_configuration(config)
-        run, read_label = run.against(read_reference(reference, configuration), largest_gap_s), reference.name
+        error_deg, _ = reference_error(reference_error_deg, configuration)
+        run = run.against(read_reference(reference, configuration), largest_gap_s, math.radians(error_deg))
+        read_label = reference.name
         if not run.compared.any():
             raise FileError(
                 f"{result}, {reference}: no row with a set has a reference of its time; rows are from "

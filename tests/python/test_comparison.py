@@ -194,6 +194,35 @@ def test_reference_by_configuration(tmp_path):
     assert turned["all"]["error_deg"]["mean"] == pytest.approx(compared["all"]["error_deg"]["mean"], rel=1e-9)
 
 
+def test_own_error_of_the_reference(tmp_path, made):
+    """By the option, else by the configuration; up to 1.85 degrees are within 0.3 of sets that end at 1.55."""
+    result, reference = write(tmp_path, made)
+    config = tmp_path / "config.toml"
+    config.write_text(
+        '[flow]\nkind = "gyro"\ncolumns = ["a", "b", "c"]\nnoise_deg_per_s = 1.0\n'
+        '[estimator]\nmode = "guaranteed"\n'
+        '[truth]\nattitude_columns = ["qw", "qx", "qy", "qz"]\nerror_deg = 0.3\n'
+    )
+    for arguments, inside, error, source in (
+        ((), 7, 0.0, None),
+        (("--config", config), 9, 0.3, "truth.error_deg of the configuration"),
+        (("--config", config, "--reference-error-deg", 0), 7, 0.0, "--reference-error-deg"),
+        (("--config", config, "--reference-error-deg", 0.5), 10, 0.5, "--reference-error-deg"),
+    ):
+        said = json.loads(run(result, reference, *arguments, "--json").stdout)
+        assert said["all"]["inside"] == inside
+        assert (said["reference_error_deg"], said["reference_error_from"]) == (error, source)
+        own_error = f"{error:g} degrees by {source}" if source else "not stated"
+        assert f"own error: {own_error}; inside" in " ".join(run(result, reference, *arguments).stdout.split())
+    arguments = ["report", str(result), "--reference", str(reference), "--config", str(config)]
+    done = CliRunner().invoke(cli.make_app(), [*arguments, "--out", str(tmp_path / "report.html")])
+    assert done.exit_code == 0, done.output
+    assert "reference.csv outside the set at 1 of 10 rows" in done.output
+    assert "it may itself be off by 0.3°" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    done = CliRunner().invoke(cli.make_app(), ["report", str(result), "--reference-error-deg", "1"])
+    assert done.exit_code == 2
+
+
 def test_what_is_at_fault(tmp_path, made):
     result, reference = write(tmp_path, made)
     text = reference.read_text().splitlines()
