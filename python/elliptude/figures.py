@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 from elliptude.files import replacing
 from elliptude.results import FloatArray
@@ -31,6 +31,8 @@ _NOISE_STYLES = {
 }
 # Of what is drawn; a form is beyond all numbers where P is flat.
 _HIGHEST_FORM = 1e4
+# A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
+_NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 4.0, 8
 # Fewer points than this are marked, as the lines between them are only there to guide the eye.
 _MARK_BELOW = 150
 
@@ -106,7 +108,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         )
     size.set_title("size of the set: largest angle (blue), and the error", fontsize=9.5)
     size.set_ylabel("angle (deg)")
-    degrees_on_log_axis(size)
+    plain_log_axis(size)
     for axes in (below, size):
         axes.set_xlabel("time (s)")
     assert first is not None
@@ -156,7 +158,7 @@ def about_line_figure(
     errors.set_title(f"attitude error against {label}, and its bound: the largest angle in the set", fontsize=9.5)
     errors.set_ylabel("angle (deg)")
     for axes in (widths, errors):
-        degrees_on_log_axis(axes)
+        plain_log_axis(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     colours = [strong for strong, _ in _TONES]
     _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
@@ -223,10 +225,13 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
         for axes in (worst, size):
             axes.axvline(own[-1] + 0.5, color=GREY, linewidth=0.5)
     for axes in (worst, size):
-        axes.set_yscale("log")
+        plain_log_axis(axes)
         axes.set_xlim(-0.5, len(columns) - 0.5)
-        axes.grid(axis="y", linewidth=0.3)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5)
+    for axes, what in ((worst, "errors"), (size, "traces")):
+        axes.legend(
+            loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5, title=what, alignment="left"
+        )
+    size.set_xlabel("scenario, and bound of each direction", labelpad=22)
     return figure
 
 
@@ -276,11 +281,52 @@ def _draw_form(
     axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
 
 
-def degrees_on_log_axis(axes: Axes) -> None:
-    """A log axis that says 0.5, 2 and 10 instead of powers of ten."""
+def log_ticks(low: float, high: float) -> list[float]:
+    """Where a log axis over a range has ticks: at least two within it, and not so many that their labels meet.
+
+    Parameters
+    ----------
+    low, high : float
+        Positive.
+
+    Returns
+    -------
+    list of float
+        Round numbers, some of them outside.
+    """
+    decades = np.log10(high / low)
+    if decades < _NARROW_DECADES:
+        even = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        return [float(tick) for tick in even if tick > 0.0]
+    steps = (1.0, 2.0, 5.0) if decades < _WIDE_DECADES else (1.0,)
+    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    if decades >= _WIDE_DECADES:
+        powers = powers[powers % np.ceil(decades / _MOST_POWERS) == 0.0]
+    return [float(tick) for tick in np.outer(10.0**powers, steps).ravel()]
+
+
+class _PlainLogLocator(Locator):
+    """Ticks of `log_ticks` for what is shown."""
+
+    def __call__(self) -> list[float]:
+        assert self.axis is not None
+        return self.tick_values(*sorted(self.axis.get_view_interval()))
+
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+        return log_ticks(vmin, vmax)
+
+
+def _plain(value: float, _: object) -> str:
+    """0.5 and 20 as they are, powers of ten where there would be many zeros."""
+    if 1e-3 <= value < 1e4:
+        return f"{value:g}"
+    return f"$10^{{{round(np.log10(value))}}}$" if np.log10(value) % 1.0 == 0.0 else f"{value:g}"
+
+
+def plain_log_axis(axes: Axes) -> None:
+    """A log axis that says 0.5, 2 and 10 instead of powers of ten, and says something on narrow ranges too."""
     axes.set_yscale("log")
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(plain)
+    axes.yaxis.set_major_locator(_PlainLogLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y", linewidth=0.3)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.body_axes import axis_patches
-from elliptude.figures import error_limit
+from elliptude.figures import error_limit, log_ticks
 from elliptude.files import FileError, replacing
 from elliptude.results import CLAIMS, FloatArray
 from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR, time_text
@@ -432,10 +432,10 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
     scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
     axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
     if scale == "log":
-        lowest = min(float(np.rad2deg(run.half_widths[rows][known]).min()), float(largest[known].min()))
-        # Few ticks would fall into a narrow range.
-        steps = (1, 2, 5) if lowest * 8.0 < largest[known].max() else (1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)
-        ticks = [step * 10.0**power for power in range(-6, 4) for step in steps]
+        drawn = [run.half_widths[rows].ravel(), run.largest_angles[rows]]
+        drawn += [] if run.tilt_bounds is None else [run.tilt_bounds[rows]]
+        angles = np.rad2deg(np.concatenate(drawn))
+        ticks = log_ticks(float(angles[angles > 0.0].min()), float(np.nanmax(angles)))
         axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
     layout = _layout(xaxis=_time_axis(run), yaxis=axis)
     if run.listed is not None and len(run.listed.times):

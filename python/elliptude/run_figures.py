@@ -16,7 +16,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from elliptude.body_axes import axis_patches
-from elliptude.figures import BLACK, BLUE, GREY, ORANGE, degrees_on_log_axis, error_limit, new_figure
+from elliptude.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
 from elliptude.results import FloatArray
 from elliptude.runs import Run
 from elliptude.thinning import chosen_rows, pieces, prediction_shares, worst_claims
@@ -123,7 +123,7 @@ def size_figure(run: Run, title: str) -> Figure:
     panel.set_title("size of the set of attitudes", fontsize=9.5)
     panel.set_ylabel("angle (deg)")
     if known.any() and (largest[known] > 0.0).all():
-        degrees_on_log_axis(panel)
+        plain_log_axis(panel)
     _finish(figure, run, strip, *panel.get_legend_handles_labels())
     return figure
 

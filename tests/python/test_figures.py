@@ -71,6 +71,37 @@ def test_the_same_results_make_the_same_file(tmp_path, results):
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
 
 
+@pytest.mark.parametrize("low", [1e-9, 0.031, 0.5, 0.97, 3.0])
+@pytest.mark.parametrize("ratio", [1.02, 1.3, 3.0, 9.0, 70.0, 1e5, 1e12])
+def test_a_log_axis_says_two_numbers_at_least(low, ratio):
+    """Within what is shown, each label another and not too many."""
+    axes = figures.new_figure(3.0).add_subplot()
+    axes.plot([0, 1], [low, low * ratio])
+    figures.plain_log_axis(axes)
+    axes.set_ylim(low, low * ratio)
+    ticks = axes.yaxis.get_majorticklocs()
+    shown = [tick for tick in ticks if low <= tick <= low * ratio]
+    labels = [axes.yaxis.get_major_formatter()(tick) for tick in shown]
+    assert 2 <= len(set(labels)) == len(labels) <= 14
+    for tick, label in zip(shown, labels, strict=True):
+        if "$" not in label:
+            assert float(label) == pytest.approx(tick, rel=1e-5)
+
+
+def test_validation_figure_of_forms_near_the_edge(tmp_path):
+    """Of the guaranteed mode, whose forms are all just below 1."""
+    worst = {"form": 0.97}
+    case = {"scenario": "orbit", "bound_deg": 7.0, "noise": "search", "worst": worst, "sizes": {}}
+    other = case | {"noise": "inside", "worst": {"form": 1.0}}
+    summary = {"mode": "guaranteed", "cases": [case, other], "total": {"escapes": 0, "updates": 40}}
+    figure = figures.validation_figure(summary)
+    figures.save(figure, tmp_path / "validation.png")
+    low, high = figure.axes[0].get_ylim()
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels() if low <= label.get_position()[1] <= high]
+    assert len([label for label in labels if label]) >= 2
+    assert all("times" not in label for label in labels)
+
+
 def test_about_line_figure(tmp_path, results):
     line = np.tile([1.0, 0.0, 0.0], (len(results.times), 1))
     runs = [(name, results, *fermi.half_widths_about(results, line)) for name in ("one", "two")]
