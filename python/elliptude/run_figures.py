@@ -33,7 +33,7 @@ _MOST_PIECES = 1000
 _MOST_STRIP_PIECES = 400
 # Where the sphere is seen from, in reference axes.
 _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
-_MERIDIANS, _RINGS = 120, 16
+_MERIDIANS, _RINGS = 360, 16
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:

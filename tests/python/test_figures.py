@@ -56,6 +56,35 @@ def test_bands_and_errors_are_those_of_the_results(results):
     assert form.get_ylim()[1] > 1.0
 
 
+def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
+    """As in the guaranteed mode: the axis of errors is that of what is known, the times are those of the whole log."""
+    half_widths, largest = results.half_widths.copy(), results.largest_angles.copy()
+    half_widths[:, 3:] = np.nan
+    half_widths[:, :3] = np.deg2rad(40.0)
+    half_widths[5:], largest[5:] = np.nan, np.nan
+    some = without_truth(dataclasses.replace(results, half_widths=half_widths, largest_angles=largest, vector="bias"))
+    figure = figures.estimate_figure(some, "A gap")
+    assert len(figure.axes) == 5
+    for panel in figure.axes[:3]:
+        assert panel.get_ylim() == pytest.approx((-46.0, 46.0))
+        assert panel.get_xlim() == (results.times[0], results.times[-1])
+        shade = next(one for one in panel.collections if one.get_label() == "no set is known")
+        assert shade.get_paths()[0].get_extents().x0 == results.times[4]
+    assert figure.axes[-1].get_title() == "size of the set: largest angle"
+    figures.save(figure, tmp_path / "figure.png")
+
+
+def test_the_edge_of_the_set_is_seen_beside_forms_far_out(results):
+    forms = results.forms.copy()
+    forms[3] = 2e4
+    figure = figures.estimate_figure(dataclasses.replace(results, forms=forms), "Far out")
+    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
+    assert form.get_yscale() == "log"
+    low, high = form.get_ylim()
+    assert low < 0.1
+    assert high > 2e4
+
+
 def test_share_inside_counts_what_lies_outside(results):
     forms = results.forms.copy()
     forms[:15] = 2.0
