@@ -33,7 +33,7 @@ _MOST_PIECES = 1000
 _MOST_STRIP_PIECES = 400
 # Where the sphere is seen from, in reference axes.
 _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
-_MERIDIANS, _RINGS = 360, 16
+_MERIDIANS, _RINGS = 240, 10
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
@@ -192,6 +192,7 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
         Patch(facecolor=colour, alpha=0.6, label=f"where the body's {name} axis may point")
         for colour, name in zip(AXIS_COLOURS, "xyz", strict=True)
     ]
+    handles.append(Line2D([], [], color=GREY, marker="o", fillstyle="none", linestyle=":", label="behind the sphere"))
     if np.isfinite(true_axes[rows]).any():
         handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
