@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from elliptude import comparison, estimation, logs
+from elliptude import estimation, logs, reference_attitudes
 from elliptude.configuration import Configuration, read_configuration
 from scipy.spatial.transform import Rotation
 from vqf import VQF
@@ -76,9 +76,9 @@ def errors(
     results = estimation.estimate(logs.read_log(path, configuration), configuration).results
     theirs = VQF(float(np.median(np.diff(times)))).updateBatch(gyro, force, field)["quat9D"]
     known = np.isfinite(true).all(axis=1)
-    reference = comparison.Reference(times[known], Rotation.from_quat(true[known], scalar_first=True))
+    reference = reference_attitudes.Reference(times[known], Rotation.from_quat(true[known], scalar_first=True))
     there = np.isfinite(results.quaternions).all(axis=1) & (results.times >= align_at)
-    rows, references = comparison.attitudes_at(reference, results.times, np.flatnonzero(there), 0.0)
+    rows, references = reference_attitudes.attitudes_at(reference, results.times, np.flatnonzero(there), 0.0)
     same = np.searchsorted(times, results.times[rows])
     assert np.array_equal(times[same], results.times[rows])
     return tuple(

@@ -14,14 +14,10 @@ x = L u, P = L Lᵀ and u on the unit sphere, to first order the rim is the grea
 one is found on each meridian about that pole by bisection.
 """
 
-from typing import Literal, TypeAlias
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from elliptude.results import FloatArray
-
-Chart: TypeAlias = Literal["exponential", "gibbs"]
+from elliptude.results import Chart, FloatArray
 
 _BISECTIONS = 40
 # Of the longest semi-axis: the others are drawn as if they were as long as this at least.

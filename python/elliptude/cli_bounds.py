@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import math
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude import logs, mapping, plausibility, proposals
+from elliptude.cli_options import Force, refuse_to_replace, require_finite
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.mapping import PRESETS, Tables
@@ -76,7 +76,7 @@ def bounds(
         Path | None, typer.Option(help="Write a rule for bounds to start from: TOML.", show_default=False)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    force: Force = False,
 ) -> None:
     """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
 
@@ -84,11 +84,8 @@ def bounds(
     units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
     are quantiles and maxima of this recording, which guarantee nothing about another.
     """
-    if not math.isfinite(margin):
-        raise typer.BadParameter(f"{margin} is not a number", param_hint="--margin")
-    for path in (out, rule):
-        if path is not None and path.exists() and not force:
-            raise FileError(f"{path} is there already; --force replaces it")
+    require_finite("--margin", margin)
+    refuse_to_replace((path for path in (out, rule) if path is not None), force)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),

@@ -12,8 +12,8 @@ from rich.table import Table
 from elliptude import check as checks
 from elliptude import conversion
 from elliptude.check import Report
+from elliptude.cli_options import Force, refuse_to_replace
 from elliptude.configuration import read_configuration
-from elliptude.files import FileError
 
 
 def check(
@@ -86,11 +86,10 @@ def convert(
         str | None,
         typer.Option(help="Which topic, or which length of arrays, where the log has several.", show_default=False),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    force: Force = False,
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
-    if target.exists() and not force:
-        raise FileError(f"{target} is there already; --force replaces it")
+    refuse_to_replace([target], force)
     if config is None:
         rows = conversion.convert(source, target, stream)
     elif stream is not None:

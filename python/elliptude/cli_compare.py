@@ -11,8 +11,19 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude import comparison
+from elliptude.cli_options import (
+    Force,
+    LargestGap,
+    ReferenceErrorDeg,
+    TruthConfig,
+    reference_error,
+    refuse_to_replace,
+    require_finite,
+)
 from elliptude.configuration import read_configuration
 from elliptude.files import FileError
+from elliptude.reference_attitudes import read_reference
+from elliptude.runs import read_run
 
 
 def compare(
@@ -23,41 +34,32 @@ def compare(
         Path,
         typer.Argument(help="A table with time_s,qw,qx,qy,qz; with --config a log in any format.", show_default=False),
     ],
-    config: Annotated[
-        Path | None,
-        typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
-    ] = None,
-    largest_gap_s: Annotated[
-        float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
-    ] = 0.0,
-    reference_error_deg: Annotated[
-        float, typer.Option(min=0.0, max=180.0, help="What the reference may itself be off, degrees.")
-    ] = 0.0,
+    config: TruthConfig = None,
+    largest_gap_s: LargestGap = 0.0,
+    reference_error_deg: ReferenceErrorDeg = None,
     tum: Annotated[
         Path | None,
         typer.Option(help="Folder for estimate.tum and reference.tum, which evo_ape reads.", show_default=False),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    force: Force = False,
 ) -> None:
     """Compare results with a reference attitude: containment, error of the center, width of the sets.
 
     Exit code 1 if the reference is outside a set that the table claims to hold without a condition.
     """
-    if not math.isfinite(largest_gap_s) or not math.isfinite(reference_error_deg):
-        raise typer.BadParameter("not a finite number", param_hint="--largest-gap-s, --reference-error-deg")
-    if tum is not None and not force:
-        for name in ("estimate.tum", "reference.tum"):
-            if (tum / name).exists():
-                raise FileError(f"{tum / name} is there already; --force replaces it")
+    require_finite("--largest-gap-s", largest_gap_s)
+    if tum is not None:
+        refuse_to_replace((tum / name for name in ("estimate.tum", "reference.tum")), force)
     configuration = None if config is None else read_configuration(config)
-    estimates = comparison.read_estimates(result)
+    error_deg, source = reference_error(reference_error_deg, configuration)
+    run, _ = read_run(result)
     try:
         compared = comparison.compare(
-            estimates,
-            comparison.read_reference(reference, configuration),
+            run,
+            read_reference(reference, configuration),
             largest_gap=largest_gap_s,
-            reference_error=math.radians(reference_error_deg),
+            reference_error=math.radians(error_deg),
         )
     except ValueError as error:
         raise FileError(f"{result}, {reference}: {error}") from error
@@ -67,10 +69,18 @@ def compare(
         written = compared.write_tum(tum)
     summary = compared.to_dict()
     if as_json:
-        head = {"result": str(result), "reference": str(reference), "reference_error_deg": reference_error_deg}
+        head = {
+            "result": str(result),
+            "reference": str(reference),
+            "reference_error_deg": error_deg,
+            "reference_error_from": source,
+        }
         typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         typer.echo(f"{result} against {reference}: {len(compared.times)} of {compared.rows} rows compared")
+        own_error = "not stated" if source is None else f"{error_deg:g} degrees by {source}"
+        counts = "any attitude so near" if error_deg > 0.0 else "the reference itself"
+        typer.echo(f"the reference's own error: {own_error}; inside is said of {counts}")
         Console(width=max(Console().width, 110)).print(_table(summary))
         for path in written:
             typer.echo(f"  {path}")

@@ -30,6 +30,7 @@ from elliptude import (
 )
 from elliptude import report as html_report
 from elliptude.background import ahead
+from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
@@ -56,8 +57,8 @@ def estimate(
         typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
     ] = None,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
 ) -> None:
     """Estimate attitudes and their bounds from a log of measurements.
 
@@ -75,9 +76,7 @@ def estimate(
         if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
             raise FileError(f"{report}: not written: no such folder")
         files.append(report)
-    for file in files:
-        if file.exists() and not force:
-            raise FileError(f"{file} is there already; --force replaces it")
+    refuse_to_replace(files, force)
     with _making(out), _progress(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
         if report is not None:

@@ -8,9 +8,19 @@ from typing import Annotated, Any
 import typer
 
 from elliptude import figures, report, run_figures
-from elliptude.comparison import read_reference
+from elliptude.cli_options import (
+    Force,
+    LargestGap,
+    ReferenceErrorDeg,
+    SummaryAsJson,
+    TruthConfig,
+    reference_error,
+    refuse_to_replace,
+    require_finite,
+)
 from elliptude.configuration import read_configuration
 from elliptude.files import FileError
+from elliptude.reference_attitudes import read_reference
 from elliptude.runs import Run, read_run
 
 _PICTURES = ("bands.png", "size.png", "axes.png")
@@ -29,13 +39,9 @@ def make_report(
             show_default=False,
         ),
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
-    ] = None,
-    largest_gap_s: Annotated[
-        float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
-    ] = 0.0,
+    config: TruthConfig = None,
+    largest_gap_s: LargestGap = 0.0,
+    reference_error_deg: ReferenceErrorDeg = None,
     label: Annotated[
         str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
     ] = None,
@@ -46,25 +52,26 @@ def make_report(
     title: Annotated[
         str | None, typer.Option(help="If left out, what the table is called.", show_default=False)
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
 ) -> None:
     """Make an interactive report of a result: one HTML file that any browser shows without a network.
 
     Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
     """
     files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
-    for file in files:
-        if file.exists() and not force:
-            raise FileError(f"{file} is there already; --force replaces it")
-    if not math.isfinite(largest_gap_s):
-        raise typer.BadParameter("not a finite number", param_hint="--largest-gap-s")
+    refuse_to_replace(files, force)
+    require_finite("--largest-gap-s", largest_gap_s)
     if reference is None and config is not None:
         raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
+    if reference is None and reference_error_deg is not None:
+        raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
     run, read_label = read_run(result)
     if reference is not None:
         configuration = None if config is None else read_configuration(config)
-        run, read_label = run.against(read_reference(reference, configuration), largest_gap_s), reference.name
+        error_deg, _ = reference_error(reference_error_deg, configuration)
+        run = run.against(read_reference(reference, configuration), largest_gap_s, math.radians(error_deg))
+        read_label = reference.name
         if not run.compared.any():
             raise FileError(
                 f"{result}, {reference}: no row with a set has a reference of its time; rows are from "

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from elliptude import __version__, scenarios, simulation, tables
+from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.files import FileError, replacing, write_json
 from elliptude.scenarios import Scenario
 
@@ -41,8 +42,8 @@ def simulate(
         typer.Option(help="Which of the scenario's sets of directions.", show_default="the scenario's first"),
     ] = None,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the tables.")] = "csv",  # noqa: A002
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
 ) -> None:
     """Simulate measurements of a true motion, with errors within bounds.
 
@@ -60,9 +61,7 @@ def simulate(
     all_seeds = range(seed, seed + seeds)
     files = {n: f"measurements{f'_seed{n}' if seeds > 1 else ''}.{format}" for n in all_seeds}
     summary_file = out / "summary.json"
-    for file in (*files.values(), "estimate.toml", summary_file.name):
-        if (out / file).exists() and not force:
-            raise FileError(f"{out / file} is there already; --force replaces it")
+    refuse_to_replace((out / file for file in (*files.values(), "estimate.toml", summary_file.name)), force)
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.
     summary_file.unlink(missing_ok=True)

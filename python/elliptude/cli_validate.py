@@ -20,6 +20,7 @@ from rich.table import Table
 import elliptude
 from elliptude import adversary, figures, validation
 from elliptude.adversary import Case
+from elliptude.cli_options import SummaryAsJson
 from elliptude.files import FileError, write_json
 from elliptude.validation import Arguments
 
@@ -73,7 +74,7 @@ def validate(
     processes: Annotated[
         int | None, typer.Option(min=1, max=1024, help="How many run side by side.", show_default="one for each core")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    as_json: SummaryAsJson = False,
     force: Annotated[bool, typer.Option("--force", help="Start over where another validation was begun.")] = False,
 ) -> None:
     """Try to drive the truth out of the sets, with errors that keep their bounds.

@@ -74,6 +74,33 @@ def compare(
     return errors, forms
 
 
+def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.0) -> FloatArray:
+    """xᵀ P⁻¹ x of attitude errors, or the least of all attitudes no further than a distance from each.
+
+    Parameters
+    ----------
+    offsets : (N, 3) array
+        x in the sets' own chart.
+    shapes : (N, 3, 3) array
+        P.
+    distance : float
+        rad.
+
+    Returns
+    -------
+    (N,) array
+        At most 1 in the set; infinite where P is not positive definite or x beyond all numbers.
+    """
+    forms = np.full(len(offsets), np.inf)
+    usable = np.isfinite(offsets).all(axis=1) & (np.linalg.eigvalsh(shapes)[:, 0] > 0.0)
+    x, shapes = offsets[usable], shapes[usable]
+    if distance > 0.0:
+        forms[usable] = least_forms(x, shapes, distance)
+    else:
+        forms[usable] = (x * np.linalg.solve(shapes, x[..., None])[..., 0]).sum(axis=1)
+    return forms
+
+
 def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> FloatArray:
     """The least (x - e)ᵀ P⁻¹ (x - e) with ‖e‖ ≤ radius: at most 1 where a point so near to x is in the ellipsoid.
 

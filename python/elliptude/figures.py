@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 from elliptude.files import replacing
 from elliptude.results import FloatArray
@@ -31,6 +31,10 @@ _NOISE_STYLES = {
 }
 # Of what is drawn; a form is beyond all numbers where P is flat.
 _HIGHEST_FORM = 1e4
+# Forms beyond this are drawn on a log axis.
+_FAR_OUT = 10.0
+# A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
+_NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 3.1, 8
 # Fewer points than this are marked, as the lines between them are only there to guide the eye.
 _MARK_BELOW = 150
 
@@ -73,6 +77,8 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         if is_bias
         else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
     )
+    # A bias that is an error of the gyro and not estimated has nothing to show.
+    is_alone = not np.isfinite(results.half_widths[:, 3:]).any()
     first: Axes | None = None
     for j, (name, unit, part) in enumerate(columns):
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
@@ -80,23 +86,27 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
         limit = error_limit(bounds, deviations)
         heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
-        if not np.isfinite(bounds).any():
-            heading = f"{name}: not estimated"
+        if is_alone and j == 1:
+            break
         for i in range(3):
-            axes = figure.add_subplot(grid[i, j], sharex=first)
+            axes = figure.add_subplot(grid[i, :] if is_alone else grid[i, j], sharex=first)
             first = first or axes
+            _shade_gaps(axes, results)
             axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
             if deviations is not None:
                 axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
             axes.axhline(0.0, color=GREY, linewidth=0.5)
             axes.set_ylim(-limit, limit)
             axes.set_ylabel(unit.format(_AXES[i]))
-            axes.tick_params(labelbottom=False)
+            # Panels of the whole width are not above those with the times.
+            axes.tick_params(labelbottom=is_alone and i == 2)
             if i == 0:
                 axes.set_title(heading, fontsize=9.5)
     below = figure.add_subplot(grid[3, 0], sharex=first)
+    _shade_gaps(below, results)
     _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
+    _shade_gaps(size, results)
     size.plot(
         time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
     )
@@ -104,12 +114,15 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         size.plot(
             time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
         )
-    size.set_title("size of the set: largest angle (blue), and the error", fontsize=9.5)
+    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+    size.set_title(f"size of the set: {what}", fontsize=9.5)
     size.set_ylabel("angle (deg)")
-    degrees_on_log_axis(size)
+    plain_log_axis(size)
     for axes in (below, size):
         axes.set_xlabel("time (s)")
     assert first is not None
+    if len(time) > 1:  # also where nothing is known
+        first.set_xlim(float(time[0]), float(time[-1]))
     handles, labels = first.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
     return figure
@@ -156,7 +169,7 @@ def about_line_figure(
     errors.set_title(f"attitude error against {label}, and its bound: the largest angle in the set", fontsize=9.5)
     errors.set_ylabel("angle (deg)")
     for axes in (widths, errors):
-        degrees_on_log_axis(axes)
+        plain_log_axis(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     colours = [strong for strong, _ in _TONES]
     _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
@@ -223,10 +236,13 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
         for axes in (worst, size):
             axes.axvline(own[-1] + 0.5, color=GREY, linewidth=0.5)
     for axes in (worst, size):
-        axes.set_yscale("log")
+        plain_log_axis(axes)
         axes.set_xlim(-0.5, len(columns) - 0.5)
-        axes.grid(axis="y", linewidth=0.3)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5)
+    for axes, what in ((worst, "errors"), (size, "traces")):
+        axes.legend(
+            loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5, title=what, alignment="left"
+        )
+    size.set_xlabel("scenario, and bound of each direction", labelpad=22)
     return figure
 
 
@@ -237,13 +253,32 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
+def _shade_gaps(axes: Axes, results: Results) -> None:
+    """Grey where no set is known, from the last row that has one to the next."""
+    is_gap = ~np.isfinite(results.largest_angles)
+    if is_gap.any():
+        beside = is_gap | np.append(is_gap[1:], False) | np.append(False, is_gap[:-1])
+        axes.fill_between(
+            results.times,
+            0.0,
+            1.0,
+            where=beside.tolist(),
+            transform=axes.get_xaxis_transform(),
+            color=GREY,
+            alpha=0.18,
+            linewidth=0,
+            label="no set is known",
+        )
+
+
 def _marks(results: Results) -> Style:
     return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
 
 
 def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
-    settled = bounds[min(len(bounds) // 8, len(bounds) - 1) :]
+    known = bounds[np.isfinite(bounds).all(axis=1)]
+    settled = known[len(known) // 8 :]
     values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
     highest = max((float(np.quantile(some, 0.98)) for some in values if len(some)), default=0.0)
     return 1.15 * highest if highest > 0.0 else 1.0
@@ -272,15 +307,59 @@ def _draw_form(
         shares.append(share if len(curves) == 1 else f"{name} {share}")
         highest = max(highest, float(known.max()))
     axes.set_ylim(0.0, 1.15 * highest)
+    if highest > _FAR_OUT:  # or the edge could not be seen
+        plain_log_axis(axes)
+        axes.set_ylim(1e-2, 2.0 * min(highest, _HIGHEST_FORM**2))
     axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
     axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
 
 
-def degrees_on_log_axis(axes: Axes) -> None:
-    """A log axis that says 0.5, 2 and 10 instead of powers of ten."""
+def log_ticks(low: float, high: float) -> list[float]:
+    """Where a log axis over a range has ticks: at least two within it, and not so many that their labels meet.
+
+    Parameters
+    ----------
+    low, high : float
+        Positive.
+
+    Returns
+    -------
+    list of float
+        Round numbers, some of them outside.
+    """
+    decades = np.log10(high / low)
+    if decades < _NARROW_DECADES:
+        even = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        return [float(tick) for tick in even if tick > 0.0]
+    steps = (1.0, 2.0, 5.0) if decades < _WIDE_DECADES else (1.0,)
+    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    if decades >= _WIDE_DECADES:
+        powers = powers[powers % np.ceil(decades / _MOST_POWERS) == 0.0]
+    return [float(tick) for tick in np.outer(10.0**powers, steps).ravel()]
+
+
+class _PlainLogLocator(Locator):
+    """Ticks of `log_ticks` for what is shown."""
+
+    def __call__(self) -> list[float]:
+        assert self.axis is not None
+        return self.tick_values(*sorted(self.axis.get_view_interval()))
+
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+        return log_ticks(vmin, vmax)
+
+
+def _plain(value: float, _: object) -> str:
+    """0.5 and 20 as they are, powers of ten where there would be many zeros."""
+    if 1e-3 <= value < 1e4:
+        return f"{value:g}"
+    return f"$10^{{{round(np.log10(value))}}}$" if np.log10(value) % 1.0 == 0.0 else f"{value:g}"
+
+
+def plain_log_axis(axes: Axes) -> None:
+    """A log axis that says 0.5, 2 and 10 instead of powers of ten, and says something on narrow ranges too."""
     axes.set_yscale("log")
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(plain)
+    axes.yaxis.set_major_locator(_PlainLogLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y", linewidth=0.3)

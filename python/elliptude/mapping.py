@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from elliptude import comparison, logs, references, units
+from elliptude import logs, reference_attitudes, references, units
 from elliptude.configuration import Configuration
 from elliptude.files import FileError
 from elliptude.models import validate
@@ -189,9 +189,9 @@ def read_recording(path: str | os.PathLike[str], configuration: Configuration) -
             together &= np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
-        reference = comparison.read_reference(path, configuration)
+        reference = reference_attitudes.read_reference(path, configuration)
         gap = _LARGEST_GAP * float(np.median(np.diff(reference.times))) if len(reference.times) > 1 else 0.0
-        rows, rotations = comparison.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
+        rows, rotations = reference_attitudes.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
         if configuration.reference_frame not in {None, "J2000"}:
             # Columns are the frame's axes in ENU.
             to_enu = references.from_enu(np.eye(3), configuration.reference_frame)

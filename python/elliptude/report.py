@@ -1,12 +1,13 @@
 """An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
 
-Curves are drawn at chosen rows (`elliptude.runs.chosen_rows`), the sphere at up to `FRAMES` times; the numbers in the
-summary are of all rows.
+Curves are drawn at chosen rows (`elliptude.thinning.chosen_rows`), the sphere at up to `FRAMES` times; the numbers in
+the summary are of all rows.
 """
 
 import base64
 import json
 import os
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
@@ -16,11 +17,12 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.body_axes import axis_patches
-from elliptude.figures import error_limit
+from elliptude.figures import error_limit, log_ticks
 from elliptude.files import FileError, replacing
-from elliptude.results import FloatArray
-from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, time_text
-from elliptude.runs import CLAIMS, SPELL_GAP, Run, Spell, chosen_rows, pieces, worst_claims
+from elliptude.results import CLAIMS, FloatArray
+from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR, time_text
+from elliptude.runs import SPELL_GAP, DroppedMeasurements, Run, Spell
+from elliptude.thinning import chosen_rows, largest_of_each, pieces, prediction_shares, worst_claims
 
 FRAMES = 240
 """Times at which the sphere is drawn."""
@@ -28,10 +30,16 @@ PIECES = 500
 """Of rows, of each of which the extremes are drawn."""
 LISTED = 500
 """Spells of measurements left out that the report lists."""
+EACH_LISTED = 20_000
+"""Measurements left out that it lists one by one."""
 
+# Spells that are shown without being asked for.
+_OPEN = 12
 _MERIDIANS, _RINGS = 36, 4
 _INT16 = 32767
 _NOT_KNOWN = -32768
+# Of the names of lanes, px; all plots over time have it, so that their times are below one another.
+_LANES_WIDTH = 110
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 _DASHES = ("solid", "dash", "dashdot")
 
@@ -67,10 +75,19 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         "left_out": {
             what: sum(spell.measurements for spell in spells if spell.what == what) for what in ("dropped", "refused")
         },
+        "heading_from_start": run.heading_from_start,
         "compared_with": label if compared.any() else None,
     }
-    if run.dropped is None:
+    if run.dropped is None and run.listed is None:
         del summary["left_out"]["dropped"]
+    if run.listed is not None:
+        summary["left_out"]["own bound"] = sum(why == "own_bound" for why in run.listed.contradicts)
+    if run.void:
+        summary["left_out_from_beginning_to_end"] = list(run.void)
+    if run.tilt_bounds is not None:
+        summary["tilt_bound_deg"] = _spread(np.rad2deg(run.tilt_bounds[known]))
+    if run.prediction_used is not None:
+        summary["prediction_used_rows"] = int((run.prediction_used[known] == 1.0).sum())
     if compared.any():
         assert run.errors is not None
         summary |= {
@@ -80,6 +97,7 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
             "escapes_by_claim": None
             if run.claims is None
             else {claim: int((escaped & run.claimed(claim)).sum()) for claim in CLAIMS},
+            "reference_error_deg": float(np.rad2deg(run.reference_error)),
             "error_deg": _spread(np.rad2deg(np.linalg.norm(run.errors[compared], axis=1))),
         }
     return summary
@@ -119,7 +137,9 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     summary = summarize(run, label)
     summary["drawn"] = {"rows_of_curves": len(rows), "times_on_sphere": len(shown)}
     spells = run.refusal_spells()
-    data = {"plots": _plots(run, rows, label, spells), "frames": _frames(run, shown)}
+    each = _each(run.listed)
+    plots = _plots(run, rows, label, spells)
+    data = {"plots": plots, "frames": _frames(run, shown), "dropped": each}
     compares = summary["compared_with"] is not None
     parts = {
         "version": elliptude.__version__,
@@ -129,8 +149,12 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
-        "strip_hidden": "" if "strip" in data["plots"] else "hidden",
+        "strip_hidden": "" if "strip" in plots else "hidden",
+        "strip_heading": _strip_heading(run, spells),
+        "strip_key": _strip_key(run),
+        "size_note": "The tilt is the angle between estimated and true up. " if run.tilt_bounds is not None else "",
         "dropped": _spell_table(spells),
+        "each_hidden": "hidden" if each is None else "",
         "footnote": _footnote(run, len(rows), len(shown)),
         "plotly": plotly,
         # "</script>" in a name would end the script.
@@ -174,7 +198,8 @@ def _summary_table(summary: dict[str, Any]) -> str:
     lines = [
         (
             "rows",
-            f"{count}, {summary['first_s']:g} s to {summary['last_s']:g} s" + (f", {rate:.4g} Hz" if rate else ""),
+            f"{count}, {_seconds(summary['first_s'])} s to {_seconds(summary['last_s'])} s"
+            + (f", {rate:.4g} Hz" if rate else ""),
         ),
         ("rows with an update", f"{summary['rows_with_an_update']}"),
     ]
@@ -185,12 +210,30 @@ def _summary_table(summary: dict[str, Any]) -> str:
         lines.append(("claim", ", ".join(shares)))
     lines.append(("largest angle in the set", _degrees(summary["largest_angle_deg"])))
     lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in summary["half_width_deg"].items()]
-    lines += [(f"measurements {what}", f"{number}") for what, number in summary["left_out"].items()]
+    if "tilt_bound_deg" in summary:
+        lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
+    if "prediction_used_rows" in summary and summary["rows_with_a_set"]:
+        number = summary["prediction_used_rows"]
+        share = _share(number, summary["rows_with_a_set"])
+        lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
+    if summary["heading_from_start"]:
+        lines.append(("heading", "counts from the first row, as nothing told it"))
+    names = {
+        "dropped": "measurements dropped",
+        "refused": "measurements refused",
+        "own bound": "measurements beyond their own bound",
+    }
+    lines += [(names[what], f"{number}") for what, number in summary["left_out"].items()]
+    if "left_out_from_beginning_to_end" in summary:
+        lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
     cells = [(escape(name), escape(text)) for name, text in lines]
     if summary["compared_with"] is None:
         cells.append(("compared with", "nothing: there is no reference"))
     else:
-        cells.append(("compared with", f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"))
+        compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
+        if summary["reference_error_deg"]:
+            compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
+        cells.append(("compared with", compared))
         cells.append(("error", _degrees(summary["error_deg"])))
         escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
         if summary["escapes"]:
@@ -198,10 +241,19 @@ def _summary_table(summary: dict[str, Any]) -> str:
                 escapes += ", " + ", ".join(
                     f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items()
                 )
-            escapes = f'<span class="warn">{escapes}; the first at {summary["first_escape_s"]:g} s</span>'
+            escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
         cells.append(("outside the set", escapes))
     body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
     return f"<table>\n{body}\n</table>"
+
+
+def _seconds(time: float) -> str:
+    """To a microsecond, of any size."""
+    return f"{time:.6f}".rstrip("0").rstrip(".")
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def _share(number: int, of: int) -> str:
@@ -218,18 +270,48 @@ def _spell_table(spells: list[Spell]) -> str:
     if not spells:
         return "<p>None.</p>"
     lines = "\n".join(
-        f"<tr><td>{spell.first:g}</td><td>{spell.last:g}</td><td>{escape(spell.sensors)}</td>"
+        f"<tr><td>{_seconds(spell.first)}</td><td>{_seconds(spell.last)}</td><td>{escape(spell.sensors)}</td>"
         f"<td>{spell.what}</td><td>{spell.measurements}</td></tr>"
         for spell in spells[:LISTED]
     )
     more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
     return (
         '<p class="faint">Dropped: this measurement alone contradicted the others. Refused: the sets of its row did '
-        f"not meet, and none of them was used. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
-        f'<details open><summary>{len(spells)} spells</summary>\n<div class="scroll"><table>\n'
-        '<tr><th scope="col">from s</th><th scope="col">to s</th><th scope="col">sensors</th><th scope="col"></th>'
-        f'<th scope="col">measurements</th></tr>\n{lines}\n</table></div></details>\n{more}'
+        "not meet, and none of them was used. Own bound: it contradicts what is stated of its sensor, whatever the "
+        f"attitude. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
+        f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
+        '<div class="scroll tall"><table><thead>\n'
+        '<tr><th scope="col">from s</th><th scope="col">to s</th><th scope="col">sensors</th><th scope="col">why</th>'
+        f'<th scope="col">measurements</th></tr>\n</thead><tbody>\n{lines}\n</tbody></table></div></details>\n{more}'
     )
+
+
+def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
+    """Measurements left out, column by column; the farthest off where there are very many."""
+    if listed is None or not len(listed.times):
+        return None
+    count = len(listed.times)
+    rows = np.arange(count)
+    if count > EACH_LISTED:
+        rows = np.sort(np.argsort(listed.margins, kind="stable")[:EACH_LISTED])
+    return {
+        "total": count,
+        "time": [float(_seconds(time)) for time in listed.times[rows]],
+        "place": [listed.places[row] for row in rows],
+        "sensor": [listed.sensors[row] for row in rows],
+        "why": ["its own bound" if listed.contradicts[row] == "own_bound" else "the prediction" for row in rows],
+        "margin": [float(f"{margin:.4g}") for margin in listed.margins[rows]],
+        "unit": [_unit(listed.units[row]) for row in rows],
+    }
+
+
+def _strip_key(run: Run) -> str:
+    """What the colours of the strip mean; of the claims those that are made."""
+    colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in (run.claims or ())}
+    entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
+    if run.prediction_used is not None:
+        entries += [(f"prediction used: {where}", colour) for where, colour in PREDICTION_COLOURS.items()]
+    return "".join(f'<span><i style="background:{colour}"></i>{text}</span>' for text, colour in entries)
 
 
 def _key(label: str | None) -> str:
@@ -251,6 +333,13 @@ def _magnified(factor: int) -> str:
     )
 
 
+def _strip_heading(run: Run, spells: list[Spell]) -> str:
+    """What the strip has, as a heading."""
+    parts = ["claims"] * (run.claims is not None) + ["use of the prediction"] * (run.prediction_used is not None)
+    parts += ["measurements left out"] * bool(spells and run.listed is None)
+    return " and ".join([", ".join(parts[:-1])] * (len(parts) > 1) + parts[-1:]).capitalize()
+
+
 def _footnote(run: Run, rows: int, frames: int) -> str:
     count = len(run.times)
     text = f"The numbers are of all {count} rows. The sphere is drawn at {frames} of them, evenly in time"
@@ -268,13 +357,20 @@ def _footnote(run: Run, rows: int, frames: int) -> str:
 
 def _plots(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
     """Plotly's data and layout for each place in the page."""
+    # What the list has is marked below the size of the set.
+    if run.listed is not None:
+        spells = [spell for spell in spells if spell.what == "refused"]
     plots = {
         "size": _size(run, rows),
         "bands": _bands(run, rows, label),
         "sphere": _sphere(bool(run.compared.any()), label),
     }
-    if run.claims is not None or spells:
+    if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
+    if "strip" in plots or "yaxis2" in plots["size"]["layout"]:
+        for name in ("size", "bands", "strip"):
+            if name in plots:
+                plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH
     return plots
 
 
@@ -285,6 +381,17 @@ def _list(values: FloatArray) -> list[float | None]:
 
 def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
     return [float(time) for time in run.times[rows]]
+
+
+def _time_axis(run: Run) -> dict[str, Any]:
+    """The same for all plots, so that they can be compared; times since 1970 are no "1.7B"."""
+    first, last = float(run.times[0]), float(run.times[-1])
+    return {
+        "title": {"text": "time (s)"},
+        "range": [first, last] if last > first else [first - 0.5, first + 0.5],
+        "exponentformat": "none",
+        "hoverformat": ".6~f",
+    }
 
 
 def _layout(**more: Any) -> dict[str, Any]:
@@ -324,15 +431,72 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
             "meta": "ink",
         }
     )
+    if run.tilt_bounds is not None:
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": "bound of the tilt",
+                "x": time,
+                "y": _list(np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)),
+                "line": {"color": TILT_COLOUR, "dash": "dot", "width": 1.5},
+            }
+        )
     scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
     axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
     if scale == "log":
-        lowest = min(float(np.rad2deg(run.half_widths[rows][known]).min()), float(largest[known].min()))
-        # Few ticks would fall into a narrow range.
-        steps = (1, 2, 5) if lowest * 8.0 < largest[known].max() else (1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)
-        ticks = [step * 10.0**power for power in range(-6, 4) for step in steps]
+        drawn = [run.half_widths[rows].ravel(), run.largest_angles[rows]]
+        drawn += [] if run.tilt_bounds is None else [run.tilt_bounds[rows]]
+        angles = np.rad2deg(np.concatenate(drawn))
+        ticks = log_ticks(float(angles[angles > 0.0].min()), float(np.nanmax(angles)))
         axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
-    return {"data": traces, "layout": _layout(xaxis={"title": {"text": "time (s)"}}, yaxis=axis)}
+    layout = _layout(xaxis=_time_axis(run), yaxis=axis)
+    if run.listed is not None and len(run.listed.times):
+        marks = _drop_marks(run, run.listed)
+        height = min(0.07 * len(marks), 0.3)
+        layout["xaxis"] |= {"anchor": "y2"}
+        layout["yaxis"] |= {"domain": [height + 0.04, 1.0]}
+        layout["yaxis2"] = {"domain": [0.0, height], "automargin": True, "dtick": 1, "showgrid": False}
+        traces += marks
+    return {"data": traces, "layout": layout}
+
+
+def _drop_marks(run: Run, listed: DroppedMeasurements) -> list[dict[str, Any]]:
+    """A lane of marks for each sensor that was left out; of those that would hide one another the farthest off."""
+    edges = run.times[[piece.start for piece in pieces(len(run.times), PIECES)]]
+    bins = np.searchsorted(edges, listed.times, side="right")
+    sensors = np.array(listed.sensors, dtype=object)
+    marks = []
+    for sensor in sorted(set(listed.sensors)):
+        rows = np.flatnonzero(sensors == sensor)
+        rows = rows[largest_of_each(bins[rows], -listed.margins[rows])]
+        marks.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": f"{sensor} left out",
+                "showlegend": False,
+                "x": [float(time) for time in listed.times[rows]],
+                "y": [f"{sensor} left out"] * len(rows),
+                "text": [_why(listed, int(row)) for row in rows],
+                "hovertemplate": "%{x:.6~f} s: %{text}<extra></extra>",
+                "marker": {"symbol": "line-ns-open", "size": 10, "line": {"width": 1.5}},
+                "meta": "ink",
+                "yaxis": "y2",
+            }
+        )
+    return marks
+
+
+def _unit(name: str) -> str:
+    return name.replace("^2", "²").replace("uT", "µT")
+
+
+def _why(listed: DroppedMeasurements, row: int) -> str:
+    margin, place = listed.margins[row], listed.places[row]
+    if listed.contradicts[row] == "own_bound":
+        return f"{place}, {-margin:.3g} {_unit(listed.units[row])} beyond its own bound"
+    return f"{place}, contradicts the prediction, margin {margin:.3g}"
 
 
 def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
@@ -340,7 +504,7 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     traces: list[dict[str, Any]] = []
     bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
     limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
-    layout = _layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis={"title": {"text": "time (s)"}})
+    layout = _layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
     for i, axis in enumerate("xyz"):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
@@ -363,7 +527,7 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
         )
         if run.errors is not None and run.compared.any():
             error = np.rad2deg(run.errors[rows, i])
-            outside = np.abs(error) > bound
+            outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
             traces.append(
                 {
                     "type": "scatter",
@@ -417,26 +581,32 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
     """A lane for the claim, and one for each sensor that was left out."""
     traces: list[dict[str, Any]] = []
     lanes: list[str] = []
-    if run.claims is not None:
-        lanes.append("claim")
-        some = pieces(len(run.times), PIECES)
-        words = worst_claims(run.claims, some)
-        edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
-        for claim in CLAIMS:
-            chosen = [i for i, word in enumerate(words) if word == claim]
+    some = pieces(len(run.times), PIECES)
+    edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
+
+    def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+        lanes.append(lane)
+        for kind, colour in colours.items():
+            chosen = [i for i, word in enumerate(words) if word == kind]
             if chosen:
                 traces.append(
                     {
                         "type": "bar",
                         "orientation": "h",
-                        "name": f"claim: {claim}",
-                        "y": ["claim"] * len(chosen),
+                        "name": legend.format(kind),
+                        "y": [lane] * len(chosen),
                         "base": _list(edges[chosen]),
                         "x": _list(np.diff(edges)[chosen]),
-                        "marker": {"color": CLAIM_COLOURS[claim], "line": {"width": 0}},
+                        "marker": {"color": colour, "line": {"width": 0}},
                         "hoverinfo": "name",
                     }
                 )
+
+    if run.claims is not None:
+        bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+    if run.prediction_used is not None:
+        shares = prediction_shares(run.prediction_used, some)
+        bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}")
     for name in sorted({name for spell in spells for name in spell.sensors.split()}):
         own = [spell for spell in spells if name in spell.sensors.split()]
         lane = f"{name} left out"
@@ -457,9 +627,10 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
         )
     layout = _layout(
         barmode="overlay",
-        height=110 + 30 * len(lanes),
-        xaxis={"title": {"text": "time (s)"}, "range": [float(run.times[0]), float(run.times[-1])]},
-        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True},
+        height=65 + 30 * len(lanes),
+        xaxis=_time_axis(run),
+        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True, "dtick": 1},
+        showlegend=False,
         hovermode="closest",
     )
     return {"data": traces, "layout": layout}
@@ -497,6 +668,7 @@ def _frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
         "patches": _packed(patches),
         "tips": _packed(attitudes.swapaxes(1, 2)),
         "marks": None if marks is None else _packed(marks),
+        "times": _times(run, rows),
         "labels": [_frame_label(run, int(row), bool(np.isfinite(patches[i]).all())) for i, row in enumerate(rows)],
         "patch_traces": [_STILL, _STILL + 1, _STILL + 2],
         "rim_traces": [_STILL + 3, _STILL + 4, _STILL + 5],
@@ -512,6 +684,8 @@ def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
     parts.append(f"within {np.rad2deg(run.largest_angles[row]):.3g}°")
     if not is_drawn:
         parts.append("too large to draw")
+    if run.tilt_bounds is not None and np.isfinite(run.tilt_bounds[row]):
+        parts.append(f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°")
     if run.claims is not None and run.claims[row]:
         parts.append(f"claim: {run.claims[row]}")
     if run.compared[row]:
@@ -665,7 +839,7 @@ def _sphere(compares: bool, label: str) -> dict[str, Any]:
             "yaxis": hidden,
             "zaxis": hidden,
             "aspectmode": "manual",
-            "aspectratio": {"x": 1.7, "y": 1.7, "z": 1.7},
+            "aspectratio": {"x": 1.9, "y": 1.9, "z": 1.9},
             "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}, "projection": {"type": "orthographic"}},
             "dragmode": "orbit",
         },

@@ -1,7 +1,7 @@
 """What functions return that return more than one thing."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from elliptude._core import Ellipsoid, cayley_inverse, log
 from elliptude.typing import AttitudeLike, SupportsAsMatrix
 
 FloatArray: TypeAlias = NDArray[np.float64]
+
+Chart: TypeAlias = Literal["exponential", "gibbs"]
+"""Coordinates of an attitude error: ζ with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
 
 
 class PrincipalAxes(NamedTuple):
@@ -79,7 +82,7 @@ class WahbaSet:
     """Ĉ, the Wahba solution for the weights, from body to reference axes, shape (..., 3, 3)."""
     shape: FloatArray
     """P in rad² of {x : xᵀ P⁻¹ x ≤ 1}, shape (..., 3, 3)."""
-    chart: Literal["exponential", "gibbs"]
+    chart: Chart
     """Whether x is ζ, with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
     margin: np.float64 | FloatArray
     """The share of the bounds that is left: 1 for directions that fit exactly, shape (...)."""
@@ -181,8 +184,9 @@ class FilterLog:
         return largest
 
 
-CLAIMS = ("unconditional", "conditional", "none")
-"""What `GuaranteedLog.claims` counts.
+Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
+CLAIMS: tuple[Claim, ...] = get_args(Claim)
+"""What `GuaranteedLog.claims` counts, the strongest first.
 
 What the truth's being in a set rests on: on what the filter was told of errors, for all that it has used; also on that
 what was dropped on the way was what was wrong; there is no set.

@@ -4,7 +4,7 @@ Where nothing is known the curves have gaps. A strip below them says what the es
 it left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -16,20 +16,24 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from elliptude.body_axes import axis_patches
-from elliptude.figures import BLACK, BLUE, GREY, ORANGE, degrees_on_log_axis, error_limit, new_figure
+from elliptude.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
 from elliptude.results import FloatArray
-from elliptude.runs import CLAIMS, Run, chosen_rows, pieces, worst_claims
+from elliptude.runs import Run
+from elliptude.thinning import chosen_rows, pieces, prediction_shares, worst_claims
 
 AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
 """Of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can tell apart."""
 AXIS_LINES = ("-", "--", "-.")
 CLAIM_COLOURS = {"unconditional": "#56B4E9", "conditional": "#E69F00", "none": "#BBBBBB"}
+PREDICTION_COLOURS = {"every row": "#5E3C99", "some rows": "#B2ABD2"}
+"""Of `elliptude.thinning.prediction_shares`."""
+TILT_COLOUR = "#CC79A7"
 
 _MOST_PIECES = 1000
 _MOST_STRIP_PIECES = 400
 # Where the sphere is seen from, in reference axes.
 _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
-_MERIDIANS, _RINGS = 120, 16
+_MERIDIANS, _RINGS = 240, 10
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
@@ -59,7 +63,7 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
             panel.plot(time, sign * bounds[:, i], color=BLUE, linewidth=0.7)
         if errors is not None:
             panel.plot(time, errors[:, i], color=BLACK, linewidth=0.8, label=f"error against {label}")
-            outside = np.abs(errors[:, i]) > bounds[:, i]
+            outside = np.abs(errors[:, i]) - np.rad2deg(run.reference_error) > bounds[:, i]
             if outside.any():
                 at = np.clip(errors[outside, i], -limit, limit)
                 panel.plot(
@@ -113,10 +117,13 @@ def size_figure(run: Run, title: str) -> Figure:
         )
     largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
     panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label="largest angle")
+    if run.tilt_bounds is not None:
+        tilt = np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)
+        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=":", label="bound of the tilt")
     panel.set_title("size of the set of attitudes", fontsize=9.5)
     panel.set_ylabel("angle (deg)")
     if known.any() and (largest[known] > 0.0).all():
-        degrees_on_log_axis(panel)
+        plain_log_axis(panel)
     _finish(figure, run, strip, *panel.get_legend_handles_labels())
     return figure
 
@@ -185,6 +192,7 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
         Patch(facecolor=colour, alpha=0.6, label=f"where the body's {name} axis may point")
         for colour, name in zip(AXIS_COLOURS, "xyz", strict=True)
     ]
+    handles.append(Line2D([], [], color=GREY, marker="o", fillstyle="none", linestyle=":", label="behind the sphere"))
     if np.isfinite(true_axes[rows]).any():
         handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
@@ -220,28 +228,41 @@ def _names(run: Run) -> list[str]:
 
 
 def _lanes(run: Run) -> int:
-    return (run.claims is not None) + len(_names(run))
+    return len(_lane_names(run))
+
+
+def _lane_names(run: Run) -> list[str]:
+    """Of the strip, from top to bottom."""
+    said = [("claim", run.claims is not None), ("prediction used", run.prediction_used is not None)]
+    return [name for name, is_said in said if is_said] + [f"{name} left out" for name in _names(run)]
 
 
 def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
     """Draw the strip and put one legend below everything."""
     handles, labels = list(handles), list(labels)
     if strip is not None:
-        names = _names(run)
-        lanes = (["claim"] if run.claims is not None else []) + [f"{name} left out" for name in names]
-        if run.claims is not None:
-            edges, words = _claim_runs(run)
-            for claim in CLAIMS:
-                spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == claim]
+        names, lanes = _names(run), _lane_names(run)
+        some = pieces(len(run.times), _MOST_STRIP_PIECES)
+        edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
+
+        def bars(lane: int, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+            for kind, colour in colours.items():
+                spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == kind]
                 if spans:
-                    strip.broken_barh(spans, (-0.4, 0.8), facecolor=CLAIM_COLOURS[claim], linewidth=0)
-                    handles.append(Patch(facecolor=CLAIM_COLOURS[claim]))
-                    labels.append(f"claim: {claim}")
+                    strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, linewidth=0)
+                    handles.append(Patch(facecolor=colour))
+                    labels.append(legend.format(kind))
+
+        if run.claims is not None:
+            bars(0, worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+        if run.prediction_used is not None:
+            shares = prediction_shares(run.prediction_used, some)
+            bars(int(run.claims is not None), shares, PREDICTION_COLOURS, "prediction used: {}")
         times: dict[str, list[float]] = {name: [] for name in names}
         for refusal in run.refusals():
             for name in refusal.sensors.split():
                 times[name].append(refusal.time)
-        for lane, name in enumerate(names, start=int(run.claims is not None)):
+        for lane, name in enumerate(names, start=len(lanes) - len(names)):
             strip.plot(times[name], np.full(len(times[name]), float(lane)), "|", color=BLACK, markersize=7)
         strip.set_ylim(len(lanes) - 0.4, -0.6)
         strip.set_yticks(range(len(lanes)), lanes, fontsize=8)
@@ -249,15 +270,6 @@ def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Arti
         for side in ("top", "right", "left"):
             strip.spines[side].set_visible(False)
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), frameon=False, fontsize=9)
-
-
-def _claim_runs(run: Run) -> tuple[FloatArray, list[str]]:
-    """Times at which the claim changes, and the claims between them; the weakest one of many rows."""
-    assert run.claims is not None
-    some = pieces(len(run.times), _MOST_STRIP_PIECES)
-    words = worst_claims(run.claims, some)
-    edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
-    return edges, words
 
 
 def _rows_at(run: Run, times: Sequence[float] | None) -> NDArray[np.intp]:

@@ -8,32 +8,42 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
     The sensors whose measurements were left out as contradictory, with a space between their names.
 ``chart``
     ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
+``prediction_used``, ``tilt_bound``
+    Whether the prediction went into the row's set; how far the estimated up may be off.
+
+Of the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
 
 import json
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, Self, TypeAlias, get_args
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.body_axes import Chart, turns
-from elliptude.comparison import Reference, attitudes_at
+from elliptude.body_axes import turns
+from elliptude.containment import attitude_forms
 from elliptude.files import FileError
-from elliptude.results import FloatArray
-from elliptude.tables import QUATERNION, attitudes_from_quaternions, column_names, read_columns
+from elliptude.reference_attitudes import Reference, attitudes_at
+from elliptude.results import CLAIMS, Chart, Claim, FloatArray
+from elliptude.tables import (
+    ATTITUDE_ERRORS,
+    ATTITUDE_HALF_WIDTHS,
+    ATTITUDE_SHAPE,
+    QUATERNION,
+    attitudes_from_quaternions,
+    column_names,
+    read_columns,
+    read_events,
+    stacked,
+    symmetric,
+)
 
-Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
-CLAIMS: tuple[Claim, ...] = get_args(Claim)
-
-_ATTITUDE_SHAPE = ("P11", "P12", "P13", "P22", "P23", "P33")
-_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
-_ERRORS = ("error_rx", "error_ry", "error_rz")
-_UPPER = np.triu_indices(3)
 SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""
 # Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
@@ -48,8 +58,8 @@ class Refusal(NamedTuple):
     """s."""
     sensors: str
     """Names, a space between them."""
-    what: Literal["dropped", "refused"]
-    """By itself, or with all others of its row because the sets did not meet."""
+    what: Literal["dropped", "refused", "own bound"]
+    """By itself, or with all others of its row because the sets did not meet, or because its own bound excludes it."""
 
 
 class Spell(NamedTuple):
@@ -65,6 +75,24 @@ class Spell(NamedTuple):
     """As of `Refusal`."""
     measurements: int
     """How many."""
+
+
+@dataclass(frozen=True, eq=False)
+class DroppedMeasurements:
+    """Measurements that were left out, n of them, in order of time; of ``dropped.csv``."""
+
+    times: FloatArray
+    """s, shape (n,)."""
+    places: tuple[str, ...]
+    """Lines or rows of the log."""
+    sensors: tuple[str, ...]
+    """A name each."""
+    contradicts: tuple[str, ...]
+    """``prediction`` or ``own_bound``."""
+    margins: FloatArray
+    """How far the sets were from meeting, or minus what is missing to the own bound, shape (n,)."""
+    units: tuple[str, ...]
+    """Of the margins; nothing for those of sets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +122,22 @@ class Run:
     errors: FloatArray | None = None
     """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
     forms: FloatArray | None = None
-    """The quadratic form of the reference, at most 1 inside the set, shape (N,)."""
+    """The quadratic form of the reference, or the least of all attitudes that it may stand for, shape (N,).
+
+    At most 1 inside the set; infinite for a set without volume.
+    """
+    reference_error: float = 0.0
+    """Angle by which the reference may itself be off, rad."""
+    prediction_used: FloatArray | None = None
+    """1 where the prediction went into the set, 0 where it did not, shape (N,); None where the table does not say."""
+    tilt_bounds: FloatArray | None = None
+    """Of the angle between estimated and true up, rad, shape (N,); None where the table does not say."""
+    listed: DroppedMeasurements | None = None
+    """All that was left out by itself; None where there is no list."""
+    void: tuple[str, ...] = ()
+    """Sensors that were left out from beginning to end because they contradict their own bounds."""
+    heading_from_start: bool = False
+    """Whether the heading counts from the first row, because nothing told it."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -122,7 +165,7 @@ class Run:
         """Rows that have a set and a reference, shape (N,)."""
         if self.forms is None:
             return np.zeros(len(self.times), dtype=bool)
-        return np.asarray(np.isfinite(self.forms) & self.known)
+        return np.asarray(~np.isnan(self.forms) & self.known)
 
     def claimed(self, claim: Claim) -> NDArray[np.bool_]:
         """Rows with this claim, shape (N,)."""
@@ -132,12 +175,21 @@ class Run:
 
     def refusals(self) -> Iterator[Refusal]:
         """Each row's measurements that did not go in, in time order."""
-        dropped = self.dropped if self.dropped is not None else ("",) * len(self.times)
+        dropped = self.dropped if self.dropped is not None and self.listed is None else ("",) * len(self.times)
+        found = [] if self.listed is None else self._of_list(self.listed)
         for time, alone, together in zip(self.times, dropped, self.refused, strict=True):
             if alone:
-                yield Refusal(float(time), alone, "dropped")
+                found.append(Refusal(float(time), alone, "dropped"))
             if together and together != alone:
-                yield Refusal(float(time), together, "refused")
+                found.append(Refusal(float(time), together, "refused"))
+        yield from sorted(found, key=lambda refusal: refusal.time)
+
+    @staticmethod
+    def _of_list(listed: DroppedMeasurements) -> list[Refusal]:
+        return [
+            Refusal(float(time), sensor, "own bound" if why == "own_bound" else "dropped")
+            for time, sensor, why in zip(listed.times, listed.sensors, listed.contradicts, strict=True)
+        ]
 
     def refusal_spells(self) -> list[Spell]:
         """The same in spells: one sensor or set of sensors, no more than `SPELL_GAP` between one time and the next."""
@@ -153,15 +205,17 @@ class Run:
                 spells.append(Spell(refusal.time, refusal.time, *key, 1))
         return spells
 
-    def against(self, reference: Reference, largest_gap: float = 0.0) -> Self:
+    def against(self, reference: Reference, largest_gap: float = 0.0, reference_error: float = 0.0) -> Self:
         """The run compared with other attitudes.
 
         Parameters
         ----------
         reference : Reference
-            Of `elliptude.comparison.read_reference`.
+            Of `elliptude.reference_attitudes.read_reference`.
         largest_gap : float
             Where the reference has no sample at a row's time it is interpolated between two no further apart, s.
+        reference_error : float
+            Angle by which the reference may itself be off, rad: its form is the least of all attitudes so near.
 
         Returns
         -------
@@ -174,9 +228,8 @@ class Run:
             relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
-            with np.errstate(invalid="ignore"):
-                forms[rows] = (offsets[:, None] @ np.linalg.pinv(self.shapes[rows]) @ offsets[..., None])[:, 0, 0]
-        return replace(self, errors=errors, forms=forms)
+            forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
+        return replace(self, errors=errors, forms=forms, reference_error=reference_error)
 
     def magnification(self, rows: NDArray[np.intp]) -> int:
         """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
@@ -226,17 +279,15 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     table = _table_of(Path(result))
     names = column_names(table, "results")
     texts = [name for name in ("claim", "dropped", "chart") if name in names]
-    with_errors, with_forms = _ERRORS[0] in names, "form" in names
+    with_errors = ATTITUDE_ERRORS[0] in names
+    further = [name for name in ("form", "prediction_used", "tilt_bound") if name in names]
     columns = read_columns(
         table,
-        optional=[QUATERNION, _ATTITUDE_SHAPE, _HALF_WIDTHS, ("largest_angle",)]
-        + [_ERRORS] * with_errors
-        + [("form",)] * with_forms,
+        optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
+        + [ATTITUDE_ERRORS] * with_errors
+        + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
-
-    def together(triple: tuple[str, ...]) -> FloatArray:
-        return np.column_stack([columns[name] for name in triple])
 
     def words(name: str) -> tuple[str, ...] | None:
         return tuple(str(text or "") for text in columns[name]) if name in columns else None
@@ -251,24 +302,28 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     used_charts = {word for word in charts or () if word} or {"exponential"}
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
-    shapes = np.empty((len(columns["time_s"]), 3, 3))
-    shapes[:, *_UPPER] = together(_ATTITUDE_SHAPE)
-    shapes[:, *_UPPER[::-1]] = shapes[:, *_UPPER]
+    summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
     run = Run(
         times=columns["time_s"],
-        quaternions=together(QUATERNION),
-        shapes=shapes,
-        half_widths=together(_HALF_WIDTHS),
+        quaternions=stacked(columns, QUATERNION),
+        shapes=symmetric(columns, ATTITUDE_SHAPE),
+        half_widths=stacked(columns, ATTITUDE_HALF_WIDTHS),
         largest_angles=columns["largest_angle"],
         used=words("used") or (),
         refused=words("refused") or (),
         dropped=words("dropped"),
         claims=claims,
         chart="gibbs" if used_charts == {"gibbs"} else "exponential",
-        errors=together(_ERRORS) if with_errors else None,
-        forms=columns["form"] if with_forms else None,
+        errors=stacked(columns, ATTITUDE_ERRORS) if with_errors else None,
+        forms=columns.get("form"),
+        reference_error=math.radians(summary.truth_error_deg),
+        prediction_used=columns.get("prediction_used"),
+        tilt_bounds=columns.get("tilt_bound"),
+        listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
+        void=summary.void,
+        heading_from_start=summary.heading_from_start,
     )
-    return run, _label(table.with_name("summary.json"))
+    return run, summary.label
 
 
 def _table_of(result: Path) -> Path:
@@ -281,65 +336,46 @@ def _table_of(result: Path) -> Path:
     return found[0]
 
 
-def _label(summary: Path) -> str:
-    """What the summary beside a table says that the errors are against."""
+class _Summary(NamedTuple):
+    """What a summary beside a table may say of it."""
+
+    label: str = "truth"
+    truth_error_deg: float = 0.0
+    void: tuple[str, ...] = ()
+    heading_from_start: bool = False
+
+
+def _read_summary(path: Path) -> _Summary:
+    """What the errors are against and how far that may be off, and sensors left out altogether; if there is one."""
     try:
-        read = json.loads(summary.read_text(encoding="utf-8"))
+        read = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return "truth"
-    label = read.get("compared_with") if isinstance(read, dict) else None
-    return label if isinstance(label, str) else "truth"
+        return _Summary()
+    if not isinstance(read, dict):
+        return _Summary()
+    label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    return _Summary(
+        label if isinstance(label, str) else "truth",
+        float(error) if isinstance(error, int | float) else 0.0,
+        tuple(str(name) for name in void) if isinstance(void, list) else (),
+        read.get("heading") == "from the first row",
+    )
+
+
+def _read_dropped(path: Path) -> DroppedMeasurements:
+    columns = read_events(path, "dropped", numbers=("margin",), texts=("place", "sensor", "contradicts", "unit"))
+    texts = {
+        name: tuple(str(text or "") for text in columns[name]) for name in ("place", "sensor", "contradicts", "unit")
+    }
+    return DroppedMeasurements(
+        times=columns["time_s"],
+        places=texts["place"],
+        sensors=texts["sensor"],
+        contradicts=texts["contradicts"],
+        margins=columns["margin"],
+        units=texts["unit"],
+    )
 
 
 def _or(words: tuple[str, ...]) -> str:
     return f"{', '.join(words[:-1])} or {words[-1]}"
-
-
-def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
-    """The weakest claim in each piece of rows; nothing where a row says nothing."""
-    ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
-    coded = np.array([ranks[word] for word in claims])
-    order = (*CLAIMS, "")
-    return [order[int(coded[chunk].max())] for chunk in chunks]
-
-
-def pieces(count: int, most: int) -> list[slice]:
-    """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
-    length = -(-count // most)
-    return [slice(begin, min(begin + length, count)) for begin in range(0, count, length)]
-
-
-def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
-    """Rows to draw instead of all: every extreme stays, each row as it is.
-
-    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
-    the edge of the band on each axis or farthest beyond it, the one with the largest form, and the first one of which
-    nothing is known.
-
-    Parameters
-    ----------
-    run : Run
-    most : int
-        Pieces. All rows are drawn if there are not more.
-
-    Returns
-    -------
-    (K,) array
-        Increasing, K at most 8 times ``most``.
-    """
-    count = len(run.times)
-    if count <= most:
-        return np.arange(count)
-    ratios = np.zeros((count, 0))
-    if run.errors is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.abs(run.errors) / run.half_widths
-    scores = [run.largest_angles, -run.largest_angles, *ratios.T] + ([run.forms] if run.forms is not None else [])
-    scores = [np.where(np.isfinite(score), score, -np.inf) for score in scores]
-    gaps, rows = ~run.known, set()
-    for piece in pieces(count, most):
-        rows.add(piece.start)
-        rows.update(piece.start + int(np.argmax(score[piece])) for score in scores)
-        if gaps[piece].any():
-            rows.add(piece.start + int(np.argmax(gaps[piece])))
-    return np.array(sorted(rows), dtype=np.intp)

@@ -110,6 +110,7 @@ class Summary:
         if self._is_compared:
             summary |= {
                 "compared_with": configuration.truth.label if configuration.truth else "truth",
+                "truth_error_deg": configuration.truth.error_deg if configuration.truth else 0.0,
                 "compared": f"attitude and {vector}" if vector_is_compared else "attitude",
                 "attitude_error_deg": self._angles.to_dict(),
                 f"{vector}_error_deg_per_s": self._rates.to_dict(),

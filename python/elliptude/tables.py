@@ -4,6 +4,7 @@ A table has one row for each time and one named column for each number; an empty
 measured, and NaN in the arrays here. NaN and infinity as text are refused, as nobody can tell what is meant.
 """
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -11,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -22,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.files import FileError, replacing
 from elliptude.readers import CsvTable, ParquetTable, Table, require_columns
-from elliptude.results import FloatArray
+from elliptude.results import Chart, FloatArray
 
 VERSION = 1
 """Of the format. A reader takes this version and older ones; a new column does not make a new version."""
@@ -37,7 +38,9 @@ _VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": ("bias
 MEASURED_RATE = ("rate_wx", "rate_wy", "rate_wz")
 _UPPER = np.triu_indices(6)
 _SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
-_ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
+ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
+ATTITUDE_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
+ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
 
 
 # --- what the tables hold ---------------------------------------------------------------------------------------------
@@ -118,16 +121,16 @@ class Measurements:
         count = len(columns["time_s"])
 
         def together(triples: Sequence[tuple[str, ...]]) -> FloatArray:
-            return np.array([_stack(columns, triple) for triple in triples]).reshape(-1, count, 3).transpose(1, 0, 2)
+            return np.array([stacked(columns, triple) for triple in triples]).reshape(-1, count, 3).transpose(1, 0, 2)
 
         return cls(
             times=columns["time_s"],
             sensors=sensors,
             directions=together(directions),
             references=together(references),
-            angular_velocities=_stack(columns, MEASURED_RATE) if rate else None,
-            true_quaternions=_stack(columns, QUATERNION) if true_attitude else None,
-            true_angular_velocities=_stack(columns, RATE) if true_rate else None,
+            angular_velocities=stacked(columns, MEASURED_RATE) if rate else None,
+            true_quaternions=stacked(columns, QUATERNION) if true_attitude else None,
+            true_angular_velocities=stacked(columns, RATE) if true_rate else None,
         )
 
 
@@ -164,7 +167,7 @@ class Results:
     """[ζ; δω] or [ζ; δβ] of the truth from the estimate, rad and rad/s, NaN where it is not known, shape (N, 6)."""
     forms: FloatArray | None = None
     """[x; δω]ᵀ P⁻¹ [x; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
-    chart: Literal["exponential", "gibbs"] = "exponential"
+    chart: Chart = "exponential"
     """Whether x is ζ, or γ = 2 tan(θ/2) n of the same turn, as in the guaranteed mode."""
     claims: Sequence[str] | None = None
     """What each set rests on: "unconditional", "conditional" or "none"; in the guaranteed mode, as the next three."""
@@ -241,8 +244,8 @@ class Results:
         vector: VectorName = "bias" if "bias_x" in names else "rate"
         half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
         with_errors = errors[0] in names
-        of_attitude = (*QUATERNION, *_ATTITUDE_SHAPE, *half_widths[:3], "largest_angle")
-        of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in _ATTITUDE_SHAPE), *half_widths[3:])
+        of_attitude = (*QUATERNION, *ATTITUDE_SHAPE, *half_widths[:3], "largest_angle")
+        of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in ATTITUDE_SHAPE), *half_widths[3:])
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
         further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
@@ -256,22 +259,19 @@ class Results:
             + [of_attitude, of_vector] * guaranteed,
             texts=("used", "refused", *(name for name in ("claim", "dropped", "chart") if name in names)),
         )
-        shapes = np.empty((len(columns["time_s"]), 6, 6))
-        shapes[:, *_UPPER] = _stack(columns, _SHAPE)
-        shapes[:, *_UPPER[::-1]] = shapes[:, *_UPPER]
         return cls(
             times=columns["time_s"],
-            quaternions=_stack(columns, QUATERNION),
+            quaternions=stacked(columns, QUATERNION),
             vector=vector,
-            vectors=_stack(columns, _VECTORS[vector]),
-            shapes=shapes,
-            half_widths=_stack(columns, half_widths),
+            vectors=stacked(columns, _VECTORS[vector]),
+            shapes=symmetric(columns, _SHAPE),
+            half_widths=stacked(columns, half_widths),
             largest_angles=columns["largest_angle"],
             used=tuple(columns["used"]),
             refused=tuple(columns["refused"]),
             shares=columns["share"],
             margins=columns["margin"],
-            errors=_stack(columns, errors) if with_errors else None,
+            errors=stacked(columns, errors) if with_errors else None,
             forms=columns.get("form"),
             chart="gibbs" if "chart" in names and "gibbs" in columns["chart"] else "exponential",
             claims=tuple(columns["claim"]) if guaranteed else None,
@@ -330,8 +330,20 @@ def _add(columns: dict[str, Column], names: Sequence[str], values: FloatArray | 
         columns.update(zip(names, values.T, strict=True))
 
 
-def _stack(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+def stacked(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Some columns side by side, shape (N, len(names))."""
     return np.column_stack([columns[name] for name in names])
+
+
+def symmetric(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Symmetric matrices (N, n, n) from the columns of their upper entries, row by row."""
+    entries = stacked(columns, names)
+    n = math.isqrt(2 * len(names))
+    upper = np.triu_indices(n)
+    matrices = np.empty((len(entries), n, n))
+    matrices[:, *upper] = entries
+    matrices[:, *upper[::-1]] = entries
+    return matrices
 
 
 # --- any table of numbers over time -----------------------------------------------------------------------------------
@@ -505,6 +517,39 @@ def read_columns(
         some = np.any([empty[name] for name in group], axis=0)
         for name in group:
             source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def read_events(
+    path: str | os.PathLike[str], kind: Kind, *, numbers: Iterable[str], texts: Iterable[str]
+) -> dict[str, NDArray[Any]]:
+    """Read a table with a row for each event, of which several may be at a time, and which may have none.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : str
+    numbers, texts : iterable of str
+        Columns of finite numbers and of text.
+
+    Returns
+    -------
+    dict of str to array
+        With ``time_s``, each shape (n,); texts as objects.
+
+    Raises
+    ------
+    FileError
+        If it is no such table; the message names file, line and column.
+    """
+    source, numbers, texts = _open(path, kind), ["time_s", *numbers], list(texts)
+    require_columns(source, [*numbers, *texts])
+    table = source.read(numbers, texts)
+    columns: dict[str, NDArray[Any]] = {}
+    for name in numbers:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        source.refuse(~np.isfinite(columns[name]), name, "not a finite number")
+    source.refuse(np.diff(columns["time_s"], prepend=-np.inf) < 0.0, "time_s", "before the time of the row before")
     return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
 
 

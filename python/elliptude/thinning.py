@@ -1,4 +1,8 @@
-"""Some rows of long results, for a picture: more points than pixels show nothing more."""
+"""Some rows of long results, for a picture: more points than pixels show nothing more.
+
+`Thinned` takes rows as they are estimated and keeps of each so many the worst; `chosen_rows` has all rows, and keeps
+every extreme that a curve shows.
+"""
 
 from dataclasses import fields
 from typing import Any
@@ -6,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.results import FloatArray
+from elliptude.results import CLAIMS, FloatArray
+from elliptude.runs import Run
 from elliptude.tables import Results
 
 LIMIT = 10_000
@@ -54,14 +59,27 @@ class Thinned:
 
 def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
     """The worst row of each bin, in order."""
-    size: FloatArray = results.largest_angles
+    size: FloatArray = np.where(np.isnan(results.largest_angles), np.inf, results.largest_angles)
     known = np.zeros(len(size), dtype=np.bool_)
     if results.forms is not None:
         known = np.isfinite(results.forms)
         size = np.where(known, results.forms, size)
-    order = np.lexsort((size, known, bins))
-    last = np.append(np.flatnonzero(np.diff(bins[order])), len(order) - 1)
-    return np.sort(order[last])
+    return largest_of_each(bins, known, size)
+
+
+def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
+    """The row of each bin with the largest score, and of such the first; of several scores the first one counts most.
+
+    Bins must not decrease, and no score may be NaN.
+    """
+    starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
+    lengths = np.diff(starts, append=len(bins))
+    best = np.ones(len(bins), dtype=np.bool_)
+    for score in scores:
+        left = np.where(best, score, -np.inf)
+        best &= left == np.repeat(np.maximum.reduceat(left, starts), lengths)
+    rows = np.flatnonzero(best)
+    return rows[np.diff(bins[rows], prepend=bins[0] - 1) > 0]
 
 
 def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
@@ -84,3 +102,61 @@ def _joined(first: Results, second: Results) -> Results:
     return Results(
         **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Results)}
     )
+
+
+def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
+    """The weakest claim in each piece of rows; nothing where a row says nothing."""
+    ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
+    coded = np.array([ranks[word] for word in claims])
+    order = (*CLAIMS, "")
+    return [order[int(coded[chunk].max())] for chunk in chunks]
+
+
+def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
+    """At how many rows of each piece that have a set the prediction went into it: "every row", "some rows", "none"."""
+    shares = []
+    for chunk in chunks:
+        known = used[chunk][np.isfinite(used[chunk])]
+        shares.append("every row" if len(known) and known.all() else "some rows" if known.any() else "none")
+    return shares
+
+
+def pieces(count: int, most: int) -> list[slice]:
+    """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
+    length = -(-count // most)
+    return [slice(begin, min(begin + length, count)) for begin in range(0, count, length)]
+
+
+def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
+    """Rows to draw instead of all: every extreme stays, each row as it is.
+
+    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
+    the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
+    of which nothing is known.
+
+    Parameters
+    ----------
+    run : Run
+    most : int
+        Pieces. All rows are drawn if there are not more.
+
+    Returns
+    -------
+    (K,) array
+        Increasing, K at most 9 times ``most``.
+    """
+    count = len(run.times)
+    if count <= most:
+        return np.arange(count)
+    ratios = np.zeros((count, 0))
+    if run.errors is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.abs(run.errors) / run.half_widths
+    scores = [run.largest_angles, -run.largest_angles, *ratios.T]
+    scores += [score for score in (run.forms, run.tilt_bounds) if score is not None]
+    scores = [np.where(np.isnan(score), -np.inf, score) for score in scores]
+    some, is_gap = pieces(count, most), ~run.known
+    bins = np.arange(count) // some[0].stop
+    gaps = largest_of_each(bins, is_gap)
+    rows = [np.array([piece.start for piece in some]), gaps[is_gap[gaps]]]
+    return np.unique(np.concatenate(rows + [largest_of_each(bins, score) for score in scores]))

@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from elliptude import cli, comparison, tables
+from elliptude.containment import attitude_forms
 from elliptude.files import FileError
+from elliptude.reference_attitudes import Reference
+from elliptude.runs import Run, read_run
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -91,10 +94,11 @@ def test_gibbs_chart(made):
     """A turn of 100 degrees is 136.6 degrees in γ = 2 tan(θ/2) n."""
     for width, inside in ((136.0, False), (137.0, True)):
         shape = np.eye(3)[None] * np.deg2rad(width) ** 2
-        estimates = comparison.Estimates(
-            np.zeros(1), np.array([[1.0, 0, 0, 0]]), shape, np.zeros((1, 3)), None, is_gibbs=True
-        )
-        reference = comparison.Reference(np.zeros(1), Rotation.from_rotvec(np.deg2rad([[0.0, 100.0, 0.0]])))
+        estimates = Run(
+            times=np.zeros(1), quaternions=np.array([[1.0, 0, 0, 0]]), shapes=shape, half_widths=np.zeros((1, 3)),
+            largest_angles=np.ones(1), used=("",), refused=("",), chart="gibbs",
+        )  # fmt: skip
+        reference = Reference(np.zeros(1), Rotation.from_rotvec(np.deg2rad([[0.0, 100.0, 0.0]])))
         compared = comparison.compare(estimates, reference)
         assert bool(compared.inside[0]) is inside
         assert compared.half_widths_reference[0] == pytest.approx(2 * np.arctan(np.deg2rad(width) / 2))
@@ -119,8 +123,8 @@ def test_distance_from_an_ellipsoid():
             for start in (np.zeros(3), 0.1 * point)
         ]
         distance = np.sqrt(min(found))
-        assert comparison.is_near(point[None], shape[None], 1.0001 * distance)[0]
-        assert not comparison.is_near(point[None], shape[None], 0.9999 * distance)[0]
+        assert attitude_forms(point[None], shape[None], 1.0001 * distance) <= 1.0
+        assert attitude_forms(point[None], shape[None], 0.9999 * distance) > 1.0
 
 
 def test_reference_between_samples(tmp_path, made):
@@ -128,10 +132,10 @@ def test_reference_between_samples(tmp_path, made):
     result, _ = write(tmp_path, made)
     times = np.arange(99.9, 106.0, 0.2)
     attitudes = Rotation.from_rotvec(np.outer(times, [0.1, 0.2, 0.3]))
-    reference = comparison.Reference(times, attitudes)
-    estimates = comparison.read_estimates(result)
+    reference = Reference(times, attitudes)
+    estimates, _ = read_run(result)
     with pytest.raises(ValueError, match="no row"):
-        comparison.compare(estimates, comparison.Reference(times + 0.05, attitudes))
+        comparison.compare(estimates, Reference(times + 0.05, attitudes))
     compared = comparison.compare(estimates, reference, largest_gap=0.21)
     np.testing.assert_allclose(
         (compared.true.inv() * Rotation.from_rotvec(np.outer(compared.times, [0.1, 0.2, 0.3]))).magnitude(),
@@ -190,6 +194,35 @@ def test_reference_by_configuration(tmp_path):
     assert turned["all"]["error_deg"]["mean"] == pytest.approx(compared["all"]["error_deg"]["mean"], rel=1e-9)
 
 
+def test_own_error_of_the_reference(tmp_path, made):
+    """By the option, else by the configuration; up to 1.85 degrees are within 0.3 of sets that end at 1.55."""
+    result, reference = write(tmp_path, made)
+    config = tmp_path / "config.toml"
+    config.write_text(
+        '[flow]\nkind = "gyro"\ncolumns = ["a", "b", "c"]\nnoise_deg_per_s = 1.0\n'
+        '[estimator]\nmode = "guaranteed"\n'
+        '[truth]\nattitude_columns = ["qw", "qx", "qy", "qz"]\nerror_deg = 0.3\n'
+    )
+    for arguments, inside, error, source in (
+        ((), 7, 0.0, None),
+        (("--config", config), 9, 0.3, "truth.error_deg of the configuration"),
+        (("--config", config, "--reference-error-deg", 0), 7, 0.0, "--reference-error-deg"),
+        (("--config", config, "--reference-error-deg", 0.5), 10, 0.5, "--reference-error-deg"),
+    ):
+        said = json.loads(run(result, reference, *arguments, "--json").stdout)
+        assert said["all"]["inside"] == inside
+        assert (said["reference_error_deg"], said["reference_error_from"]) == (error, source)
+        own_error = f"{error:g} degrees by {source}" if source else "not stated"
+        assert f"own error: {own_error}; inside" in " ".join(run(result, reference, *arguments).stdout.split())
+    arguments = ["report", str(result), "--reference", str(reference), "--config", str(config)]
+    done = CliRunner().invoke(cli.make_app(), [*arguments, "--out", str(tmp_path / "report.html")])
+    assert done.exit_code == 0, done.output
+    assert "reference.csv outside the set at 1 of 10 rows" in done.output
+    assert "it may itself be off by 0.3°" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    done = CliRunner().invoke(cli.make_app(), ["report", str(result), "--reference-error-deg", "1"])
+    assert done.exit_code == 2
+
+
 def test_what_is_at_fault(tmp_path, made):
     result, reference = write(tmp_path, made)
     text = reference.read_text().splitlines()
@@ -210,8 +243,8 @@ def test_what_is_at_fault(tmp_path, made):
     assert run(result, reference, "--reference-error-deg", "nan").exit_code == 2
     (tmp_path / "claims").mkdir()
     result, _ = write(tmp_path / "claims", made, ["sure"] * 10)
-    with pytest.raises(FileError, match="'sure' is none of unconditional"):
-        comparison.read_estimates(result)
+    with pytest.raises(FileError, match="'sure', not unconditional"):
+        read_run(result)
 
 
 def test_heading_is_aligned_once():

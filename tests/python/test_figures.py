@@ -56,6 +56,35 @@ def test_bands_and_errors_are_those_of_the_results(results):
     assert form.get_ylim()[1] > 1.0
 
 
+def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
+    """As in the guaranteed mode: the axis of errors is that of what is known, the times are those of the whole log."""
+    half_widths, largest = results.half_widths.copy(), results.largest_angles.copy()
+    half_widths[:, 3:] = np.nan
+    half_widths[:, :3] = np.deg2rad(40.0)
+    half_widths[5:], largest[5:] = np.nan, np.nan
+    some = without_truth(dataclasses.replace(results, half_widths=half_widths, largest_angles=largest, vector="bias"))
+    figure = figures.estimate_figure(some, "A gap")
+    assert len(figure.axes) == 5
+    for panel in figure.axes[:3]:
+        assert panel.get_ylim() == pytest.approx((-46.0, 46.0))
+        assert panel.get_xlim() == (results.times[0], results.times[-1])
+        shade = next(one for one in panel.collections if one.get_label() == "no set is known")
+        assert shade.get_paths()[0].get_extents().x0 == results.times[4]
+    assert figure.axes[-1].get_title() == "size of the set: largest angle"
+    figures.save(figure, tmp_path / "figure.png")
+
+
+def test_the_edge_of_the_set_is_seen_beside_forms_far_out(results):
+    forms = results.forms.copy()
+    forms[3] = 2e4
+    figure = figures.estimate_figure(dataclasses.replace(results, forms=forms), "Far out")
+    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
+    assert form.get_yscale() == "log"
+    low, high = form.get_ylim()
+    assert low < 0.1
+    assert high > 2e4
+
+
 def test_share_inside_counts_what_lies_outside(results):
     forms = results.forms.copy()
     forms[:15] = 2.0
@@ -69,6 +98,37 @@ def test_the_same_results_make_the_same_file(tmp_path, results):
     for name in ("one.png", "two.png"):
         figures.save(figures.estimate_figure(results, "Pendulum"), tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+@pytest.mark.parametrize("low", [1e-9, 0.031, 0.5, 0.97, 3.0])
+@pytest.mark.parametrize("ratio", [1.02, 1.3, 3.0, 9.0, 70.0, 1e5, 1e12])
+def test_a_log_axis_says_two_numbers_at_least(low, ratio):
+    """Within what is shown, each label another and not too many."""
+    axes = figures.new_figure(3.0).add_subplot()
+    axes.plot([0, 1], [low, low * ratio])
+    figures.plain_log_axis(axes)
+    axes.set_ylim(low, low * ratio)
+    ticks = axes.yaxis.get_majorticklocs()
+    shown = [tick for tick in ticks if low <= tick <= low * ratio]
+    labels = [axes.yaxis.get_major_formatter()(tick) for tick in shown]
+    assert 2 <= len(set(labels)) == len(labels) <= 14
+    for tick, label in zip(shown, labels, strict=True):
+        if "$" not in label:
+            assert float(label) == pytest.approx(tick, rel=1e-5)
+
+
+def test_validation_figure_of_forms_near_the_edge(tmp_path):
+    """Of the guaranteed mode, whose forms are all just below 1."""
+    worst = {"form": 0.97}
+    case = {"scenario": "orbit", "bound_deg": 7.0, "noise": "search", "worst": worst, "sizes": {}}
+    other = case | {"noise": "inside", "worst": {"form": 1.0}}
+    summary = {"mode": "guaranteed", "cases": [case, other], "total": {"escapes": 0, "updates": 40}}
+    figure = figures.validation_figure(summary)
+    figures.save(figure, tmp_path / "validation.png")
+    low, high = figure.axes[0].get_ylim()
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels() if low <= label.get_position()[1] <= high]
+    assert len([label for label in labels if label]) >= 2
+    assert all("times" not in label for label in labels)
 
 
 def test_about_line_figure(tmp_path, results):

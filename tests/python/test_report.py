@@ -1,6 +1,7 @@
 """`elliptude report`: one file that needs nothing else, with numbers of all rows; what is wrong is said."""
 
 import base64
+import dataclasses
 import json
 import re
 import sys
@@ -8,9 +9,10 @@ import sys
 import numpy as np
 import pytest
 from elliptude import cli, report
+from elliptude.runs import DroppedMeasurements
 from scipy.spatial.transform import Rotation
 from test_run_figures import full_run
-from test_runs import make_run, table_columns, write
+from test_runs import DROPPED, make_run, table_columns, write, write_guaranteed
 from typer.testing import CliRunner
 
 
@@ -146,6 +148,65 @@ def test_the_command_with_a_reference(tmp_path):
     assert refused.exit_code == 1
     assert "no row with a set has a reference of its time" in " ".join(refused.output.split())
     assert not (tmp_path / "other.html").exists()
+
+
+def test_what_the_guaranteed_mode_says_more(tmp_path):
+    write_guaranteed(tmp_path / "hand")
+    pictures = tmp_path / "pictures"
+    done = run_cli(tmp_path / "hand", "--out", tmp_path / "report.html", "--pictures", pictures, "--json")
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    assert summary["left_out"] == {"dropped": 3, "refused": 0, "own bound": 1}
+    assert summary["prediction_used_rows"] == 39
+    assert summary["tilt_bound_deg"]["largest"] == pytest.approx(np.rad2deg(0.1))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for text in (
+        "<td>39 rows, 78 % of those with a set</td>",
+        '<th scope="row">left out from beginning to end</th><td>field</td>',
+        "counts from the first row",
+        "Claims and use of the prediction</h2>",
+        "prediction used: some rows",
+    ):
+        assert text in page
+    data = data_of(page)
+    assert data["dropped"] == {
+        "total": 4,
+        "time": [0.5, 0.5, 0.7, 4.0],
+        "place": DROPPED["place"],
+        "sensor": DROPPED["sensor"],
+        "why": ["the prediction"] * 3 + ["its own bound"],
+        "margin": [-0.4, -0.4, -0.2, -1.5],
+        "unit": ["", "", "", "m/s²"],
+    }
+    size = {trace["name"]: trace for trace in data["plots"]["size"]["data"]}
+    assert size["bound of the tilt"]["y"][0] == pytest.approx(np.rad2deg(0.05), rel=1e-5)
+    assert size["sun left out"]["x"] == [0.5, 4.0]
+    assert size["sun left out"]["text"][1] == "line 43, 1.5 m/s² beyond its own bound"
+    plotly = pytest.importorskip("plotly.graph_objects")
+    for plot in data["plots"].values():
+        plotly.Figure(plot)
+
+
+def test_of_very_many_dropped_measurements_the_farthest_off_are_listed(monkeypatch):
+    monkeypatch.setattr(report, "EACH_LISTED", 3)
+    listed = DroppedMeasurements(
+        np.arange(5.0), ("",) * 5, ("a",) * 5, ("prediction",) * 5, np.array([-1.0, -5, -2, -3, -4]), ("",) * 5
+    )
+    each = report._each(listed)
+    assert (each["total"], each["time"]) == (5, [1.0, 3.0, 4.0])
+    run = make_run(500, listed=dataclasses.replace(listed, times=np.array([0.01, 0.02, 0.03, 0.04, 4.9])))
+    monkeypatch.setattr(report, "PIECES", 5)
+    (marks,) = report._drop_marks(run, run.listed)
+    assert marks["x"] == [0.02, 4.9]
+
+
+def test_times_since_1970_keep_their_digits(tmp_path):
+    run = make_run(dropped=("",) * 30 + ("star",) + ("",) * 19)
+    run.times[:] += 1.7e9
+    report.write_report(run, tmp_path / "report.html", "Late")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "50, 1700000000 s to 1700000004.9 s" in page
+    assert "<td>1700000003</td>" in page
 
 
 def test_without_plotly_it_says_what_to_install(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ Set ELLIPTUDE_NEEDS_BROWSER (as .ci/run does) to fail instead of skip where ther
 ELLIPTUDE_SCREENSHOTS, if that names a folder.
 """
 
+import dataclasses
 import os
 import shutil
 import time
@@ -13,6 +14,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from elliptude import report
+from elliptude.runs import DroppedMeasurements
 from test_run_figures import full_run
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -47,6 +49,16 @@ def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     run = full_run()
     run.forms[40], run.errors[40, 0] = 4.0, 0.2
+    listed = DroppedMeasurements(
+        times=np.array([0.5, 0.7, 4.0]),
+        places=("line 8", "line 10", "line 43"),
+        sensors=("star", "sun", "star"),
+        contradicts=("prediction", "prediction", "own_bound"),
+        margins=np.array([-0.4, -0.2, -1.5]),
+        units=("", "", "m/s^2"),
+    )
+    used, tilt = (np.arange(50) % 7 > 2).astype(float), np.full(50, 0.08)
+    run = dataclasses.replace(run, listed=listed, prediction_used=used, tilt_bounds=tilt)
     report.write_report(run, path, "A run with a gap", label="optical attitude")
     return path
 
@@ -135,6 +147,24 @@ def test_play_and_pause_by_keyboard(opened):
     stopped = opened.locator("#time").input_value()
     opened.wait_for_timeout(300)
     assert opened.locator("#time").input_value() == stopped
+
+
+ROWS = "() => Array.from(document.querySelectorAll('#each-table tbody tr')).map((tr) => tr.innerText.split('\\t'))"
+
+
+def test_dropped_measurements_are_sorted_chosen_and_found_on_the_sphere(opened):
+    rows = opened.evaluate(ROWS)
+    assert [(row[0], row[2]) for row in rows] == [("0.5", "star"), ("0.7", "sun"), ("4", "star")]
+    heading = opened.locator("#each-table th button", has_text="margin")
+    heading.click()
+    assert [row[4] for row in opened.evaluate(ROWS)] == ["-1.5 m/s²", "-0.4", "-0.2"]
+    heading.click()
+    assert [row[4] for row in opened.evaluate(ROWS)] == ["-0.2", "-0.4", "-1.5 m/s²"]
+    opened.locator("#each-table td button", has_text="4").click()
+    at(opened, "4.00 s")
+    opened.locator("#each-sensor").select_option("sun")
+    assert [row[0] for row in opened.evaluate(ROWS)] == ["0.7"]
+    assert opened.locator("#each-count").text_content() == "1 measurement"
 
 
 @pytest.mark.parametrize("opened", [{"viewport": {"width": 360, "height": 740}, "color_scheme": "dark"}], indirect=True)

@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from elliptude import runs, tables
-from elliptude.comparison import Reference
+from elliptude import runs, tables, thinning
 from elliptude.files import FileError
+from elliptude.reference_attitudes import Reference
+from elliptude.results import CLAIMS
 from elliptude.runs import Refusal, Run
 from scipy.spatial.transform import Rotation
 
@@ -74,7 +75,7 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
     run, label = runs.read_run(tmp_path)
     assert label == "optical attitude"
     assert np.flatnonzero(~run.known).tolist() == [20, 21, 22, 23, 24]
-    assert [int(run.claimed(claim).sum()) for claim in runs.CLAIMS] == [35, 10, 5]
+    assert [int(run.claimed(claim).sum()) for claim in CLAIMS] == [35, 10, 5]
     assert np.flatnonzero(run.escaped).tolist() == [30]
     assert run.compared.sum() == 45
     assert np.isnan(run.attitudes[20:25]).all()
@@ -87,6 +88,62 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
         3,
     )
     assert (both.first, both.sensors, both.what) == (run.times[20], "sun star", "refused")
+
+
+DROPPED = {
+    "time_s": np.array([0.5, 0.5, 0.7, 4.0]),
+    "place": ["line 8", "line 8", "line 10", "line 43"],
+    "sensor": ["star", "sun", "star", "sun"],
+    "contradicts": ["prediction", "prediction", "prediction", "own_bound"],
+    "margin": np.array([-0.4, -0.4, -0.2, -1.5]),
+    "unit": ["", "", "", "m/s^2"],
+}
+
+
+def write_guaranteed(folder):
+    """What the guaranteed mode writes beside a table, and what it has more in the table."""
+    columns = table_columns(make_run()) | {
+        "claim": ["conditional"] * 50,
+        "dropped": ["star sun" if i == 5 else "star" if i == 7 else "" for i in range(50)],
+        "prediction_used": np.where(np.arange(50) < 10, 0.0, 1.0),
+        "tilt_bound": np.linspace(0.05, 0.1, 50),
+    }
+    columns["prediction_used"][49] = np.nan
+    write(folder, columns)
+    tables.write_columns(folder / "dropped.csv", "dropped", DROPPED)
+    said = {"compared_with": "camera", "truth_error_deg": 0.5, "void": ["field"], "heading": "from the first row"}
+    (folder / "summary.json").write_text(json.dumps(said))
+    return columns
+
+
+def test_what_the_guaranteed_mode_says_more(tmp_path):
+    columns = write_guaranteed(tmp_path)
+    run, label = runs.read_run(tmp_path)
+    assert label == "camera"
+    np.testing.assert_array_equal(run.tilt_bounds, columns["tilt_bound"])
+    np.testing.assert_array_equal(run.prediction_used, columns["prediction_used"])
+    assert run.reference_error == pytest.approx(np.deg2rad(0.5))
+    assert (run.void, run.heading_from_start) == (("field",), True)
+    # The list says more than the column does, and each measurement counts once.
+    assert [(refusal.time, refusal.sensors, refusal.what) for refusal in run.refusals()] == [
+        (0.5, "star", "dropped"),
+        (0.5, "sun", "dropped"),
+        (0.7, "star", "dropped"),
+        (4.0, "sun", "own bound"),
+    ]
+    assert [(spell.sensors, spell.what, spell.measurements) for spell in run.refusal_spells()] == [
+        ("star", "dropped", 2),
+        ("sun", "dropped", 1),
+        ("sun", "own bound", 1),
+    ]
+    shares = thinning.prediction_shares(run.prediction_used, thinning.pieces(50, 4))
+    assert shares == ["some rows", "every row", "every row", "every row"]
+    assert thinning.prediction_shares(np.array([0.0, 0.0, np.nan]), [slice(0, 2), slice(2, 3)]) == ["none", "none"]
+    (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n")
+    assert len(runs.read_run(tmp_path)[0].listed.times) == 0
+    (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n1,line 2,a,b,c,\n")
+    with pytest.raises(FileError, match=r"dropped\.csv: line 3, column 5 \(margin\): not a number: 'c'"):
+        runs.read_run(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -147,22 +204,32 @@ def test_a_reference_is_not_carried_over_gaps():
     assert not none.compared.any()
 
 
+def test_a_flat_set_holds_only_what_lies_in_it():
+    """Without volume: nothing that is measured lies in it, and the row counts as compared all the same."""
+    run = make_run()
+    run.shapes[:] = np.diag([0.1, 0.2, 0.0]) ** 2
+    true = Rotation.from_quat(run.quaternions, scalar_first=True) * Rotation.from_rotvec([0.0, 0.0, 0.01])
+    compared = run.against(Reference(run.times, true))
+    assert compared.compared.all()
+    assert compared.escaped.all()
+
+
 def test_decimation_keeps_what_stands_out():
     count = 20_000
     rng = np.random.default_rng(0)
     run = make_run(count, errors=0.01 * rng.standard_normal((count, 3)), forms=rng.random(count))
     run.forms[12_345], run.errors[777, 1], run.largest_angles[4_321] = 7.0, 0.5, 2.0
     run.quaternions[15_001:15_003] = np.nan
-    rows = runs.chosen_rows(run, 100)
+    rows = thinning.chosen_rows(run, 100)
     assert len(rows) <= 800
     assert (np.diff(rows) > 0).all()
     assert {12_345, 777, 4_321, 15_001} <= set(rows.tolist())
-    assert runs.chosen_rows(run, count).tolist() == list(range(count))
+    assert thinning.chosen_rows(run, count).tolist() == list(range(count))
 
 
 def test_the_weakest_claim_of_a_piece_counts():
     claims = ("unconditional", "conditional", "unconditional", "none", "", "unconditional")
-    assert runs.worst_claims(claims, runs.pieces(6, 3)) == ["conditional", "none", ""]
+    assert thinning.worst_claims(claims, thinning.pieces(6, 3)) == ["conditional", "none", ""]
 
 
 @pytest.mark.parametrize(("angle", "factor"), [(0.3, 1), (0.1, 2), (0.02, 10), (1e-4, 2000), (2.0, 1), (0.0, 50_000)])

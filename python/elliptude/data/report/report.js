@@ -122,6 +122,93 @@
     }
   }
 
+  // --- measurements left out, one by one ---
+  const each = data.dropped;
+  const MOST_SHOWN = 500;
+
+  function listEach() {
+    const columns = [["time", "time s"], ["place", "place in the log"], ["sensor", "sensor"], ["why", "contradicts"],
+                     ["margin", "margin"]];
+    const chosen = element("each-sensor");
+    for (const name of ["all", ...Array.from(new Set(each.sensor)).sort()]) { chosen.add(new Option(name, name)); }
+    let by = "time";
+    let isDown = false;
+
+    function cell(row, name) {
+      const td = document.createElement("td");
+      if (name === "time") {
+        const go = document.createElement("button");
+        go.type = "button";
+        go.className = "plain";
+        go.textContent = String(each.time[row]);
+        go.addEventListener("click", () => goTo(each.time[row]));
+        td.append(go);
+      } else {
+        td.textContent = name === "margin" ? (each.margin[row] + " " + each.unit[row]).trim() : each[name][row];
+      }
+      return td;
+    }
+
+    // "line 9" is before "line 10".
+    const order = new Intl.Collator("en", { numeric: true });
+    function compare(a, b) {
+      const one = each[by][a];
+      const other = each[by][b];
+      return (isDown ? -1 : 1) * (typeof one === "number" ? one - other : order.compare(one, other));
+    }
+
+    function fill() {
+      const rows = each.time.map((_, row) => row)
+        .filter((row) => chosen.selectedIndex === 0 || each.sensor[row] === chosen.value).sort(compare);
+      const shown = rows.slice(0, MOST_SHOWN);
+      element("each-table").tBodies[0].replaceChildren(...shown.map((row) => {
+        const tr = document.createElement("tr");
+        tr.append(...columns.map(([name]) => cell(row, name)));
+        return tr;
+      }));
+      let text = rows.length + (rows.length === 1 ? " measurement" : " measurements");
+      if (shown.length < rows.length) { text += ", the first " + shown.length + " in this order are shown"; }
+      if (each.time.length < each.total) {
+        text += "; of " + each.total + " in all, those farthest off: see dropped.csv for the others";
+      }
+      element("each-count").textContent = text;
+      heads.forEach(({ th, name }) => {
+        th.setAttribute("aria-sort", name !== by ? "none" : isDown ? "descending" : "ascending");
+      });
+    }
+
+    const heads = columns.map(([name, text]) => {
+      const th = document.createElement("th");
+      const sort = document.createElement("button");
+      th.scope = "col";
+      sort.type = "button";
+      sort.className = "plain";
+      sort.textContent = text;
+      sort.addEventListener("click", () => {
+        isDown = name === by && !isDown;
+        by = name;
+        fill();
+      });
+      th.append(sort);
+      return { th, name };
+    });
+    const line = document.createElement("tr");
+    line.append(...heads.map(({ th }) => th));
+    element("each-table").tHead.append(line);
+    chosen.addEventListener("change", fill);
+    fill();
+  }
+
+  // The sphere's time that is nearest.
+  function goTo(time) {
+    const far = frames.times.map((at) => Math.abs(at - time));
+    slider.value = String(far.indexOf(Math.min(...far)));
+    draw();
+    element("h-sphere").scrollIntoView();
+  }
+
+  if (each !== null) { listEach(); }
+
   slider.max = String(frames.labels.length - 1);
   slider.addEventListener("input", draw);
   button.addEventListener("click", () => play(!isPlaying));
