@@ -191,6 +191,39 @@ TEST_CASE("policies after a contradiction") {
   }
 }
 
+TEST_CASE("two directions that contradict each other where nothing else is known are both left out") {
+  for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart}) {
+    Scene scene(10);
+    BodyFilter::Settings settings;
+    settings.policy = policy;
+    BodyFilter filter = filter_with(settings);
+    const Snapshot before = snapshot(filter);
+    const Vector3d right = scene.directions[1].body;
+    scene.directions[1].body = exp(Vector3d(0.3, 0.2, 0.1)) * Vector3d(0.5 * (right + scene.directions[0].body));
+    const Measurements<double> both{scene.directions.data(), 2, &scene.rate, nullptr};
+    Report update;
+    const Status status = filter.update(both, update);
+    CHECK(update.margin < 0);
+    CHECK((update.contradicting & (direction_bit(0) | direction_bit(1))) != 0);
+    if (policy == Policy::raise) {
+      CHECK(status == Status::empty_intersection);
+      CHECK(same(before, snapshot(filter)));
+      CHECK_FALSE(filter.knows_vector());
+      continue;
+    }
+    REQUIRE(status == Status::ok);
+    CHECK(update.dropped == (direction_bit(0) | direction_bit(1)));
+    CHECK(update.claim == Claim::none);
+    CHECK_FALSE(filter.knows_attitude());
+    CHECK(filter.knows_vector());
+    // Nothing of them was taken up: what comes rests on nothing that was left out.
+    scene.directions[1].body = right;
+    REQUIRE(filter.update(both, update) == Status::ok);
+    CHECK(filter.claim() == Claim::unconditional);
+    CHECK(form_of(filter, scene.truth) <= 1);
+  }
+}
+
 TEST_CASE("restart forgets a prediction that was wrong") {
   Scene scene(9);
   BodyFilter::Settings settings;

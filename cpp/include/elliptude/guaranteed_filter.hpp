@@ -509,6 +509,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   }
 
   /// After a contradiction, by the policy.
+  /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
   [[nodiscard]] Status resolve(const Measurements<Scalar>& measurements, Sensors all, Solution& solution,
                                GuaranteedUpdate<Scalar>& result) const noexcept {
     if (settings_.policy != Policy::drop_measurement && settings_.policy != Policy::restart) {
@@ -549,7 +550,13 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (result.dropped == 0) {
       attempt(all, best);
     }
-    return result.dropped != 0 ? Status::ok : Status::empty_intersection;
+    if (result.dropped != 0) {
+      return Status::ok;
+    }
+    // Without a prediction, and with none of them to go by: which ones are right is not to be known. What the angular velocity
+    // says does not need them.
+    result.dropped = all & ~angular_velocity_bit;
+    return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
   }
 
   /// All states that the prediction allows and that at most `most_wrong` measurements exclude: the union over what may be left
@@ -662,7 +669,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded, Solution& solution,
                               GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
     const bool contradicted = result.margin < Scalar(0) || (settings_.policy != Policy::relaxed && result.dropped != 0);
-    bool rests_on_drops = rests_on_drops_ || contradicted;
+    // Where nothing is taken up there is nothing that could rest on what was left out.
+    bool rests_on_drops = rests_on_drops_ || (contradicted && (bounded || knows_attitude_));
     int agreeing = contradicted ? 0 : agreeing_updates_ + (all != 0 ? 1 : 0);
     if (bounded && knows_attitude_ && rests_on_drops && !contradicted && agreeing >= settings_.regain_after) {
       Solution alone;

@@ -1,11 +1,10 @@
-// The whole core, each function instantiated for double and float, to be compiled with -fno-exceptions -fno-rtti and
-// searched for symbols of the heap, of exceptions and of locks.
+// The whole core, each function instantiated for double (and in flight_core_float.cpp for float), to be compiled with
+// -fno-exceptions -fno-rtti and searched for symbols of the heap, of exceptions and of locks.
 #include "../every_function.hpp"
 
 namespace elliptude::testing {
 
 template Tally<double> use_every_function(const Seeds<double>&) noexcept;
-template Tally<float> use_every_function(const Seeds<float>&) noexcept;
 
 }  // namespace elliptude::testing
 
