@@ -34,6 +34,12 @@ test-cpp: $(SYSTEM)-test ## The C++ tests alone
 	cmake --build --preset $(PRESET)
 	ctest --preset $(PRESET)
 
+.PHONY: test-flight
+test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptions, no heap
+	cmake --preset $(PRESET)
+	cmake --build --preset $(PRESET) --target test_no_allocation forbidden_symbols
+	ctest --preset $(PRESET) --tests-regex '^(freestanding|test_no_allocation):'
+
 .PHONY: test-python
 test-python: $(VENV)/package ## The Python tests alone
 	.venv/bin/python -m pytest

@@ -15,9 +15,9 @@ from elliptude.configuration import Configuration
 NOISES: tuple[simulation.Noise, ...] = ("inside", "perpendicular", "common")
 
 
-def guaranteed_flow(scenario: scenarios.Scenario, potential: el.Potential) -> el.GuaranteedRigidBodyFlow:
-    """The flow of a scenario, with its step."""
-    return el.GuaranteedRigidBodyFlow(el.RigidBody(scenario.inertia_matrix), potential, step=scenario.step)
+def guaranteed_flow(scenario: scenarios.Scenario, potential: el.Potential, substeps: int) -> el.GuaranteedRigidBodyFlow:
+    """The flow of a scenario, with a part of its step."""
+    return el.GuaranteedRigidBodyFlow(el.RigidBody(scenario.inertia_matrix), potential, step=scenario.step / substeps)
 
 
 def rows_of(simulated: simulation.Simulation) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
@@ -45,7 +45,7 @@ def shapes_alone(
     return np.array(shapes)
 
 
-def table(name: str, seeds: int, criterion: str) -> None:
+def table(name: str, seeds: int, criterion: str, substeps: int, only: list[str] | None) -> None:
     """One scenario, all of its directions and bounds."""
     scenario = scenarios.load(name)
     truth = simulation.truth(scenario)
@@ -53,14 +53,14 @@ def table(name: str, seeds: int, criterion: str) -> None:
         cli_simulate.configuration_tables(scenario, simulation.measure(scenario, truth))
     )
     potential = settings.flow.build().potential
-    flow = guaranteed_flow(scenario, potential)
+    flow = guaranteed_flow(scenario, potential, substeps)
     settled = slice(summary.SETTLED_UPDATE - 1, None)
     print(f"\n{name}, {seeds} seeds, criterion {criterion}; mean trace of P, guaranteed over paper")
     print(
         f"{'directions, bound':<20}{'noise':<15}{'ratio':>8}{'scatter':>9}"
         f"{'alone':>7}{'used':>7}{'no set':>8}{'worst form':>12}"
     )
-    for directions in scenario.directions:
+    for directions in only or scenario.directions:
         for bound in scenario.bound_deg:
             for noise in NOISES:
                 ratios, alone, used, updates, unknown, worst = [], [], 0, 0, 0, 0.0
@@ -102,7 +102,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--criterion", choices=["trace", "volume"], default="trace")
+    parser.add_argument("--substeps", type=int, default=1, help="guaranteed steps in each step of the scenario")
+    parser.add_argument("--directions", choices=["two", "three", "five"], action="append")
     parser.add_argument("--scenario", choices=["orbit", "pendulum"], action="append")
     given = parser.parse_args()
     for one_scenario in given.scenario or ["orbit", "pendulum"]:
-        table(one_scenario, given.seeds, given.criterion)
+        table(one_scenario, given.seeds, given.criterion, given.substeps, given.directions)
