@@ -18,10 +18,9 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double pi = 3.141592653589793;
 
-template <int N>
-using LongMatrix = Eigen::Matrix<long double, N, N>;
-template <int N>
-using LongVector = Eigen::Matrix<long double, N, 1>;
+// Of any size, as each size of its own takes long to compile.
+using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+using LongVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 
 template <int N>
 using Criterion = SizeCriterion<double, N>;
@@ -37,9 +36,9 @@ Ellipsoid<double, 2> ellipse(double x, double y) {
 
 // The criterion in the logarithm, so that a difference is a share.
 template <int N>
-long double size_of(const LongMatrix<N>& shape, const Criterion<N>& criterion) {
+long double size_of(const LongMatrix& shape, const Criterion<N>& criterion) {
   if (criterion.kind == Criterion<N>::Kind::volume) {
-    return std::log(Eigen::PartialPivLU<LongMatrix<N>>(shape).determinant());
+    return std::log(Eigen::PartialPivLU<LongMatrix>(shape).determinant());
   }
   return std::log((criterion.weight.template cast<long double>() * shape).trace());
 }
@@ -47,26 +46,26 @@ long double size_of(const LongMatrix<N>& shape, const Criterion<N>& criterion) {
 // (x − x̂)ᵀP⁻¹(x − x̂) in long double.
 template <int N>
 double form(const Ellipsoid<double, N>& e, const Vector<double, N>& x) {
-  const LongVector<N> rest = x.template cast<long double>() - e.center.template cast<long double>();
+  const LongVector rest = x.template cast<long double>() - e.center.template cast<long double>();
   return static_cast<double>(
-      rest.dot(Eigen::PartialPivLU<LongMatrix<N>>(e.shape.template cast<long double>()).solve(rest)));
+      rest.dot(Eigen::PartialPivLU<LongMatrix>(e.shape.template cast<long double>()).solve(rest)));
 }
 
 // The paper's fusion as it is printed (eqs. xhatP-LP): L = P₁(P₁ + P₂/q)⁻¹, β = 1 + q − dᵀP₁⁻¹Ld, P = β(I − L)P₁.
 template <int N>
 struct PaperFusion {
-  LongVector<N> center;
-  LongMatrix<N> shape;
+  LongVector center;
+  LongMatrix shape;
   long double beta;
 
   PaperFusion(const Ellipsoid<double, N>& first, const Ellipsoid<double, N>& second, long double q) {
-    const LongMatrix<N> p1 = first.shape.template cast<long double>();
-    const LongMatrix<N> p2 = second.shape.template cast<long double>();
-    const LongVector<N> d = second.center.template cast<long double>() - first.center.template cast<long double>();
-    const LongMatrix<N> l = p1 * Eigen::PartialPivLU<LongMatrix<N>>(p1 + p2 / q).inverse();
-    beta = 1 + q - d.dot(Eigen::PartialPivLU<LongMatrix<N>>(p1).solve(l * d));
+    const LongMatrix p1 = first.shape.template cast<long double>();
+    const LongMatrix p2 = second.shape.template cast<long double>();
+    const LongVector d = second.center.template cast<long double>() - first.center.template cast<long double>();
+    const LongMatrix l = p1 * Eigen::PartialPivLU<LongMatrix>(p1 + p2 / q).inverse();
+    beta = 1 + q - d.dot(Eigen::PartialPivLU<LongMatrix>(p1).solve(l * d));
     center = first.center.template cast<long double>() + l * d;
-    shape = beta * (LongMatrix<N>::Identity() - l) * p1;
+    shape = beta * (LongMatrix::Identity(N, N) - l) * p1;
   }
 };
 
@@ -456,11 +455,11 @@ TEST_CASE("the margin agrees with a dense search and its sign with the fusion fo
     }
     double margin = 0;
     REQUIRE(overlap_margin(pair[0], pair[1], margin) == Status::ok);
-    const LongVector<3> d = (pair[1].center - pair[0].center).cast<long double>();
+    const LongVector d = (pair[1].center - pair[0].center).cast<long double>();
     const auto negative = [&](long double lambda) {
-      const LongMatrix<3> mixed =
+      const LongMatrix mixed =
           lambda * pair[0].shape.cast<long double>() + (1 - lambda) * pair[1].shape.cast<long double>();
-      return -lambda * (1 - lambda) * d.dot(Eigen::PartialPivLU<LongMatrix<3>>(mixed).solve(d));
+      return -lambda * (1 - lambda) * d.dot(Eigen::PartialPivLU<LongMatrix>(mixed).solve(d));
     };
     const double exact = static_cast<double>(1 + testing::least_value(negative, 0.0L, 1.0L, 300));
     REQUIRE(std::abs(margin - exact) <= 1e-12 * (1 + std::abs(exact)));
@@ -560,7 +559,7 @@ TEST_CASE("the sum contains the sum of the sets and no other shares make it smal
     constexpr int N = 3;
     const std::size_t count = 2 + static_cast<std::size_t>(i % 5);
     std::vector<Ellipsoid<double, N>> terms(count);
-    LongVector<N> center = LongVector<N>::Zero();
+    LongVector center = LongVector::Zero(N);
     for (auto& term : terms) {
       term = {random.normal_matrix<N>(), random.log_uniform(1e-4, 1e4) * random.positive_definite<N>(1e4)};
       center += term.center.cast<long double>();
@@ -581,10 +580,10 @@ TEST_CASE("the sum contains the sum of the sets and no other shares make it smal
 
     // Σ Pᵢ/αᵢ with the shares that the theory names, and with others near and far.
     std::vector<long double> shares(count);
-    const LongMatrix<N> inverse = Eigen::PartialPivLU<LongMatrix<N>>(sum.shape.cast<long double>()).inverse();
+    const LongMatrix inverse = Eigen::PartialPivLU<LongMatrix>(sum.shape.cast<long double>()).inverse();
     for (std::size_t k = 0; k < count; ++k) {
-      const LongMatrix<N> metric =
-          criterion.kind == Criterion<N>::Kind::volume ? inverse : LongMatrix<N>(criterion.weight.cast<long double>());
+      const LongMatrix metric =
+          criterion.kind == Criterion<N>::Kind::volume ? inverse : LongMatrix(criterion.weight.cast<long double>());
       shares[k] = std::sqrt((metric * terms[k].shape.cast<long double>()).trace());
     }
     const auto mixed = [&](const std::vector<long double>& weights) {
@@ -592,7 +591,7 @@ TEST_CASE("the sum contains the sum of the sets and no other shares make it smal
       for (const long double weight : weights) {
         all += weight;
       }
-      LongMatrix<N> shape = LongMatrix<N>::Zero();
+      LongMatrix shape = LongMatrix::Zero(N, N);
       for (std::size_t k = 0; k < count; ++k) {
         shape += terms[k].shape.cast<long double>() * (all / weights[k]);
       }

@@ -14,14 +14,14 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-template <int N>
-using LongMatrix = Eigen::Matrix<long double, N, N>;
+// Of any size, as each size of its own takes long to compile.
+using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
 // Entries of l lᵀ − a, each as a share of √(aᵢᵢ aⱼⱼ): the scale in which Cholesky's method is accurate.
 template <int N>
-LongMatrix<N> scaled_defect(const Matrix<double, N>& a, const Matrix<double, N>& l) {
-  const LongMatrix<N> exact = l.template cast<long double>();
-  LongMatrix<N> defect = exact * exact.transpose() - a.template cast<long double>();
+LongMatrix scaled_defect(const Matrix<double, N>& a, const Matrix<double, N>& l) {
+  const LongMatrix exact = l.template cast<long double>();
+  LongMatrix defect = exact * exact.transpose() - a.template cast<long double>();
   for (int j = 0; j < N; ++j) {
     for (int i = 0; i < N; ++i) {
       const long double scale = std::sqrt(static_cast<long double>(a(i, i)) * static_cast<long double>(a(j, j)));
@@ -79,10 +79,10 @@ void check_cholesky() {
       const Matrix<double, N, 2> scaled_reference = units.asDiagonal() * reference;
       const Matrix<double, N> scaled_inverse = units.asDiagonal() * inverse * units.asDiagonal();
       // The exact inverse is taken in units of one and not by cofactors, which lose even the digits of long double.
-      const LongMatrix<N> per_unit = units.template cast<long double>().cwiseInverse().asDiagonal();
-      const LongMatrix<N> scaled_a = per_unit * a.template cast<long double>() * per_unit;
+      const LongMatrix per_unit = units.template cast<long double>().cwiseInverse().asDiagonal();
+      const LongMatrix scaled_a = per_unit * a.template cast<long double>() * per_unit;
       const Matrix<double, N> scaled_exact =
-          Eigen::PartialPivLU<LongMatrix<N>>(scaled_a).inverse().template cast<double>();
+          Eigen::PartialPivLU<LongMatrix>(scaled_a).inverse().template cast<double>();
       const double tolerance = 4 * epsilon * condition;
       REQUIRE((scaled_x - scaled_reference).norm() <= tolerance * scaled_reference.norm());
       REQUIRE((scaled_inverse - scaled_exact).norm() <= tolerance * scaled_exact.norm());
@@ -110,7 +110,7 @@ void check_semidefinite() {
       CAPTURE(rank);
       REQUIRE(cholesky_semidefinite(a, l) == Status::ok);
       REQUIRE(is_lower<N>(l));
-      const LongMatrix<N> defect = scaled_defect<N>(a, l);
+      const LongMatrix defect = scaled_defect<N>(a, l);
       // Not more than the documented 2N(N+1)ε above a, and below it by no more than the rounding of products.
       REQUIRE(defect.diagonal().maxCoeff() <= 2 * (N + 1) * (N + 1) * epsilon);
       REQUIRE((defect + defect.transpose()).template selfadjointView<Eigen::Lower>().eigenvalues().minCoeff() / 2 >=
@@ -123,7 +123,7 @@ template <int N>
 void check_eigen(const Matrix<double, N>& a, double tolerance) {
   SymmetricEigen<double, N> eigen;
   REQUIRE(symmetric_eigen(a, eigen) == Status::ok);
-  const Eigen::SelfAdjointEigenSolver<LongMatrix<N>> reference(a.template cast<long double>());
+  const Eigen::SelfAdjointEigenSolver<LongMatrix> reference(a.template cast<long double>());
   const double size = a.cwiseAbs().maxCoeff();
   for (int i = 0; i < N; ++i) {
     REQUIRE(std::abs(eigen.values(i) - static_cast<double>(reference.eigenvalues()(N - 1 - i))) <= tolerance * size);
@@ -220,8 +220,8 @@ TEST_CASE("cholesky_semidefinite takes a plane in any position however near to t
     CAPTURE(a);
     REQUIRE(cholesky_semidefinite(a, l) == Status::ok);
     // Within 4N(N+1)ε of the largest entry above a, two more for rounding, and not below it.
-    const LongMatrix<3> exact = l.cast<long double>();
-    const LongMatrix<3> defect = exact * exact.transpose() - a.cast<long double>();
+    const LongMatrix exact = l.cast<long double>();
+    const LongMatrix defect = exact * exact.transpose() - a.cast<long double>();
     REQUIRE(defect.cwiseAbs().maxCoeff() <= 4 * 50 * epsilon);
     REQUIRE(defect.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff() >= -4 * 3 * epsilon);
   }
@@ -292,7 +292,7 @@ TEST_CASE("symmetric_eigen gives small eigenvalues of graded matrices with nearl
     SymmetricEigen<double, 3> eigen;
     REQUIRE(symmetric_eigen(a, eigen) == Status::ok);
     // The exact answer of so steep a matrix to 1e-12 relative: λ₁ = a₁₁, then the eigenvalues of the Schur complements.
-    LongMatrix<3> schur = a.cast<long double>();
+    LongMatrix schur = a.cast<long double>();
     for (int k = 0; k < 3; ++k) {
       REQUIRE(std::abs(static_cast<double>(static_cast<long double>(eigen.values(k)) / schur(k, k)) - 1) <= 1e-10);
       schur -= (schur.col(k) * schur.row(k) / schur(k, k)).eval();

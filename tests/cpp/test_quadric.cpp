@@ -14,10 +14,9 @@ using elliptude::testing::Random;
 
 namespace {
 
-template <int N>
-using LongMatrix = Eigen::Matrix<long double, N, N>;
-template <int N>
-using LongVector = Eigen::Matrix<long double, N, 1>;
+// Of any size, as each size of its own takes long to compile.
+using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+using LongVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 template <int N>
 using Criterion = SizeCriterion<double, N>;
 
@@ -27,9 +26,9 @@ Ellipsoid<double, N> unit_ball() {
 }
 
 template <int N>
-long double size_of(const LongMatrix<N>& shape, const Criterion<N>& criterion) {
+long double size_of(const LongMatrix& shape, const Criterion<N>& criterion) {
   if (criterion.kind == Criterion<N>::Kind::volume) {
-    return std::log(Eigen::PartialPivLU<LongMatrix<N>>(shape).determinant());
+    return std::log(Eigen::PartialPivLU<LongMatrix>(shape).determinant());
   }
   return std::log((criterion.weight.template cast<long double>() * shape).trace());
 }
@@ -38,23 +37,22 @@ long double size_of(const LongMatrix<N>& shape, const Criterion<N>& criterion) {
 template <int N>
 long double smallest_by_search(const Quadric<double, N>& quadric, const Ellipsoid<double, N>& ellipsoid,
                                const Criterion<N>& criterion) {
-  const LongMatrix<N> inverse =
-      Eigen::PartialPivLU<LongMatrix<N>>(ellipsoid.shape.template cast<long double>()).inverse();
-  const LongVector<N> origin = ellipsoid.center.template cast<long double>();
+  const LongMatrix inverse = Eigen::PartialPivLU<LongMatrix>(ellipsoid.shape.template cast<long double>()).inverse();
+  const LongVector origin = ellipsoid.center.template cast<long double>();
   // About the ellipsoid's center, where nothing cancels.
-  const LongMatrix<N> m = quadric.a.template cast<long double>();
-  const LongVector<N> v = m * origin + quadric.g.template cast<long double>();
+  const LongMatrix m = quadric.a.template cast<long double>();
+  const LongVector v = m * origin + quadric.g.template cast<long double>();
   const long double k = static_cast<long double>(quadric.c) - origin.dot(m * origin) -
                         2 * origin.dot(quadric.g.template cast<long double>());
   const auto value = [&](long double log_q) {
     const long double q = std::exp(log_q);
-    const LongMatrix<N> a = m + q * inverse;
-    const Eigen::LLT<LongMatrix<N>> factor(a);
+    const LongMatrix a = m + q * inverse;
+    const Eigen::LLT<LongMatrix> factor(a);
     if (factor.info() != Eigen::Success) {
       return HUGE_VALL;
     }
     const long double level = k + q + v.dot(factor.solve(v));
-    return size_of<N>(LongMatrix<N>(level * factor.solve(LongMatrix<N>::Identity())), criterion);
+    return size_of<N>(LongMatrix(level * factor.solve(LongMatrix::Identity(N, N))), criterion);
   };
   return std::min(testing::least_value(value, -25.0L, 25.0L, 2000),
                   size_of<N>(ellipsoid.shape.template cast<long double>(), criterion));
@@ -116,9 +114,9 @@ void check_random(int draws) {
     REQUIRE(static_cast<double>(size - least) >= -1e-9);
     REQUIRE(static_cast<double>(size - size_of<N>(e.shape.template cast<long double>(), criterion)) <= 1e-12);
 
-    const Eigen::LLT<LongMatrix<N>> factor(result.set.shape.template cast<long double>());
+    const Eigen::LLT<LongMatrix> factor(result.set.shape.template cast<long double>());
     const auto form = [&](const Vector<double, N>& x) {
-      const LongVector<N> rest = x.template cast<long double>() - result.set.center.template cast<long double>();
+      const LongVector rest = x.template cast<long double>() - result.set.center.template cast<long double>();
       return static_cast<double>(rest.dot(factor.solve(rest)));
     };
     REQUIRE(form(common) <= 1 + 1e-9);
