@@ -251,7 +251,7 @@ struct Cycle {
   AngularVelocity<double> angular_velocity;
 };
 
-constexpr std::size_t cycle_count = 64;
+constexpr std::size_t cycle_count = 65;  // the first starts a filter, and 64 follow
 
 inline std::array<Cycle, cycle_count> typical_cycles() {
   auto motion = gravity_gradient_motion();
