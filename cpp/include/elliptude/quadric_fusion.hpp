@@ -16,7 +16,7 @@ inline constexpr std::size_t most_quadrics = 40;
 /// An ellipsoid about an intersection, and how it came about.
 template <typename Scalar, int N>
 struct QuadricFusion {
-  /// What `contradiction` is of the predicted ellipsoid, and where there is none; of a quadric it is the index.
+  /// What `contradiction` is if no quadric is violated, and where there is none; of a quadric it is the index.
   static constexpr std::size_t predicted = most_quadrics;
   static constexpr std::size_t none = most_quadrics + 1;
 
@@ -26,9 +26,8 @@ struct QuadricFusion {
   /// The least N(μ) with Σμ = 1 that was met. No state satisfies all constraints with more slack than this; negative, it proves
   /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
   Scalar margin;
-  bool prediction_alone;  ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
-  std::size_t
-      contradiction;  ///< after `empty_intersection`: which constraint weighs most against the others at the proof
+  bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
+  std::size_t contradiction;  ///< after `empty_intersection`: which quadric weighs most against the rest at the proof
 };
 
 namespace fusion {
@@ -653,13 +652,14 @@ template <typename Scalar, int N>
   Scalar margin;
   const Status status = fusion::minimize(problem, scale, start, best, margin);
   if (status == Status::empty_intersection) {
+    // The prediction contradicts as much as what it contradicts: who asks wants to know which measurement that is.
     Scalar worst(0);
-    result.contradiction = Fusion::none;
-    for (std::size_t k = 0; k < problem.count; ++k) {
-      const Scalar violation = -best.multipliers[k] * best.slack[k];
+    result.contradiction = problem.with_ball ? Fusion::predicted : Fusion::none;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Scalar violation = -best.multipliers[k + first] * best.slack[k + first];
       if (violation > worst) {
         worst = violation;
-        result.contradiction = problem.with_ball && k == 0 ? Fusion::predicted : k - first;
+        result.contradiction = k;
       }
     }
     result.margin = margin;
