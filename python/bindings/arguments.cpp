@@ -70,7 +70,7 @@ DirectionArguments::DirectionArguments(const py::object& bounds, const py::objec
 }
 
 void require_direction(const Vector3<double>& direction, const std::string& label) {
-  if (!(direction.stableNorm() > 0)) {
+  if (!(scalar::length(direction) > 0)) {
     value_error(label + " has no length: a direction must not be zero");
   }
 }

@@ -657,12 +657,12 @@ class MeasuredLog {
       }
       const Vector3<double> reference =
           Eigen::Map<const Vector3<double>>((*references_)[reference_moves_ ? row : 0] + 3 * j);
-      if (!scalar::all_finite(body) || !(body.stableNorm() > 0)) {
+      if (!scalar::all_finite(body) || !(scalar::length(body) > 0)) {
         const std::string label = "directions[" + std::to_string(row) + ", " + std::to_string(j) + "]";
         require_measured(body, label);
         require_direction(body, label);
       }
-      if (!scalar::all_finite(reference) || !(reference.stableNorm() > 0)) {
+      if (!scalar::all_finite(reference) || !(scalar::length(reference) > 0)) {
         const std::string label =
             "reference[" + (reference_moves_ ? std::to_string(row) + ", " : "") + std::to_string(j) + "]";
         if (!scalar::all_finite(reference)) {

@@ -26,7 +26,7 @@ void define_function_of_vector(py::module_& module, const char* name, const char
           if (!scalar::isfinite(vector.squaredNorm())) {
             value_error(vectors.label(i) +
                         " must be shorter than 1e154, where its square overflows, but its length is " +
-                        text(vector.stableNorm()));
+                        text(scalar::length(vector)));
           }
           return f(vector);
         });
@@ -44,7 +44,7 @@ void define_inverse_jacobian(py::module_& module, const char* name, const char* 
         const Items vectors(rotation_vector, "rotation_vector", vector_item);
         return map_items(vectors.leading(), matrix_item, [&](Index i) {
           const Vector3<double> zeta = vectors.vector<3>(i);
-          const double angle = zeta.stableNorm();
+          const double angle = scalar::length(zeta);
           if (!(angle < full_turn)) {
             value_error(vectors.label(i) + " must be shorter than a full turn, 2π rad, but its length is " +
                         text(angle));

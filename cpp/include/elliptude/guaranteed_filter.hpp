@@ -361,7 +361,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       for (std::size_t i = 0; i < measurements.direction_count; ++i) {
         const Direction<Scalar>& direction = measurements.directions[i];
         const Scalar weight = Scalar(1) / direction.bound.trace();
-        profile += (weight * direction.reference.stableNormalized()) * direction.body.stableNormalized().transpose();
+        profile += (weight * scalar::unit(direction.reference)) * scalar::unit(direction.body).transpose();
       }
       Scalar condition;
       if (attitude_by_svd(profile, attitude, condition) != Status::ok) {

@@ -55,7 +55,7 @@ template <typename Scalar>
       !scalar::isfinite(direction.weight) || !scalar::all_finite(direction.bound)) {
     return Status::not_finite;
   }
-  if (!(direction.reference.stableNorm() > Scalar(0)) || !(direction.body.stableNorm() > Scalar(0))) {
+  if (!(scalar::length(direction.reference) > Scalar(0)) || !(scalar::length(direction.body) > Scalar(0))) {
     return Status::zero_direction;
   }
   if (!(direction.weight > Scalar(0))) {
@@ -98,8 +98,8 @@ class MeasuredDirections {
       if (const Status status = validate(directions[i]); status != Status::ok) {
         return status;
       }
-      const Vector3<Scalar> e = directions[i].reference.stableNormalized();
-      const Vector3<Scalar> b = directions[i].body.stableNormalized();
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
       profile += (directions[i].weight * e) * b.transpose();
     }
     Scalar condition;
@@ -110,8 +110,8 @@ class MeasuredDirections {
     const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
     const Matrix3<Scalar> inverse = curvature.inverse();
     for (std::size_t i = 0; i < count; ++i) {
-      const Vector3<Scalar> e = directions[i].reference.stableNormalized();
-      const Vector3<Scalar> b = directions[i].body.stableNormalized();
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
       const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
       const Matrix3<Scalar> sensitivity =
           (-directions[i].weight) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
@@ -190,8 +190,8 @@ template <typename Scalar>
   if (const Status status = validate(direction); status != Status::ok) {
     return status;
   }
-  const Vector3<Scalar> b = direction.body.stableNormalized();
-  const Vector3<Scalar> predicted = center.transpose() * direction.reference.stableNormalized();
+  const Vector3<Scalar> b = scalar::unit(direction.body);
+  const Vector3<Scalar> predicted = center.transpose() * scalar::unit(direction.reference);
   int least = 0;
   b.cwiseAbs().minCoeff(&least);
   Matrix<Scalar, 3, 2> across;
@@ -291,7 +291,7 @@ template <typename Scalar>
   if (const Status status = validate(direction); status != Status::ok) {
     return status;
   }
-  const Vector3<Scalar> b = direction.body.stableNormalized();
+  const Vector3<Scalar> b = scalar::unit(direction.body);
   int least = 0;
   b.cwiseAbs().minCoeff(&least);
   const Vector3<Scalar> first = b.cross(Vector3<Scalar>::Unit(least)).normalized();
@@ -322,9 +322,9 @@ template <typename Scalar>
   if (const Status status = angle_bound(direction, angle); status != Status::ok) {
     return status;
   }
-  const Vector3<Scalar> body = direction.body.stableNormalized();
+  const Vector3<Scalar> body = scalar::unit(direction.body);
   const Vector3<Scalar> predicted =
-      Vector3<Scalar>(center.transpose().lazyProduct(direction.reference.stableNormalized())).normalized();
+      Vector3<Scalar>(center.transpose().lazyProduct(scalar::unit(direction.reference))).normalized();
   if (!scalar::all_finite(predicted)) {
     return Status::not_finite;
   }

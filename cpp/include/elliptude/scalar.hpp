@@ -141,6 +141,41 @@ template <typename Derived>
   return isfinite(Scalar((entries - entries).sum()));
 }
 
+/// Whether the square of a vector's length has neither overflowed nor lost what counts to underflow.
+template <typename Scalar>
+[[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
+  using Limits = std::numeric_limits<Value<Scalar>>;
+  constexpr Value<Scalar> least = Limits::min() / (Limits::epsilon() * Limits::epsilon());
+  return all(square > Scalar(least)) && all(square <= Scalar(Limits::max()));
+}
+
+/// The length of a finite vector, however small or large its entries: Eigen's `stableNorm`, without the loop that makes it cost
+/// ten times as much as the length itself.
+template <typename Scalar>
+[[nodiscard]] Scalar length(const Vector3<Scalar>& v) noexcept {
+  const Scalar square = v.squaredNorm();
+  if (is_precise_square(square)) {
+    return sqrt(square);
+  }
+  const Scalar largest = v.cwiseAbs().maxCoeff();
+  return largest > Scalar(0) ? Scalar(largest * sqrt(Scalar(Vector3<Scalar>(v / largest).squaredNorm()))) : square;
+}
+
+/// A finite vector divided by its length; zero remains zero.
+template <typename Scalar>
+[[nodiscard]] Vector3<Scalar> unit(const Vector3<Scalar>& v) noexcept {
+  const Scalar square = v.squaredNorm();
+  if (is_precise_square(square)) {
+    return v / sqrt(square);
+  }
+  const Scalar largest = v.cwiseAbs().maxCoeff();
+  if (!(largest > Scalar(0))) {
+    return v;
+  }
+  const Vector3<Scalar> scaled = v / largest;
+  return scaled / sqrt(Scalar(scaled.squaredNorm()));
+}
+
 /// Σ coefficients[k] xᵏ by Horner's rule.
 template <typename Scalar, std::size_t Count>
 [[nodiscard]] Scalar polynomial(const Scalar& x, const std::array<Value<Scalar>, Count>& coefficients) noexcept {

@@ -55,8 +55,8 @@ template <typename Reference, typename Body, typename Weights>
     if (!(weight >= Scalar(0))) {
       return Status::out_of_range;
     }
-    const Scalar length_e = e.stableNorm();
-    const Scalar length_b = b.stableNorm();
+    const Scalar length_e = scalar::length(e);
+    const Scalar length_b = scalar::length(b);
     if (!(length_e > Scalar(0)) || !(length_b > Scalar(0))) {
       return Status::zero_direction;
     }
@@ -213,8 +213,8 @@ template <typename Reference, typename Body, typename Weights>
   }
   result.cost = Scalar(0);
   for (Eigen::Index i = 0; i < reference.cols(); ++i) {
-    const Vector3<Scalar> e = Vector3<Scalar>(reference.col(i)).stableNormalized();
-    const Vector3<Scalar> b = Vector3<Scalar>(body.col(i)).stableNormalized();
+    const Vector3<Scalar> e = scalar::unit(Vector3<Scalar>(reference.col(i)));
+    const Vector3<Scalar> b = scalar::unit(Vector3<Scalar>(body.col(i)));
     result.cost += scalar::constant<Scalar>(0.5L) * weights(i) * (e - result.attitude * b).squaredNorm();
   }
   solution = result;
@@ -240,7 +240,7 @@ template <typename Scalar>
   const auto complete = [](const Matrix<Scalar, 3, 2>& two, Matrix3<Scalar>& all) {
     for (int i = 0; i < 2; ++i) {
       const Vector3<Scalar> direction = two.col(i);
-      const Scalar length = direction.stableNorm();
+      const Scalar length = scalar::length(direction);
       if (!(length > Scalar(0))) {
         return Status::zero_direction;
       }

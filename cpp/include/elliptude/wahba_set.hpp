@@ -132,8 +132,8 @@ class DirectionCones {
       if (!(r > Scalar(0)) || !(r < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
         return Status::out_of_range;
       }
-      result.reference_[i] = e.stableNormalized();
-      result.body_[i] = b.stableNormalized();
+      result.reference_[i] = scalar::unit(e);
+      result.body_[i] = scalar::unit(b);
       if (!(result.reference_[i].squaredNorm() > scalar::constant<Scalar>(0.5L)) ||
           !(result.body_[i].squaredNorm() > scalar::constant<Scalar>(0.5L))) {
         return Status::zero_direction;
