@@ -67,14 +67,8 @@ class TorqueExpansion<python::BoundedPotential, double, Terms> {
   }
   /// As of `SumPotential`: bounds of the terms add up, for the largest degree and rate among them.
   [[nodiscard]] TorqueBounds<double> bounds(const Matrix3<double>& transform) const noexcept {
-    TorqueBounds<double> sum{0, 0, 0, 0};
-    for_each([&](const auto& term) {
-      const TorqueBounds<double> one = term.bounds(transform);
-      sum.largest += one.largest;
-      sum.by_inertia += one.by_inertia;
-      sum.degree = std::max(sum.degree, one.degree);
-      sum.turn_rate = std::max(sum.turn_rate, one.turn_rate);
-    });
+    TorqueBounds<double> sum;
+    for_each([&](const auto& term) { sum.add(term.bounds(transform)); });
     return sum;
   }
 

@@ -124,6 +124,109 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
   CHECK(most < 6);
 }
 
+namespace {
+
+struct Beyond {
+  double largest = 0;  // of what is left of the exact flow beyond the quadratic map, as a part of what it may be
+  int closed = 0;
+};
+
+/// Motions that begin anywhere in the unit ball of u, by a search that tries to leave p and r behind.
+template <typename Potential>
+void search_beyond(const RigidBody<double>& body, const Potential& potential, const RealTorque& torque, int steps,
+                   Random& random, Beyond& worst) {
+  RigidBodyState<double> state{random.rotation(), random.normal_matrix<3>()};
+  const RigidBodyState<double> start = state;
+  const double h = random.log_uniform(0.01, 0.1) / steps;
+  const double size = random.log_uniform(0.02, 0.4);
+  ErrorTube<double, Potential> tube;
+  REQUIRE(tube.start(size * size * Matrix6<double>(random.positive_definite<6>(9)), h, 1) == Status::ok);
+  const RealMatrix6 first_frame = tube.frame().template cast<Real>();
+  MotionSeries<double, Potential> series(body, potential);
+  for (int k = 0; k < steps; ++k) {
+    REQUIRE(series.expand(body, k * h, h, {}, state) == Status::ok);
+    if (tube.step(body, series, h, {}) != Status::ok) {
+      return;  // too large a set for so long a step
+    }
+    state = series.end;
+  }
+  ++worst.closed;
+  const RealMatrix6 back = RealMatrix6(tube.frame().template cast<Real>()).inverse();
+  const auto left = [&](const RealVector6& u) {
+    const Motion end = independent_flow(body.inertia().cast<Real>(), torque,
+                                        gibbs_motion(start, RealVector6(first_frame * u)), 0, Real(steps) * Real(h), 2);
+    RealVector6 quadratic;
+    for (int i = 0; i < 6; ++i) {
+      quadratic(i) = u.dot(packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
+    }
+    return RealVector6(back * gibbs_error(state, end) - u - quadratic);
+  };
+  // A sum of an ellipsoid and a ball holds what is below its support in every direction.
+  const auto part = [&](const RealVector6& r) {
+    RealVector6 d = r.normalized();
+    double largest = 0;
+    for (int k = 0; k < 4; ++k) {
+      const Vector6<double> direction = d.cast<double>();
+      const double width = std::sqrt(direction.dot(tube.pushed() * direction)) + tube.rest();
+      largest = std::fmax(largest, static_cast<double>(d.dot(r)) / width);
+      // Towards the normal where r leaves the set: less of what the set is wide in.
+      d = (r - (static_cast<Real>(largest) * (tube.pushed() * direction).template cast<Real>()) /
+                   static_cast<Real>(std::sqrt(direction.dot(tube.pushed() * direction)) + 1e-30))
+              .normalized();
+    }
+    return largest;
+  };
+  for (int trial = 0; trial < 3; ++trial) {
+    RealVector6 u = random.unit_vector<6>().cast<Real>();
+    double best = part(left(u));
+    Real move = 0.5L;
+    for (int k = 0; k < 60; ++k) {
+      RealVector6 other = u + move * random.normal_matrix<6>().cast<Real>();
+      other /= std::fmax(other.norm(), Real(1));
+      const double found = part(left(other));
+      if (found > best) {
+        best = found;
+        u = other;
+      } else {
+        move *= 0.93L;
+      }
+    }
+    worst.largest = std::fmax(worst.largest, best);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("beyond the quadratic map the exact flow leaves no more than the pushes and the rest") {
+  for (const int steps : {1, 4}) {
+    Random random(5);
+    std::array<Beyond, 3> worst;
+    for (int trial = 0; trial < 8; ++trial) {
+      const Case c = random_case(random);
+      const RealMatrix inertia = c.body.inertia().cast<Real>();
+      FreeBody<double> free;
+      GravityGradient<double> gradient;
+      REQUIRE(GravityGradient<double>::make(c.body, 1, Matrix3d::Identity(), gradient) == Status::ok);
+      search_beyond(
+          c.body, free, [](const RealMatrix&, Real) { return RealVector(RealVector::Zero()); }, steps, random,
+          worst[0]);
+      search_beyond(
+          c.body, c.gravity, [&](const RealMatrix& a, Real) { return pendulum_torque(c.arm, a); }, steps, random,
+          worst[1]);
+      search_beyond(
+          c.body, gradient, [&](const RealMatrix& a, Real t) { return gradient_torque(inertia, 1, a, t); }, steps,
+          random, worst[2]);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      MESSAGE(steps << " steps, potential " << i << ": " << worst[i].largest << " of the bound, closed "
+                    << worst[i].closed << " of 8");
+      CHECK(worst[i].closed >= 4);
+      CHECK(worst[i].largest <= 1);
+      CHECK(worst[i].largest > 0.2);
+    }
+  }
+}
+
 TEST_CASE("flat sets, sets that are too large and errors of the inertia that are too large are refused") {
   Random random(4);
   const Case c = random_case(random);

@@ -91,6 +91,7 @@ void check_expansion(const Potential& potential, const RealTorque& torque, Rando
     return RealVector(n * torque(turned(attitude, gamma), static_cast<Real>(time) + s));
   };
   CHECK(static_cast<double>(at(RealVector::Zero()).norm()) <= bounds.largest);
+  const auto width = [&](const Vector3d& along) { return std::sqrt(along.dot(bounds.shape * along)); };
   std::array<Matrix3d, 3> forms{Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()};
   expansion.add_curvature(0.02, transform, forms);
   Matrix3d jacobian = Matrix3d::Zero();
@@ -134,6 +135,9 @@ void check_expansion(const Potential& potential, const RealTorque& torque, Rando
     // The bounds of the parts, at any size.
     const double square = bounds.degree * bounds.degree;
     CHECK(static_cast<double>(second.norm()) <= 0.5 * square * bounds.largest * (1 + 1e-12));
+    const Vector3d along = random.unit_vector<3>();
+    CHECK(std::abs(static_cast<double>(along.cast<Real>().dot(at(RealVector::Zero())))) <= width(along));
+    CHECK(width(along) <= bounds.largest * (1 + 1e-12));
     third_sharpness = std::fmax(third_sharpness, static_cast<double>(cubic.norm()) / (0.375 * square * bounds.largest));
     const Real g = static_cast<Real>(random.log_uniform(0.02, 5));
     const RealVector left =
@@ -141,6 +145,7 @@ void check_expansion(const Potential& potential, const RealTorque& torque, Rando
     const double bound = 0.125 * square * bounds.degree * bounds.largest * static_cast<double>(g * g * g * g) *
                          (1 + 0.625 * static_cast<double>(g));
     fourth_sharpness = std::fmax(fourth_sharpness, static_cast<double>(left.norm()) / bound);
+    CHECK(std::abs(static_cast<double>(along.cast<Real>().dot(left))) <= bound / bounds.largest * width(along));
   }
 }
 

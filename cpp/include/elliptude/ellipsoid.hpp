@@ -163,6 +163,20 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
+/// Of two ellipsoids about zero the sum, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
+  const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
+  const Scalar width_b = scalar::sqrt(Scalar(b.trace()));
+  if (width_a == Scalar(0)) {
+    return b;
+  }
+  if (width_b == Scalar(0)) {
+    return a;
+  }
+  return (Scalar(1) + width_b / width_a) * a + (Scalar(1) + width_a / width_b) * b;
+}
+
 /// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
 /// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a

@@ -13,74 +13,9 @@
 /// integrated exactly as a quadratic map of u(0), and what remains, of third order, is bounded in the norm of u.
 
 #include "elliptude/motion_series.hpp"
+#include "elliptude/packed_forms.hpp"
 
 namespace elliptude {
-namespace tube {
-
-/// Six quadratic forms of u, one a column, each packed as the 21 entries on and above the diagonal of its matrix, those off
-/// the diagonal times √2, so that a form's value is the inner product with the packed u uᵀ, of length ‖u‖². Three rows of zeros
-/// make 24, whole SIMD registers of any width.
-template <typename Scalar>
-using PackedForms = Matrix<Scalar, 24, 6>;
-template <typename Scalar>
-using PackedForm = Vector<Scalar, 24>;
-
-/// The form (aᵀu)(bᵀu), times a factor.
-template <typename Scalar>
-void add_product(const Vector6<Scalar>& a, const Vector6<Scalar>& b, const Scalar& factor,
-                 PackedForm<Scalar>& form) noexcept {
-  const Scalar off_diagonal = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L) * factor;
-  int at = 0;
-  for (int j = 0; j < 6; ++j) {
-    form(at++) += factor * a(j) * b(j);
-    const Scalar aj = off_diagonal * a(j);
-    const Scalar bj = off_diagonal * b(j);
-    for (int k = j + 1; k < 6; ++k) {
-      form(at++) += aj * b(k) + bj * a(k);
-    }
-  }
-}
-
-/// The symmetric matrix of a packed form.
-template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> unpacked(const PackedForms<Scalar>& forms, int column) noexcept {
-  const Scalar off_diagonal = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L);
-  Matrix6<Scalar> matrix;
-  int at = 0;
-  for (int j = 0; j < 6; ++j) {
-    matrix(j, j) = forms(at++, column);
-    for (int k = j + 1; k < 6; ++k) {
-      matrix(j, k) = off_diagonal * forms(at++, column);
-      matrix(k, j) = matrix(j, k);
-    }
-  }
-  return matrix;
-}
-
-/// The cubic form uᵀq(u) = uᵀKw as a symmetric tensor, flattened to K, with w the packed u uᵀ. Its norm can be much smaller than
-/// that of q: a part of q that only turns u is no growth.
-/// \return KKᵀ.
-template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> symmetric_part_gram(const PackedForms<Scalar>& forms) noexcept {
-  std::array<Matrix6<Scalar>, 6> h;
-  for (int i = 0; i < 6; ++i) {
-    h[static_cast<std::size_t>(i)] = unpacked(forms, i);
-  }
-  const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);
-  Matrix6<Scalar> gram = Matrix6<Scalar>::Zero();
-  for (int k = 0; k < 6; ++k) {
-    Matrix6<Scalar> slice = h[static_cast<std::size_t>(k)];
-    for (int i = 0; i < 6; ++i) {
-      slice.col(i) += h[static_cast<std::size_t>(i)].col(k);
-      slice.row(i) += h[static_cast<std::size_t>(i)].row(k);
-    }
-    slice *= third;
-    gram += slice.lazyProduct(slice);  // slice is symmetric
-  }
-  return gram;
-}
-
-}  // namespace tube
 
 /// What is not known of a rigid body.
 template <typename Scalar>
@@ -131,7 +66,7 @@ class ErrorTube {
   }
 
   /// How far u may have moved from where it began, in the norm in which the set has radius one.
-  [[nodiscard]] Scalar displacement() const noexcept { return spectral_norm(second_order_) + pushed_norm_ + rest_; }
+  [[nodiscard]] Scalar displacement() const noexcept { return second_order_norm_ + pushed_norm_ + rest_; }
 
   /// Over one step of the motion; the center is `series.end` afterwards.
   /// \return `unbounded` if the bounds do not close: the set is too large, or the step too long, for it to be bounded;
@@ -142,41 +77,308 @@ class ErrorTube {
   /// An ellipsoid about zero that contains Y u for all that u can be by now.
   [[nodiscard]] Matrix6<Scalar> shape() const noexcept;
 
+  // What is known of every motion that began at y = Y(0) u₀ with ‖u₀‖ ≤ 1: by now y = Y (u₀ + q(u₀) + p + r),
+
+  [[nodiscard]] const Matrix6<Scalar>& frame() const noexcept { return frame_; }                      ///< Y
+  [[nodiscard]] const packed::Forms<Scalar>& second_order() const noexcept { return second_order_; }  ///< q
+  [[nodiscard]] const Matrix6<Scalar>& pushed() const noexcept { return pushed_; }  ///< shape of p's ellipsoid
+  [[nodiscard]] const Scalar& rest() const noexcept { return rest_; }               ///< bound of ‖r‖
+
  private:
-  static constexpr int order = 4;  // of Y within a step
-  using Rows = Matrix<Scalar, 3, 6>;
+  static constexpr int order = 4;      // of Y within a step
+  static constexpr int jacobians = 4;  // terms of the torque's Jacobian
+  // Three rows of Y, transposed: columns fill SIMD registers with two rows of zeros.
+  using Block = Matrix<Scalar, 8, 3>;
+  using Columns = Matrix<Scalar, 6, 3>;
 
-  /// The sum with an ellipsoid, by the smallest trace (paper, eq. Pmkl).
-  static void add_push(const Matrix6<Scalar>& added, Matrix6<Scalar>& pushed) noexcept {
-    const Scalar before = scalar::sqrt(Scalar(pushed.trace()));
-    const Scalar after = scalar::sqrt(Scalar(added.trace()));
-    if (after > Scalar(0)) {
-      pushed = before > Scalar(0)
-                   ? Matrix6<Scalar>((Scalar(1) + after / before) * pushed + (Scalar(1) + before / after) * added)
-                   : added;
-    }
+  /// Y(s) = Σ Y_k sᵏ over a step, which is Y(h/2) (I + W(s)).
+  struct LinearPart {
+    Matrix6<Scalar> middle;
+    Matrix6<Scalar> end;
+    Columns from_attitude;      // Y(h/2)⁻¹, its first three columns
+    Columns from_rate;          // and its last
+    Scalar from_attitude_norm;  // what an error of γ' is, at most, in u'
+    Scalar from_rate_norm;      // and one of δω'
+    Scalar largest_attitude;    // of γ in the middle for ‖u‖ ≤ 1
+    Scalar largest_difference;  // of δω
+    Scalar change_odd;          // of W, its part that is linear in s − h/2
+    Scalar change;              // of W, all
+    Scalar error;               // of the integral of Y(h/2)⁻¹ (Y' − A Y)
+  };
+
+  /// What moves u beyond the second order, given how far it moves.
+  struct Displacement {
+    Scalar rest;    // of u from where the quadratic map and the pushes take it
+    Scalar all;     // of u from where it began
+    Scalar cube;    // what the pushes of third order in the middle, for ‖u‖ = 1, are multiplied by
+    Scalar fourth;  // and those of fourth
+  };
+
+  [[nodiscard]] Status expand_linear(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
+                                     const Scalar& h, LinearPart& linear) const noexcept;
+  [[nodiscard]] static packed::Forms<Scalar> second_order_forms(const RigidBody<Scalar>& body,
+                                                                const MotionSeries<Scalar, Potential>& series,
+                                                                const Scalar& middle,
+                                                                const LinearPart& linear) noexcept;
+  [[nodiscard]] static Status unknown_torque(const RigidBody<Scalar>& body,
+                                             const MotionSeries<Scalar, Potential>& series,
+                                             const BodyUncertainty<Scalar>& uncertainty,
+                                             const Scalar& largest_difference, Matrix3<Scalar>& shape) noexcept;
+  [[nodiscard]] static Matrix6<Scalar> cubic_push(const RigidBody<Scalar>& body,
+                                                  const MotionSeries<Scalar, Potential>& series, const Scalar& middle,
+                                                  const LinearPart& linear) noexcept;
+
+  /// The image of a shape under three columns.
+  [[nodiscard]] static Matrix6<Scalar> image(const Columns& columns, const Matrix3<Scalar>& shape) noexcept {
+    const Columns half = columns.lazyProduct(shape);
+    return half.lazyProduct(columns.transpose());
+  }
+  [[nodiscard]] static Scalar block_norm(const Block& block) noexcept {
+    return norm_of_gram(Matrix3<Scalar>(block.transpose().lazyProduct(block)));
+  }
+  [[nodiscard]] static Scalar column_norm(const Columns& columns) noexcept {
+    return norm_of_gram(Matrix3<Scalar>(columns.transpose().lazyProduct(columns)));
   }
 
-  /// What a torque anywhere in an ellipsoid does to u over a step. \return the largest ‖u'‖.
-  [[nodiscard]] static Scalar push(const Matrix<Scalar, 6, 3>& by_torque, const Matrix3<Scalar>& torque,
-                                   const Scalar& h, Matrix6<Scalar>& pushed) noexcept {
-    if (torque.isZero(Scalar(0))) {
-      return Scalar(0);
-    }
-    const Matrix<Scalar, 6, 3> scaled = by_torque.lazyProduct(torque);
-    const Matrix6<Scalar> speed = scaled.lazyProduct(by_torque.transpose());
-    add_push(Matrix6<Scalar>((h * h) * speed), pushed);
-    return scalar::sqrt(Scalar(speed.trace()));
-  }
-
-  Matrix6<Scalar> frame_;                   // Y
-  Matrix6<Scalar> set_;                     // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
-  tube::PackedForms<Scalar> second_order_;  // q: u has moved by q(u(0)), …
-  Scalar second_order_norm_;                // on the unit ball
-  Matrix6<Scalar> pushed_;                  // … by a point of this ellipsoid, …
-  Scalar rest_;                             // … and by at most this
-  Scalar pushed_norm_;                      // no further than this, …
+  Matrix6<Scalar> frame_;
+  Matrix6<Scalar> set_;  // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
+  packed::Forms<Scalar> second_order_;
+  Scalar second_order_norm_;  // of q(u) for ‖u‖ ≤ 1
+  Matrix6<Scalar> pushed_;
+  Scalar pushed_norm_;  // of p
+  Scalar rest_;
 };
+
+template <typename Scalar, typename Potential>
+Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body,
+                                                   const MotionSeries<Scalar, Potential>& series, const Scalar& h,
+                                                   LinearPart& linear) const noexcept {
+  const Scalar half = scalar::constant<Scalar>(0.5L);
+  const Scalar one(1);
+  const Matrix3<Scalar>& inertia = body.inertia();
+  const Matrix3<Scalar>& inverse_inertia = body.inertia_inverse();
+  const auto& powers = series.step_powers;
+  const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
+  const auto number = [](std::size_t k) { return Scalar(static_cast<scalar::Value<Scalar>>(k)); };
+
+  // --- Y_k from Y' = A(s) Y; everything transposed -----------------------------------------------------------------------
+  std::array<Matrix3<Scalar>, jacobians> stiffness;  // J⁻¹ 𝓜_j
+  for (int j = 0; j < jacobians; ++j) {
+    stiffness[static_cast<std::size_t>(j)] = inverse_inertia.lazyProduct(series.torque.jacobian(j)).transpose();
+  }
+  std::array<Matrix3<Scalar>, order + 1> turning;     // −S(ω_j), transposed: S(ω_j)
+  std::array<Matrix3<Scalar>, order + 1> gyroscopic;  // J⁻¹ (S(Jω_j + h_w) − S(ω_j) J)
+  for (std::size_t j = 0; j <= order; ++j) {
+    turning[j] = hat(series.rate[j]);
+    gyroscopic[j] =
+        inverse_inertia.lazyProduct(Matrix3<Scalar>(hat(series.momentum[j]) - turning[j].lazyProduct(inertia)))
+            .transpose();
+  }
+  std::array<Block, order + 1> top;     // of γ
+  std::array<Block, order + 1> bottom;  // of δω
+  top[0].setZero();
+  bottom[0].setZero();
+  top[0].template topRows<6>() = frame_.template topRows<3>().transpose();
+  bottom[0].template topRows<6>() = frame_.template bottomRows<3>().transpose();
+  Block next_top;
+  Block next_bottom;
+  for (std::size_t k = 0; k <= order; ++k) {  // coefficient k of A Y, which is (k + 1) Y_{k+1}
+    next_top = bottom[k];
+    next_bottom.setZero();
+    for (std::size_t j = 0; j <= k; ++j) {
+      next_top += top[k - j].lazyProduct(turning[j]);
+      next_bottom += bottom[k - j].lazyProduct(gyroscopic[j]);
+      if (j < jacobians) {
+        next_bottom += top[k - j].lazyProduct(stiffness[j]);
+      }
+    }
+    if (k < order) {
+      top[k + 1] = (one / number(k + 1)) * next_top;
+      bottom[k + 1] = (one / number(k + 1)) * next_bottom;
+    }
+  }
+
+  // --- the middle and the end of the step --------------------------------------------------------------------------------
+  const Scalar middle = half * h;
+  const auto value_at = [](const std::array<Block, order + 1>& blocks, const Scalar& s) {
+    Block value = blocks[order];
+    for (std::size_t k = order; k-- > 0;) {
+      value = blocks[k] + s * value;
+    }
+    return value;
+  };
+  const auto slope_at = [&number](const std::array<Block, order + 1>& blocks, const Scalar& s) {
+    Block slope = number(order) * blocks[order];
+    for (std::size_t k = order - 1; k > 0; --k) {
+      slope = number(k) * blocks[k] + s * slope;
+    }
+    return slope;
+  };
+  const auto rows = [](const Block& first, const Block& second) {
+    Matrix6<Scalar> matrix;
+    matrix.template topRows<3>() = first.template topRows<6>().transpose();
+    matrix.template bottomRows<3>() = second.template topRows<6>().transpose();
+    return matrix;
+  };
+  const Block middle_top = value_at(top, middle);
+  const Block middle_bottom = value_at(bottom, middle);
+  linear.middle = rows(middle_top, middle_bottom);
+  linear.end = rows(value_at(top, h), value_at(bottom, h));
+  Matrix6<Scalar> inverse;
+  if (inverse_of(linear.middle, inverse) != Status::ok) {
+    return Status::unbounded;
+  }
+  linear.from_attitude = inverse.template leftCols<3>();
+  linear.from_rate = inverse.template rightCols<3>();
+  linear.from_attitude_norm = column_norm(linear.from_attitude);
+  linear.from_rate_norm = column_norm(linear.from_rate);
+  linear.largest_attitude = block_norm(middle_top);
+  linear.largest_difference = block_norm(middle_bottom);
+
+  std::array<Scalar, order + 1> top_norms;
+  std::array<Scalar, order + 1> bottom_norms;
+  for (std::size_t k = 0; k <= order; ++k) {
+    top_norms[k] = scalar::sqrt(Scalar(top[k].squaredNorm()));
+    bottom_norms[k] = scalar::sqrt(Scalar(bottom[k].squaredNorm()));
+  }
+  const Matrix6<Scalar> slope = rows(slope_at(top, middle), slope_at(bottom, middle));
+  linear.change_odd = spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(slope))) * middle;
+  Scalar curvature(0);
+  for (std::size_t k = 2; k <= order; ++k) {
+    curvature += number(k * (k - 1)) * powers[k - 2] *
+                 (linear.from_attitude_norm * top_norms[k] + linear.from_rate_norm * bottom_norms[k]);
+  }
+  linear.change = linear.change_odd + half * curvature * middle * middle;
+  if (!(linear.change < half)) {
+    return Status::unbounded;
+  }
+  const Scalar largest_attitude = linear.largest_attitude * (one + linear.change);
+  const Scalar largest_difference = linear.largest_difference * (one + linear.change);
+
+  // --- Y' − A Y: its first coefficient exactly, the others by the norms of their blocks ----------------------------------
+  const Matrix6<Scalar> first_error = inverse.lazyProduct(rows(next_top, next_bottom));
+  linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
+  Scalar top_sum(0);
+  Scalar bottom_sum(0);
+  for (std::size_t j = 0; j < series.rate_norms.size(); ++j) {
+    const Scalar momentum = scalar::sqrt(Scalar(series.momentum[j].squaredNorm()));
+    const Scalar gyroscopic_norm =
+        (momentum + series.rate_norms[j] * body.principal_moments()(0)) / body.principal_moments()(2);
+    const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness[j].squaredNorm())) : Scalar(0);
+    for (std::size_t i = j > order ? 0 : order + 1 - j; i <= order; ++i) {
+      const Scalar power = powers[i + j + 1] / number(i + j + 1);
+      top_sum += power * series.rate_norms[j] * top_norms[i];
+      bottom_sum += power * (gyroscopic_norm * bottom_norms[i] + stiffness_norm * top_norms[i]);
+    }
+  }
+  if (torque.largest > Scalar(0)) {
+    bottom_sum += torque.degree * torque.largest * series.tail(jacobians, torque.degree, torque.turn_rate, h) * h /
+                  number(jacobians + 1) * scalar::constant<Scalar>(1.7320508075688772L) * largest_attitude;
+  }
+  linear.error += linear.from_attitude_norm * top_sum + linear.from_rate_norm * bottom_sum;
+  // Rounding of Y and of what is calculated from it.
+  linear.error += Scalar(256) * Scalar(scalar::epsilon<Scalar>) *
+                  (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
+  return Status::ok;
+}
+
+/// The terms of second order of u' in the middle of the step, as forms of u.
+template <typename Scalar, typename Potential>
+packed::Forms<Scalar> ErrorTube<Scalar, Potential>::second_order_forms(const RigidBody<Scalar>& body,
+                                                                       const MotionSeries<Scalar, Potential>& series,
+                                                                       const Scalar& middle,
+                                                                       const LinearPart& linear) noexcept {
+  using Factor = packed::Factor<Scalar>;
+  const Matrix6<Scalar>& y = linear.middle;
+  const std::array<Factor, 3> attitude{Factor(y.row(0)), Factor(y.row(1)), Factor(y.row(2))};
+  const std::array<Factor, 3> difference{Factor(y.row(3)), Factor(y.row(4)), Factor(y.row(5))};
+  // The six products of three linear forms, as `expansion::RowForms` counts them.
+  const auto squares_of = [](const std::array<Factor, 3>& factors) {
+    const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
+    packed::Forms<Scalar> squares;
+    for (int a = 0; a < 3; ++a) {
+      const auto at = static_cast<std::size_t>(a);
+      squares.col(a) = packed::product(factors[at], factors[at]);
+      squares.col(3 + a) = root * packed::product(factors[(at + 1) % 3], factors[(at + 2) % 3]);
+    }
+    return squares;
+  };
+
+  Matrix<Scalar, packed::size, 3> by_attitude;
+  for (int a = 0; a < 3; ++a) {  // ½ γ × δω
+    const auto next = static_cast<std::size_t>((a + 1) % 3);
+    const auto last = static_cast<std::size_t>((a + 2) % 3);
+    by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (packed::product(attitude[next], difference[last]) -
+                                                           packed::product(attitude[last], difference[next]));
+  }
+  // −J⁻¹ (δω × Jδω)
+  const expansion::RowForms<Scalar> gyroscopic =
+      -body.inertia_inverse().lazyProduct(expansion::gyroscopic_forms(body.inertia()));
+  Matrix<Scalar, packed::size, 3> by_rate = squares_of(difference).lazyProduct(gyroscopic.transpose());
+  if (series.acceleration.largest > Scalar(0)) {
+    expansion::Forms<Scalar> torque_forms{Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero()};
+    series.torque.add_curvature(middle, body.inertia_inverse(), torque_forms);
+    const expansion::RowForms<Scalar> curvature = expansion::rows_of(torque_forms);
+    by_rate += squares_of(attitude).lazyProduct(curvature.transpose());
+  }
+  packed::Forms<Scalar> forms = by_attitude.lazyProduct(linear.from_attitude.transpose());
+  forms += by_rate.lazyProduct(linear.from_rate.transpose());
+  return forms;
+}
+
+/// What is not known of the torque, and of the inertia as a torque (theory, section 17.5).
+template <typename Scalar, typename Potential>
+Status ErrorTube<Scalar, Potential>::unknown_torque(const RigidBody<Scalar>& body,
+                                                    const MotionSeries<Scalar, Potential>& series,
+                                                    const BodyUncertainty<Scalar>& uncertainty,
+                                                    const Scalar& largest_difference, Matrix3<Scalar>& shape) noexcept {
+  shape = uncertainty.torque;
+  if (!(uncertainty.inertia > Scalar(0))) {
+    return Status::ok;
+  }
+  const Scalar error = uncertainty.inertia;
+  const Scalar least_moment = body.principal_moments()(2) - error;
+  if (!(least_moment > Scalar(0))) {
+    return Status::invalid_inertia;
+  }
+  const Scalar speed = series.largest_rate + Scalar(2) * largest_difference;
+  const Scalar wheel = scalar::sqrt(Scalar(series.input.wheel_momentum.squaredNorm()));
+  const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
+  const Scalar gradient = series.acceleration.by_inertia * error;
+  const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
+  const Scalar acceleration =
+      (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed + wheel * speed +
+       series.largest_torque + gradient + control + scalar::sqrt(Scalar(shape.trace()))) /
+      least_moment;
+  const Scalar ball = error * speed * speed + gradient + error * acceleration;
+  shape = sum_of_shapes(shape, Matrix3<Scalar>((ball * ball) * Matrix3<Scalar>::Identity()));
+  return Status::ok;
+}
+
+/// Shape of an ellipsoid that holds the terms of third order of u' in the middle of the step, for ‖u‖ ≤ 1.
+template <typename Scalar, typename Potential>
+Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>& body,
+                                                         const MotionSeries<Scalar, Potential>& series,
+                                                         const Scalar& middle, const LinearPart& linear) noexcept {
+  const Matrix<Scalar, 3, 6> top = linear.middle.template topRows<3>();
+  const Matrix<Scalar, 3, 6> bottom = linear.middle.template bottomRows<3>();
+  const Matrix3<Scalar> attitudes = top.lazyProduct(top.transpose());  // shape of the ellipsoid of γ
+  // ¼ γ (γ·δω): a number, which is a form of u, times γ
+  const Matrix6<Scalar> inner = top.transpose().lazyProduct(bottom);
+  const Matrix6<Scalar> symmetric = inner + inner.transpose();
+  const Scalar eighth = scalar::constant<Scalar>(0.125L) * spectral_norm(symmetric);
+  Matrix6<Scalar> shape = image(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
+  if (series.acceleration.largest > Scalar(0)) {
+    Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
+    if (cholesky(attitudes, axes) != Status::ok) {
+      axes = linear.largest_attitude * Matrix3<Scalar>::Identity();
+    }
+    expansion::CubicForms<Scalar> forms = expansion::CubicForms<Scalar>::Zero();
+    series.torque.add_cubic(middle, body.inertia_inverse(), axes, forms);
+    shape = sum_of_shapes(shape, image(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
+  }
+  return shape;
+}
 
 template <typename Scalar, typename Potential>
 Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
@@ -184,303 +386,129 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar half = scalar::constant<Scalar>(0.5L);
   const Scalar zero(0);
   const Scalar one(1);
-  const Matrix3<Scalar>& inertia = body.inertia();
-  const Matrix3<Scalar>& inverse_inertia = body.inertia_inverse();
-  const Scalar inverse_norm = one / body.principal_moments()(2);
-  const auto& powers = series.step_powers;
+  const Scalar middle = half * h;
   const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
 
-  // --- Y(s) = Σ Y_k sᵏ from Y' = A(s) Y ----------------------------------------------------------------------------------
-  constexpr int jacobians = 4;
-  std::array<Matrix3<Scalar>, jacobians> stiffness;  // J⁻¹ 𝓜_j
-  for (int j = 0; j < jacobians; ++j) {
-    stiffness[static_cast<std::size_t>(j)] = inverse_inertia.lazyProduct(series.torque.jacobian(j));
+  LinearPart linear;
+  if (const Status status = expand_linear(body, series, h, linear); status != Status::ok) {
+    return status;
   }
-  std::array<Matrix3<Scalar>, order + 1> gyroscopic;  // J⁻¹ (S(Jω_j + h_w) − S(ω_j) J)
-  for (std::size_t j = 0; j <= order; ++j) {
-    gyroscopic[j] = inverse_inertia.lazyProduct(
-        Matrix3<Scalar>(hat(series.momentum[j]) - hat(series.rate[j]).lazyProduct(inertia)));
-  }
-  std::array<Rows, order + 1> top;     // of γ
-  std::array<Rows, order + 1> bottom;  // of δω
-  top[0] = frame_.template topRows<3>();
-  bottom[0] = frame_.template bottomRows<3>();
-  Rows next_top;
-  Rows next_bottom;
-  for (std::size_t k = 0; k <= order; ++k) {  // coefficient k of A Y, which is (k + 1) Y_{k+1}
-    next_top = bottom[k];
-    next_bottom.setZero();
-    for (std::size_t j = 0; j <= k; ++j) {
-      next_top -= hat(series.rate[j]).lazyProduct(top[k - j]);
-      next_bottom += gyroscopic[j].lazyProduct(bottom[k - j]);
-      if (j < jacobians) {
-        next_bottom += stiffness[j].lazyProduct(top[k - j]);
-      }
-    }
-    if (k < order) {
-      const Scalar factor = one / Scalar(static_cast<scalar::Value<Scalar>>(k + 1));
-      top[k + 1] = factor * next_top;
-      bottom[k + 1] = factor * next_bottom;
-    }
-  }
+  const Scalar stretch = one + linear.change;         // ‖Y(s) u‖ against that in the middle, block by block
+  const Scalar shrink = one / (one - linear.change);  // ‖Y(s)⁻¹ v‖ against that in the middle
+  const Scalar attitude = linear.largest_attitude;
+  const Scalar strength = linear.from_rate_norm * torque.largest;  // of the torque in u'
 
-  // --- the middle of the step, where the norms are taken -----------------------------------------------------------------
-  const Scalar middle = half * h;
-  Matrix6<Scalar> y_middle;
-  Matrix6<Scalar> slope_middle;
-  Matrix6<Scalar> y_end;
-  {
-    Rows value_top = top[order];
-    Rows value_bottom = bottom[order];
-    Rows slope_top = Scalar(order) * top[order];
-    Rows slope_bottom = Scalar(order) * bottom[order];
-    Rows end_top = top[order];
-    Rows end_bottom = bottom[order];
-    for (int k = order - 1; k >= 0; --k) {
-      const auto index = static_cast<std::size_t>(k);
-      value_top = top[index] + middle * value_top;
-      value_bottom = bottom[index] + middle * value_bottom;
-      end_top = top[index] + h * end_top;
-      end_bottom = bottom[index] + h * end_bottom;
-      if (k > 0) {
-        slope_top = Scalar(k) * top[index] + middle * slope_top;
-        slope_bottom = Scalar(k) * bottom[index] + middle * slope_bottom;
-      }
-    }
-    y_middle.template topRows<3>() = value_top;
-    y_middle.template bottomRows<3>() = value_bottom;
-    slope_middle.template topRows<3>() = slope_top;
-    slope_middle.template bottomRows<3>() = slope_bottom;
-    y_end.template topRows<3>() = end_top;
-    y_end.template bottomRows<3>() = end_bottom;
-  }
-  Matrix6<Scalar> inverse;
-  if (inverse_of(y_middle, inverse) != Status::ok) {
-    return Status::unbounded;
-  }
-  const Matrix<Scalar, 6, 3> from_attitude = inverse.template leftCols<3>();
-  const Matrix<Scalar, 6, 3> from_rate = inverse.template rightCols<3>();
-  const Scalar attitude_norm = spectral_norm(from_attitude);  // of what an attitude error does to u
-  const Scalar rate_norm = spectral_norm(from_rate);
-
-  // Y(s) = Y(h/2) (I + W(s)) with W = W₁ (s − h/2) + second order.
-  std::array<Scalar, order + 1> top_norms;
-  std::array<Scalar, order + 1> bottom_norms;
-  for (std::size_t k = 0; k <= order; ++k) {
-    top_norms[k] = scalar::sqrt(Scalar(top[k].squaredNorm()));
-    bottom_norms[k] = scalar::sqrt(Scalar(bottom[k].squaredNorm()));
-  }
-  const Scalar w1 = spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(slope_middle))) * middle;
-  Scalar curvature(0);
-  for (std::size_t k = 2; k <= order; ++k) {
-    curvature += Scalar(static_cast<scalar::Value<Scalar>>(k * (k - 1))) * powers[k - 2] *
-                 (attitude_norm * top_norms[k] + rate_norm * bottom_norms[k]);
-  }
-  const Scalar w = w1 + half * curvature * middle * middle;
-  if (!(w < half)) {
-    return Status::unbounded;
-  }
-  const Scalar shrink = one / (one - w);  // ‖Y(s)⁻¹ v‖ ≤ shrink ‖Y(h/2)⁻¹ v‖
-  const Scalar growth = (one + w) * (one + w) * shrink;
-
-  // --- the second-order terms as forms of u, in the middle ---------------------------------------------------------------
-  tube::PackedForms<Scalar> forms;
-  {
-    Matrix<Scalar, 24, 6> raw = Matrix<Scalar, 24, 6>::Zero();
-    std::array<Vector6<Scalar>, 3> g;
-    std::array<Vector6<Scalar>, 3> d;
-    std::array<Vector6<Scalar>, 3> jd;
-    for (int i = 0; i < 3; ++i) {
-      const auto index = static_cast<std::size_t>(i);
-      g[index] = y_middle.row(i).transpose();
-      d[index] = y_middle.row(3 + i).transpose();
-      jd[index] = (inertia.row(i).lazyProduct(y_middle.template bottomRows<3>())).transpose();
-    }
-    std::array<tube::PackedForm<Scalar>, 3> spin;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::size_t next = (i + 1) % 3;
-      const std::size_t last = (i + 2) % 3;
-      tube::PackedForm<Scalar> form = tube::PackedForm<Scalar>::Zero();
-      tube::add_product(g[next], d[last], half, form);  // ½ γ × δω
-      tube::add_product(g[last], d[next], Scalar(-half), form);
-      raw.col(static_cast<Eigen::Index>(i)) = form;
-      spin[i].setZero();
-      tube::add_product(d[next], jd[last], Scalar(-one), spin[i]);  // −δω × Jδω
-      tube::add_product(d[last], jd[next], one, spin[i]);
-    }
-    expansion::Forms<Scalar> torque_forms{Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero()};
-    if (torque.largest > zero) {
-      series.torque.add_curvature(middle, inverse_inertia, torque_forms);
-    }
-    for (int i = 0; i < 3; ++i) {
-      tube::PackedForm<Scalar> form =
-          inverse_inertia(i, 0) * spin[0] + inverse_inertia(i, 1) * spin[1] + inverse_inertia(i, 2) * spin[2];
-      if (torque.largest > zero) {
-        const Matrix3<Scalar>& t = torque_forms[static_cast<std::size_t>(i)];
-        for (int a = 0; a < 3; ++a) {
-          const Vector6<Scalar> row = t(a, 0) * g[0] + t(a, 1) * g[1] + t(a, 2) * g[2];
-          tube::add_product(g[static_cast<std::size_t>(a)], row, one, form);
-        }
-      }
-      raw.col(3 + i) = form;
-    }
-    forms.noalias() = raw.lazyProduct(inverse.transpose());
-  }
-  const Scalar largest_form = spectral_norm(forms);  // b: ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ b ‖u‖² in the middle
-
-  // --- bounds over the step, all in the norm of u ------------------------------------------------------------------------
-  const Scalar largest_attitude = spectral_norm(Rows(y_middle.template topRows<3>())) * (one + w);
-  const Scalar largest_difference = spectral_norm(Rows(y_middle.template bottomRows<3>())) * (one + w);
+  // --- how the torque's forms change within half a step, in parts of their bounds (theory, eq. 17.5) ---------------------
   const Scalar degree = torque.degree;
-  const Scalar torque_curvature = half * degree * degree * torque.largest;
-  const Scalar turning = degree * (series.largest_rate + torque.turn_rate);
-
-  // The torque's forms in the middle are those of the first eight terms of the directions they are made of.
+  Scalar turn_acceleration(0);
+  for (std::size_t k = 1; k < series.rate_norms.size(); ++k) {
+    turn_acceleration +=
+        Scalar(static_cast<scalar::Value<Scalar>>(k)) * series.step_powers[k - 1] * series.rate_norms[k];
+  }
+  const Scalar drift = degree * (series.largest_rate + torque.turn_rate) * middle;
+  const Scalar drift_rest = half * (drift * drift + degree * turn_acceleration * middle * middle);
+  // The forms in the middle are those of the first eight terms of the directions they are made of.
   static_assert(MotionSeries<Scalar, Potential>::order == 8);
   const Scalar truncated =
       torque.largest > zero ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
                             : zero;
-  const Scalar missing = degree * truncated * (one + truncated);  // of a form, for each of its bounds
+  const Scalar missing = degree * truncated * (one + truncated);
 
-  // The second-order terms at other times than the middle: all that is odd in s − h/2 to first order integrates to zero.
-  const Scalar form_bound = rate_norm * largest_attitude * largest_attitude * torque_curvature;
-  const Scalar drift = form_bound * turning * middle;
-  Scalar largest_turn_change(0);  // of ω̂'
-  for (std::size_t k = 1; k < series.rate_norms.size(); ++k) {
-    largest_turn_change += Scalar(static_cast<scalar::Value<Scalar>>(k)) * powers[k - 1] * series.rate_norms[k];
-  }
-  const Scalar drift_rest =
-      half * (drift * turning * middle + form_bound * degree * largest_turn_change * middle * middle);
-  const Scalar odd = Scalar(3) * w1 * largest_form + drift;
-  const Scalar even = growth * (largest_form + drift + drift_rest) - largest_form - odd;  // of second order in s − h/2
+  // --- second order (theory, eq. 17.7) -----------------------------------------------------------------------------------
+  const packed::Forms<Scalar> forms = second_order_forms(body, series, middle, linear);
+  const Scalar largest_form = spectral_norm(forms);  // ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ this times ‖u‖² in the middle
+  const Scalar form_bound = strength * attitude * attitude * half * degree * degree;
+  const Scalar growth = stretch * stretch * shrink;
+  const Scalar odd = Scalar(3) * linear.change_odd * largest_form + form_bound * drift;
+  const Scalar largest_second_order = growth * (largest_form + form_bound * (drift + drift_rest));
+  const Scalar even = largest_second_order - largest_form - odd;  // of second order in s − h/2
   const Scalar quadrature = even * h / Scalar(3) + growth * missing * form_bound * h;
-  // The integral over the step of a bound of ‖Y⁻¹ N₂(Yu, Yu)‖.
+  // The integral over the step of a bound of ‖Y⁻¹ N₂(Yu, Yu)‖, and its largest value.
   const Scalar second_order = (largest_form + half * odd) * h + quadrature;
+  const Scalar second_order_speed = largest_second_order + growth * missing * form_bound;
 
-  // Y' − A Y: its first coefficient exactly, the others by the norms of their blocks.
-  Matrix6<Scalar> first_error;
-  first_error.template topRows<3>() = next_top;
-  first_error.template bottomRows<3>() = next_bottom;
-  Scalar linear =
-      spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(first_error))) * powers[order + 1] / Scalar(order + 1);
-  {
-    Scalar top_sum(0);
-    Scalar bottom_sum(0);
-    for (std::size_t j = 0; j < series.rate_norms.size(); ++j) {
-      const Scalar momentum = scalar::sqrt(Scalar(series.momentum[j].squaredNorm()));
-      const Scalar gyroscopic_norm = inverse_norm * (momentum + series.rate_norms[j] * body.principal_moments()(0));
-      const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness[j].squaredNorm())) : zero;
-      for (std::size_t i = 0; i <= order; ++i) {
-        if (i + j > order) {
-          const Scalar power = powers[i + j + 1] / Scalar(static_cast<scalar::Value<Scalar>>(i + j + 1));
-          top_sum += power * series.rate_norms[j] * top_norms[i];
-          bottom_sum += power * (gyroscopic_norm * bottom_norms[i] + stiffness_norm * top_norms[i]);
-        }
-      }
-    }
-    if (torque.largest > zero) {
-      bottom_sum += degree * torque.largest * series.tail(jacobians, degree, torque.turn_rate, h) * h /
-                    Scalar(jacobians + 1) * scalar::constant<Scalar>(1.7320508075688772L) * largest_attitude;
-    }
-    linear += attitude_norm * top_sum + rate_norm * bottom_sum;
+  // --- pushes: the unknown torque, and what is of third and of fourth order ----------------------------------------------
+  Matrix3<Scalar> unknown;
+  if (const Status status =
+          unknown_torque(body, series, uncertainty, Scalar(linear.largest_difference * stretch), unknown);
+      status != Status::ok) {
+    return status;
   }
-  // Rounding of Y and of what is calculated from it.
-  linear += Scalar(256) * Scalar(scalar::epsilon<Scalar>) *
-            (attitude_norm * largest_attitude + rate_norm * largest_difference);
+  const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
+  const Matrix6<Scalar> unknown_push = image(by_torque, unknown);
+  const Scalar unknown_norm = scalar::sqrt(Scalar(unknown_push.trace()));
+  const Matrix6<Scalar> cubic = cubic_push(body, series, middle, linear);
+  const Scalar cubic_norm = scalar::sqrt(Scalar(cubic.trace()));
+  const Scalar cubic_bound =
+      strength * attitude * attitude * attitude * scalar::constant<Scalar>(0.375L) * degree * degree;
+  const Scalar fourth_bound =
+      attitude * attitude * attitude * attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
+  const Matrix6<Scalar> fourth = image(linear.from_rate, Matrix3<Scalar>((fourth_bound * fourth_bound) * torque.shape));
+  const Scalar fourth_norm = scalar::sqrt(Scalar(fourth.trace()));
 
-  // What is not known of the torque, and of the inertia as a torque (theory, section 17.5).
-  Matrix3<Scalar> unknown = uncertainty.torque;
-  if (uncertainty.inertia > zero) {
-    const Scalar error = uncertainty.inertia;
-    const Scalar least_moment = body.principal_moments()(2) - error;
-    if (!(least_moment > zero)) {
-      return Status::invalid_inertia;
-    }
-    const Scalar speed = series.largest_rate + Scalar(2) * largest_difference;
-    const Scalar wheel = scalar::sqrt(Scalar(series.input.wheel_momentum.squaredNorm()));
-    const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
-    const Scalar torque_norm = scalar::sqrt(Scalar(unknown.trace()));
-    const Scalar gradient = torque.by_inertia * error;
-    const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
-    const Scalar acceleration = (half * spread * speed * speed + error * speed * speed + wheel * speed +
-                                 series.largest_torque + gradient + control + torque_norm) /
-                                least_moment;
-    const Scalar ball = error * speed * speed + gradient + error * acceleration;
-    const Scalar ratio = torque_norm > zero ? Scalar(ball / torque_norm) : zero;
-    unknown = torque_norm > zero ? Matrix3<Scalar>((one + ratio) * unknown) : Matrix3<Scalar>(Matrix3<Scalar>::Zero());
-    unknown.diagonal().array() += ball * ball * (torque_norm > zero ? Scalar(one + one / ratio) : one);
-  }
-  Matrix6<Scalar> pushed = pushed_;
-  const Scalar unknown_push = push(from_rate.lazyProduct(inverse_inertia), unknown, h, pushed);
-
-  // Everything that is left grows with how far u may move, which holds what is left: the bound closes if a guess of it
-  // holds (theory, section 17.4).
-  const Scalar cube = largest_attitude * largest_attitude * largest_attitude;
-  const Scalar strength = rate_norm * torque.largest;
-  const Scalar fourth_order =
-      strength * cube * largest_attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
-  // The torque's terms of third order push u within an ellipsoid; where they are tiny their norm will do.
-  Matrix6<Scalar> cubic = Matrix6<Scalar>::Zero();
-  const Scalar cubic_bound = strength * cube * scalar::constant<Scalar>(0.375L) * degree * degree;
-  const bool cubic_matters = cubic_bound * h > scalar::constant<Scalar>(1e-4L);
-  const Scalar third_order =
-      scalar::constant<Scalar>(0.25L) * attitude_norm * largest_attitude * largest_attitude * largest_difference +
-      cubic_bound * (cubic_matters ? Scalar(half * turning * middle + missing) : one);
-  if (cubic_matters) {
-    const Rows y_top = y_middle.template topRows<3>();
-    Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
-    if (cholesky(Matrix3<Scalar>(y_top.lazyProduct(y_top.transpose())), axes) != Status::ok) {
-      return Status::unbounded;
-    }
-    expansion::CubicForms<Scalar> cubic_forms = expansion::CubicForms<Scalar>::Zero();
-    series.torque.add_cubic(middle, inverse_inertia, Matrix3<Scalar>((one + w) * axes), cubic_forms);
-    const Matrix<Scalar, 10, 6> on_u = cubic_forms.lazyProduct(from_rate.transpose());
-    cubic = on_u.transpose().lazyProduct(on_u);
-  }
-  const Scalar cubic_push = norm_of_gram(cubic);
-  const Scalar moved = second_order_norm_ + pushed_norm_ + second_order + h * shrink * unknown_push;
-  // As far as the cubic terms push at this reach.
-  const auto cubic_at = [&](const Scalar& reach) { return Scalar(cubic_push * reach * reach * reach); };
-  const Scalar infinite = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  const auto rest_within = [&](const Scalar& eta) {
-    const Scalar reach = one + eta;
-    const Scalar gibbs = half * largest_attitude * reach;
+  // --- how far u moves (theory, section 17.4) ----------------------------------------------------------------------------
+  const Scalar before = displacement();
+  const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  const auto cube_of = [](const Scalar& x) { return Scalar(x * x * x); };
+  const auto fourth_of = [](const Scalar& x) { return Scalar(x * x * x * x); };
+  const Scalar stretch3 = cube_of(stretch);
+  const Scalar stretch4 = fourth_of(stretch);
+  // If u stays within eta of where it began.
+  const auto displacement_within = [&](const Scalar& eta) {
+    const Scalar most = one + eta;
+    const Scalar gibbs = half * attitude * stretch * most;
     // A center that is another by the angle a moves γ by at most 2 tan(a/2) (1 + ‖γ/2‖²) / (1 − tan(a/2) ‖γ/2‖).
     const Scalar tangent = scalar::constant<Scalar>(0.501L) * series.attitude_error;
     const Scalar left = one - tangent * gibbs;
     if (!(left > half)) {
-      return infinite;
+      return Displacement{infinite, infinite, infinite, infinite};
     }
-    Scalar rest = quadrature + shrink * reach * linear;
-    rest += second_order * eta * (Scalar(2) + eta);
-    rest += h * shrink *
-            (third_order + fourth_order * reach * (one + scalar::constant<Scalar>(0.625L) * largest_attitude * reach)) *
-            reach * reach * reach;
-    rest += shrink * (rate_norm * inverse_norm * series.impulse_defect +
-                      attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
-    rest += h * (unknown_push + cubic_at(reach)) * w * shrink;
-    return Scalar(rest_ + rest);
+    const Scalar jumps =
+        shrink * (most * linear.error + linear.from_rate_norm * series.impulse_defect / body.principal_moments()(2) +
+                  linear.from_attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
+    const Scalar fifth = one + scalar::constant<Scalar>(1.25L) * gibbs;
+    const Scalar moved =
+        h * (second_order_speed * most * most +
+             shrink * (unknown_norm +
+                       stretch3 * cube_of(most) * (cubic_norm + cubic_bound * (drift + drift_rest + missing)) +
+                       stretch4 * fourth_of(most) * fifth * fourth_norm));
+    // ‖u‖ is at most this where the step begins and ends, and at most on a line between; means over the step are those of
+    // theory, eq. 17.8 and 17.9.
+    const Scalar first = one + before + jumps;
+    const Scalar last = first + moved;
+    const Scalar mean = half * (first + last);
+    const Scalar cube_at_ends = stretch3 * half * (cube_of(first) + cube_of(last));
+    const Scalar fourth_at_ends = stretch4 * half * (fourth_of(first) + fourth_of(last));
+    Scalar rest = quadrature + jumps;
+    rest += second_order * (mean * mean - one) + second_order_speed * h * moved * moved / Scalar(12);
+    rest += h * cubic_bound *
+            (half * drift * (shrink * cube_at_ends - one) + (half * drift_rest + missing) * shrink * cube_at_ends);
+    rest += h * half * linear.change * shrink *
+            (unknown_norm + cubic_norm * cube_at_ends + fourth_norm * fifth * fourth_at_ends);
+    return Displacement{Scalar(rest_ + rest), Scalar(last - one), Scalar(half * (cube_of(mean) + cube_at_ends)),
+                        Scalar(half * fifth * (fourth_of(mean) + fourth_at_ends))};
   };
-  Scalar eta = moved + rest_;
-  Scalar rest(0);
+  Scalar eta = before + second_order;
+  Displacement moved{zero, zero, zero, zero};
   bool closed = false;
   for (int attempt = 0; attempt < 6 && !closed; ++attempt) {
-    rest = rest_within(eta);
-    const Scalar found = moved + rest + h * shrink * cubic_at(Scalar(one + eta));
-    closed = found <= eta && eta < one;
-    eta = closed ? eta : Scalar(scalar::constant<Scalar>(1.02L) * found);
+    moved = displacement_within(eta);
+    closed = moved.all <= eta && eta < one;
+    eta = closed ? eta : Scalar(scalar::constant<Scalar>(1.02L) * moved.all);
   }
   if (!closed) {
     return Status::unbounded;
   }
-  const Scalar reach = one + eta;
-  add_push(Matrix6<Scalar>((h * h * reach * reach * reach * reach * reach * reach) * cubic), pushed);
+
+  const bool first_step = before == zero;
   second_order_ += h * forms;
-  second_order_norm_ = spectral_norm(second_order_);
-  pushed_ = pushed;
-  pushed_norm_ += h * shrink * (unknown_push + cubic_at(reach));
-  rest_ = rest;
-  frame_ = y_end;
+  second_order_norm_ = first_step ? Scalar(h * largest_form) : spectral_norm(second_order_);
+  const Matrix6<Scalar> higher = sum_of_shapes(Matrix6<Scalar>((moved.cube * moved.cube) * cubic),
+                                               Matrix6<Scalar>((moved.fourth * moved.fourth) * fourth));
+  pushed_ = sum_of_shapes(pushed_, Matrix6<Scalar>((h * h) * sum_of_shapes(unknown_push, higher)));
+  pushed_norm_ += h * (unknown_norm + cubic_norm * moved.cube + fourth_norm * moved.fourth);
+  rest_ = moved.rest;
+  frame_ = linear.end;
   return Status::ok;
 }
 
@@ -488,18 +516,7 @@ template <typename Scalar, typename Potential>
 Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Scalar one(1);
   // The forms as they are on the set itself, u = set_ v.
-  tube::PackedForms<Scalar> forms = tube::PackedForms<Scalar>::Zero();
-  for (int i = 0; i < 6; ++i) {
-    const Matrix6<Scalar> on_set =
-        set_.transpose().lazyProduct(Matrix6<Scalar>(tube::unpacked(second_order_, i).lazyProduct(set_)));
-    int at = 0;
-    for (int j = 0; j < 6; ++j) {
-      forms(at++, i) = on_set(j, j);
-      for (int k = j + 1; k < 6; ++k) {
-        forms(at++, i) = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L) * on_set(j, k);
-      }
-    }
-  }
+  const packed::Forms<Scalar> forms = packed::of_image(second_order_, set_);
   const Matrix6<Scalar> set = set_.lazyProduct(set_.transpose());
   const Matrix6<Scalar> moved = forms.transpose().lazyProduct(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
@@ -517,10 +534,11 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     shape = (one + share) * set + (one + one / share) * moved;
   }
   if (moved.trace() > Scalar(0) && share > scalar::constant<Scalar>(0.002L)) {
-    const tube::PackedForms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
+    const packed::Forms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
     const Scalar norm = spectral_norm(whitened);
-    const Matrix6<Scalar> cubic = tube::symmetric_part_gram(whitened);
+    const packed::Forms<Scalar> tensor = packed::symmetric_part(whitened);
+    const Matrix6<Scalar> cubic = tensor.transpose().lazyProduct(tensor);  // KKᵀ
     const Scalar lambda = scalar::sqrt(Scalar(cubic.trace() / Scalar(6)));
     const Scalar square = norm * norm;
     const Scalar spread = norm_of_gram(cubic);

@@ -408,9 +408,11 @@ template <typename Scalar, int N>
   if (!(scale > Scalar(0))) {
     return scale < Scalar(0) ? Scalar(-scale) : scale;
   }
-  Matrix<Scalar, N> power = gram / scale;
+  constexpr int rows = N > 4 ? (N + 3) / 4 * 4 : N;  // rows of zeros fill SIMD registers
+  Matrix<Scalar, rows, N> power = Matrix<Scalar, rows, N>::Zero();
+  power.template topRows<N>() = gram / scale;
   for (int k = 0; k < 3; ++k) {
-    power = power.lazyProduct(power).eval();
+    power = power.lazyProduct(power.template topRows<N>()).eval();
   }
   Scalar root = scalar::sqrt(Scalar(power.squaredNorm()));  // √ tr (gram/scale)¹⁶
   for (int k = 0; k < 3; ++k) {

@@ -140,42 +140,25 @@ class GuaranteedRigidBodyFlow {
     const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
-    State state = ellipsoid.center;
-    state.attitude =
-        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
-    MotionSeries<Scalar, Potential> series(body_, potential_);
-    const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
-    ErrorTube<Scalar, Potential> tube;
-    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
-      return status;
-    }
-    bool has_moved = false;
-    for (long step = 0; step < steps; ++step) {
-      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
-      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
-        return status;
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
+    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
+    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    Course longest_tubes;
+    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
+    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded ||
+                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
+      Course shorter_tubes;
+      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
+      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
+        result = shorter_tubes.end;
+        return Status::ok;
       }
-      // What is of third order grows with the square of the time since the tube began: from time to time it is better to begin
-      // again with an ellipsoid about all of it.
-      if (has_moved && tube.displacement() > scalar::constant<Scalar>(0.03L)) {
-        if (tube.start(tube.shape(), h, stiffness) != Status::ok) {
-          return Status::unbounded;
-        }
-        has_moved = false;
-      }
-      if (const Status status = tube.step(body_, series, h, uncertainty_); status != Status::ok) {
-        return status;
-      }
-      has_moved = true;
-      state = series.end;
     }
-    const Matrix6<Scalar> shape = tube.shape();
-    if (!scalar::all_finite(shape)) {
-      return Status::unbounded;
+    if (status == Status::ok) {
+      result = longest_tubes.end;
     }
-    result.center = state;
-    result.shape = shape;
-    return Status::ok;
+    return status;
   }
 
   /// What remains known of the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
@@ -216,6 +199,53 @@ class GuaranteedRigidBodyFlow {
   }
 
  private:
+  struct Course {
+    GibbsEllipsoid<State> end;
+    Scalar size;                  // of the set at the end: ½ log det P
+    Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
+  };
+
+  /// A tube after another, each until its errors have moved by more than `longest`.
+  [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
+                              const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
+                              Course& course) const noexcept {
+    State state = ellipsoid.center;
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+    MotionSeries<Scalar, Potential> series(body_, potential_);
+    const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
+    ErrorTube<Scalar, Potential> tube;
+    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
+      return status;
+    }
+    course.largest_displacement = Scalar(0);
+    for (long step = 0; step < steps; ++step) {
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
+        return status;
+      }
+      const Scalar displacement = tube.displacement();
+      if (displacement > course.largest_displacement) {
+        course.largest_displacement = displacement;
+      }
+      if (displacement > longest && tube.start(tube.shape(), h, stiffness) != Status::ok) {
+        return Status::unbounded;
+      }
+      if (const Status status = tube.step(body_, series, h, uncertainty_); status != Status::ok) {
+        return status;
+      }
+      state = series.end;
+    }
+    course.end.center = state;
+    course.end.shape = tube.shape();
+    Matrix6<Scalar> factor;
+    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+      return Status::unbounded;
+    }
+    course.size = scalar::log(Scalar(factor.diagonal().prod()));
+    return Status::ok;
+  }
+
   RigidBody<Scalar> body_;
   Potential potential_;
   Scalar longest_step_;

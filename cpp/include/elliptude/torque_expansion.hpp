@@ -16,6 +16,7 @@
 ///     void add_cubic(s, transform, axes, forms);            // column i += the same of the terms of third order in γ = axes v
 ///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
 
+#include "elliptude/ellipsoid.hpp"
 #include "elliptude/potential.hpp"
 
 namespace elliptude {
@@ -27,11 +28,23 @@ namespace elliptude {
 /// third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖) (theory, section 17.3).
 template <typename Scalar>
 struct TorqueBounds {
-  Scalar largest;    ///< of the transformed torque; N m for the torque itself
-  Scalar degree;     ///< 0 for no torque
-  Scalar turn_rate;  ///< rad/s, at which the potential turns in the reference frame
+  Scalar largest = Scalar(0);    ///< of the transformed torque; N m for the torque itself
+  Scalar degree = Scalar(0);     ///< 0 for no torque
+  Scalar turn_rate = Scalar(0);  ///< rad/s, at which the potential turns in the reference frame
   /// 1/s²: an error ΔJ of the inertia, in the spectral norm, changes the torque itself by at most this times ‖ΔJ‖.
-  Scalar by_inertia;
+  Scalar by_inertia = Scalar(0);
+  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. What is said of lengths
+  /// above holds in each direction, with the ellipsoid's width there in place of `largest`.
+  Matrix3<Scalar> shape = Matrix3<Scalar>::Zero();
+
+  /// A second potential's torque beside this one: both grow with the degree and the rate, so the larger ones hold for the sum.
+  void add(const TorqueBounds& other) noexcept {
+    largest += other.largest;
+    degree = other.degree > degree ? other.degree : degree;
+    turn_rate = other.turn_rate > turn_rate ? other.turn_rate : turn_rate;
+    by_inertia += other.by_inertia;
+    shape = sum_of_shapes(shape, other.shape);
+  }
 };
 
 /// For each potential that can be used in a guaranteed flow.
@@ -84,6 +97,44 @@ template <typename Scalar>
 template <typename Scalar>
 using Forms = std::array<Matrix3<Scalar>, 3>;
 
+/// Symmetric forms of three numbers, one a row, by the coefficients of b₁², b₂², b₃², √2 b₂b₃, √2 b₃b₁, √2 b₁b₂, which together have
+/// the length ‖b‖².
+template <typename Scalar>
+using RowForms = Matrix<Scalar, 3, 6>;
+
+template <typename Scalar>
+[[nodiscard]] RowForms<Scalar> rows_of(const Forms<Scalar>& forms) noexcept {
+  const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
+  RowForms<Scalar> rows;
+  for (int i = 0; i < 3; ++i) {
+    const Matrix3<Scalar>& form = forms[static_cast<std::size_t>(i)];
+    for (int a = 0; a < 3; ++a) {
+      rows(i, a) = form(a, a);
+      rows(i, 3 + a) = root * form((a + 1) % 3, (a + 2) % 3);
+    }
+  }
+  return rows;
+}
+
+/// b × Jb.
+template <typename Scalar>
+[[nodiscard]] RowForms<Scalar> gyroscopic_forms(const Matrix3<Scalar>& inertia) noexcept {
+  const Scalar root = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L);
+  RowForms<Scalar> forms;
+  for (int a = 0; a < 3; ++a) {
+    // b_next (Jb)_last − b_last (Jb)_next
+    const int next = (a + 1) % 3;
+    const int last = (a + 2) % 3;
+    forms(a, next) = inertia(last, next);
+    forms(a, last) = -inertia(next, last);
+    forms(a, a) = Scalar(0);
+    forms(a, 3 + a) = root * (inertia(last, last) - inertia(next, next));  // of b_next b_last
+    forms(a, 3 + next) = -root * inertia(next, a);                         // of b_last b_a
+    forms(a, 3 + last) = root * inertia(last, a);                          // of b_a b_next
+  }
+  return forms;
+}
+
 /// Three cubic forms of γ, one a column, by the coefficients of their ten monomials: γᵢ³, γᵢ²γⱼ, γ₁γ₂γ₃, each divided by the root
 /// of how often the monomial stands in γ ⊗ γ ⊗ γ (1, 3, 6), so that a form's value is an inner product with a vector of length
 /// ‖γ‖³.
@@ -125,9 +176,7 @@ class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
                      expansion::Forms<Scalar>& /*forms*/) const noexcept {}
   void add_cubic(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/, const Matrix3<Scalar>& /*axes*/,
                  expansion::CubicForms<Scalar>& /*forms*/) const noexcept {}
-  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& /*transform*/) const noexcept {
-    return {Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
-  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& /*transform*/) const noexcept { return {}; }
 };
 
 /// M = m g ρ × s with s = Cᵀe₃.
@@ -170,7 +219,9 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
     }
   }
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    return {spectral_norm(Matrix3<Scalar>(transform.lazyProduct(hat(moment_)))), Scalar(1), Scalar(0), Scalar(0)};
+    const Matrix3<Scalar> map = transform.lazyProduct(hat(moment_));
+    const Matrix3<Scalar> shape = map.lazyProduct(map.transpose());
+    return {norm_of_gram(shape), Scalar(1), Scalar(0), Scalar(0), shape};
   }
 
  private:
@@ -274,23 +325,13 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
     }
     forms += torque.lazyProduct(Matrix3<Scalar>(strength() * transform.transpose()));
   }
-  /// Each component of b × Jb is a quadratic form of b; packed, they act on a vector of length ‖b‖², also of a complex b.
+  /// The components of b × Jb are forms without a trace, so they act on bbᵀ − I/3 alone, of length √(2/3), which a turn, of complex
+  /// rates too, changes as it does the spherical harmonics of degree two.
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    const Scalar root = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L);
-    Matrix<Scalar, 3, 6> forms;
-    for (int a = 0; a < 3; ++a) {
-      // b_next (Jb)_last − b_last (Jb)_next
-      const int next = (a + 1) % 3;
-      const int last = (a + 2) % 3;
-      forms(a, next) = inertia_(last, next);
-      forms(a, last) = -inertia_(next, last);
-      forms(a, a) = Scalar(0);
-      forms(a, 3 + a) = root * (inertia_(last, last) - inertia_(next, next));  // of b_next b_last
-      forms(a, 3 + next) = -root * inertia_(next, a);                          // of b_last b_a
-      forms(a, 3 + last) = root * inertia_(last, a);                           // of b_a b_next
-    }
-    return {strength() * spectral_norm(Matrix<Scalar, 3, 6>(transform.lazyProduct(forms))), Scalar(2), rate_,
-            strength()};
+    const Matrix<Scalar, 3, 6> map = transform.lazyProduct(expansion::gyroscopic_forms(inertia_));
+    const Matrix3<Scalar> shape =
+        (strength() * strength() * scalar::constant<Scalar>(2.0L / 3.0L)) * map.lazyProduct(map.transpose());
+    return {norm_of_gram(shape), Scalar(2), rate_, strength(), shape};
   }
 
  private:
@@ -339,18 +380,8 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
     std::apply([&](const auto&... term) { (term.add_cubic(s, transform, axes, forms), ...); }, terms_);
   }
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    TorqueBounds<Scalar> sum{Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
-    std::apply(
-        [&](const auto&... term) {
-          const auto add = [&](const TorqueBounds<Scalar>& one) {
-            sum.largest += one.largest;
-            sum.by_inertia += one.by_inertia;
-            sum.degree = one.degree > sum.degree ? one.degree : sum.degree;
-            sum.turn_rate = one.turn_rate > sum.turn_rate ? one.turn_rate : sum.turn_rate;
-          };
-          (add(term.bounds(transform)), ...);
-        },
-        terms_);
+    TorqueBounds<Scalar> sum;
+    std::apply([&](const auto&... term) { (sum.add(term.bounds(transform)), ...); }, terms_);
     return sum;
   }
 
