@@ -14,8 +14,8 @@ from elliptude import cli, containment, estimation, fermi, guaranteed_results, l
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration
 from elliptude.direction_rows import direction_rows
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log
-from elliptude.physical_bounds import GyroBounds
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_proposals import made
