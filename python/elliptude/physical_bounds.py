@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bound_arguments import require_fraction, require_not_negative, vector_rows
 from elliptude.results import FloatArray
-
-STANDARD_GRAVITY = 9.80665
-"""m/s²."""
+from elliptude.units import STANDARD_GRAVITY
 
 _EPSILON = float(np.finfo(np.float64).eps)
 

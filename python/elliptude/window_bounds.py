@@ -13,7 +13,6 @@ from elliptude.bound_arguments import increasing_times, require_not_negative, ve
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.physical_bounds import (
     EXACT_SENSOR,
-    STANDARD_GRAVITY,
     DirectionBounds,
     VectorSensorBounds,
     bounded_directions,
@@ -22,6 +21,7 @@ from elliptude.physical_bounds import (
 )
 from elliptude.results import FloatArray
 from elliptude.time_offsets import time_offset_angles
+from elliptude.units import STANDARD_GRAVITY
 from elliptude.window_averages import Piece, Place, blocks
 
 
