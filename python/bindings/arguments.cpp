@@ -81,6 +81,38 @@ void require_measured(const Vector3<double>& row, const std::string& label) {
   }
 }
 
+LogInput::LogInput(const py::object& value, const std::string& name, const Shape& item, Index rows,
+                   Items::Require require)
+    : items_(value, name, item, require) {
+  if (has_rows() && items_.leading() != Shape{rows}) {
+    Shape all{rows};
+    all.insert(all.end(), item.begin(), item.end());
+    value_error(name + " must have the shape " + text(item) + " or " + text(all) + ", not " + text(items_.leading()) +
+                (item.empty() ? "" : " times " + text(item)));
+  }
+}
+
+std::optional<LogInput> log_input(const py::object& value, const std::string& name, const Shape& item, Index rows,
+                                  Items::Require require) {
+  return value.is_none() ? std::nullopt : std::optional<LogInput>(std::in_place, value, name, item, rows, require);
+}
+
+namespace {
+
+/// \throws ValueError of a measurement with more rows than the state.
+[[nodiscard]] Items measured_rows(const py::object& y) {
+  Items values = single(y, "y", {any_length});
+  if (values.item()[0] > 6) {
+    value_error("y must have 1 to 6 rows, not " + std::to_string(values.item()[0]));
+  }
+  return values;
+}
+
+}  // namespace
+
+LinearArguments::LinearArguments(const py::object& y, const py::object& h, const py::object& bound)
+    : y_(measured_rows(y)), h_(single(h, "h", {rows(), 6})), bound_(single(bound, "bound", {rows(), rows()})) {}
+
 std::unique_lock<std::mutex> exclusive(std::mutex& mutex) {
   std::unique_lock lock(mutex, std::try_to_lock);
   if (!lock.owns_lock()) {

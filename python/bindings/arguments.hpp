@@ -65,6 +65,42 @@ class OptionalRows {
   std::optional<Items> items_;
 };
 
+/// An argument of a log that is not None: one item for all rows, or one for each.
+class LogInput {
+ public:
+  /// \throws TypeError, ValueError with the argument's name.
+  LogInput(const py::object& value, const std::string& name, const Shape& item, Index rows,
+           Items::Require require = Items::Require::finite);
+
+  [[nodiscard]] bool has_rows() const noexcept { return !items_.leading().empty(); }
+  [[nodiscard]] const double* row(Index i) const noexcept { return items_[has_rows() ? i : 0]; }
+
+ private:
+  Items items_;
+};
+
+/// As `LogInput`; nothing where the argument is None.
+[[nodiscard]] std::optional<LogInput> log_input(const py::object& value, const std::string& name, const Shape& item,
+                                                Index rows, Items::Require require = Items::Require::finite);
+
+/// y = H x + v of one to six rows, v in the ellipsoid of the shape `bound`.
+class LinearArguments {
+ public:
+  /// \throws TypeError, ValueError with the argument's name.
+  LinearArguments(const py::object& y, const py::object& h, const py::object& bound);
+
+  [[nodiscard]] Index rows() const noexcept { return y_.item()[0]; }
+  template <int Rows>
+  [[nodiscard]] LinearMeasurement<double, Rows> measurement() const {
+    return {y_.vector<Rows>(0), h_.dynamic_matrix(), bound_.dynamic_matrix()};
+  }
+
+ private:
+  Items y_;
+  Items h_;
+  Items bound_;
+};
+
 /// One call of a filter at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's
 /// lock. \throws RuntimeError.
 [[nodiscard]] std::unique_lock<std::mutex> exclusive(std::mutex& mutex);

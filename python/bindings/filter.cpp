@@ -156,21 +156,12 @@ class PythonFilter {
   [[nodiscard]] py::object update_linear(const py::object& y, const py::object& h, const py::object& bound,
                                          const std::string& sensor) {
     const std::unique_lock lock = begin_call();
-    const Items values = single(y, "y", {any_length});
-    const Index rows = values.item()[0];
-    if (rows > 6) {
-      value_error("y must have 1 to 6 rows, not " + std::to_string(rows));
-    }
-    const Items matrix = single(h, "h", {rows, 6});
-    const Items shape = single(bound, "bound", {rows, rows});
+    const LinearArguments given(y, h, bound);
     return std::visit(
         [&](auto& filter) {
           Update<double> update{};
-          const Status status = with_dimension(rows, [&](auto dimension) {
-            constexpr int n = decltype(dimension)::value;
-            const LinearMeasurement<double, n> measurement{values.vector<n>(0), matrix.dynamic_matrix(),
-                                                           shape.dynamic_matrix()};
-            return filter.update(measurement, update);
+          const Status status = with_dimension(given.rows(), [&](auto dimension) {
+            return filter.update(given.measurement<decltype(dimension)::value>(), update);
           });
           raise_unless_updated(filter, status, update, sensor);
           return updated(update, nullptr);
@@ -343,21 +334,15 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
   // Directions: NaN where a sensor has nothing to say.
   Index m = 0;
   std::optional<Items> body;
-  std::optional<Items> references;
+  std::optional<LogInput> references;
   std::optional<DirectionArguments> arguments;
-  bool reference_moves = false;
   if (!directions.is_none()) {
     body.emplace(directions, "directions", Shape{rows, any_length, 3}, Items::Require::anything, Items::Batch::none);
     m = body->item()[1];
     if (reference.is_none() || bounds.is_none()) {
       value_error("directions need reference and bounds beside them");
     }
-    references.emplace(reference, "reference", Shape{m, 3});
-    reference_moves = !references->leading().empty();
-    if (reference_moves && references->leading() != Shape{rows}) {
-      value_error("reference must have the shape (" + std::to_string(m) + ", 3) or (" + std::to_string(rows) + ", " +
-                  std::to_string(m) + ", 3), not " + text(references->leading()) + " times (m, 3)");
-    }
+    references.emplace(reference, "reference", Shape{m, 3}, rows);
     arguments.emplace(bounds, weights, m);
   }
   const OptionalRows measured_rate(angular_velocity, "angular_velocity", rows);
@@ -373,7 +358,8 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
   }
 
   // The input over the interval that ends at row i: torque i, or the gyro's rate of the row before.
-  std::optional<Items> inputs;
+  std::optional<Items> rates;
+  std::optional<LogInput> torques;
   if (has_gyro()) {
     if (!control_torque.is_none()) {
       throw py::type_error("control_torque is an input of RigidBodyFlow; a GyroFlow knows no torque");
@@ -381,7 +367,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
     if (gyro.is_none()) {
       throw py::type_error("a GyroFlow needs gyro, the measured rates");
     }
-    inputs.emplace(single(gyro, "gyro", {rows, 3}));
+    rates.emplace(single(gyro, "gyro", {rows, 3}));
     if (time[0][0] != this->time()) {
       value_error("times[0] must be the filter's time, " + text(this->time()) +
                   " s, for a GyroFlow: gyro[k] is the rate from times[k] on; it is " + text(time[0][0]) + " s");
@@ -390,12 +376,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
     if (!gyro.is_none()) {
       throw py::type_error("gyro is the input of a GyroFlow; for a RigidBodyFlow give the rates as angular_velocity");
     }
-    if (!control_torque.is_none()) {
-      inputs.emplace(control_torque, "control_torque", Shape{3});
-      if (!(inputs->leading().empty() || inputs->leading() == Shape{rows})) {
-        value_error("control_torque must have the shape (3,) or (" + std::to_string(rows) + ", 3)");
-      }
-    }
+    torques = log_input(control_torque, "control_torque", {3}, rows);
   }
 
   Results attitudes_out({rows}, {3, 3});
@@ -423,10 +404,10 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
           }
           const auto where = [i] { return " at row " + std::to_string(i); };
           Vector3<double> input = Vector3<double>::Zero();
-          if (has_gyro()) {
-            input = Eigen::Map<const Vector3<double>>((*inputs)[0] + 3 * std::max<Index>(i - 1, 0));
-          } else if (inputs) {
-            input = inputs->vector<3>(inputs->leading().empty() ? 0 : i);
+          if (rates) {
+            input = Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * std::max<Index>(i - 1, 0));
+          } else if (torques) {
+            input = Eigen::Map<const Vector3<double>>(torques->row(i));
           }
           if (!(time[0][i] >= filter.time())) {
             value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
@@ -437,7 +418,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
           present.clear();
           for (Index j = 0; j < m; ++j) {
             const double* b = (*body)[0] + 3 * (i * m + j);
-            const double* e = (*references)[reference_moves ? i : 0] + 3 * j;
+            const double* e = references->row(i) + 3 * j;
             const bool there = !is_absent(Eigen::Map<const Vector3<double>>(b));
             used_data[i * (m + 1) + j] = there;
             if (there) {

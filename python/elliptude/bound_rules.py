@@ -14,22 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.models import Model, Number, read_toml
-from elliptude.physical_bounds import (
-    DirectionBounds,
-    GyroBounds,
+from elliptude.physical_bounds import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
+from elliptude.proposals import rest_rows
+from elliptude.results import FloatArray
+from elliptude.time_offsets import shift
+from elliptude.window_bounds import (
     MotionBounds,
-    VectorSensorBounds,
     WindowBounds,
-    angle_excess,
-    angle_to_center,
     cross_bounds,
     field_bounds_over_windows,
     gravity_bounds_over_windows,
-    shift,
 )
-from elliptude.proposals import rest_rows
-from elliptude.results import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]

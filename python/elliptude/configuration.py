@@ -47,6 +47,7 @@ from pydantic import Field, model_validator
 import elliptude
 from elliptude import bound_rules, units
 from elliptude.bound_rules import Rule
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.models import (
     Bound,
     Column,
@@ -63,7 +64,6 @@ from elliptude.models import (
     exactly_one,
     read_toml,
 )
-from elliptude.physical_bounds import GyroBounds
 from elliptude.results import FloatArray
 from elliptude.sensors import (
     Accelerometer,

@@ -12,16 +12,13 @@ import numpy as np
 
 from elliptude import bound_rules, references, units
 from elliptude.configuration import Configuration, GyroFlow
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log
 from elliptude.physical_bounds import (
     DirectionBounds,
-    GyroBounds,
-    MotionBounds,
     VectorSensorBounds,
     accelerometer_bounds,
-    gravity_bounds_over_windows,
     magnetometer_bounds,
-    time_offset_angles,
 )
 from elliptude.results import FloatArray
 from elliptude.sensors import (
@@ -32,6 +29,8 @@ from elliptude.sensors import (
     Magnetometer,
     VelocityWindowBound,
 )
+from elliptude.time_offsets import time_offset_angles
+from elliptude.window_bounds import MotionBounds, gravity_bounds_over_windows
 
 _MICROTESLA = units.FIELD["uT"]
 # Windows reach over a missing sample no more than over ten median steps.

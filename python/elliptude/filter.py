@@ -1,14 +1,11 @@
 """The filter, with what it takes to store one."""
 
-import json
 from typing import Any, Self
 
 import numpy as np
 
 from elliptude import _core
-
-FORMAT_VERSION = 1
-"""Of what `AttitudeFilter.to_dict` returns."""
+from elliptude.stored import Stored
 
 
 def potential_to_dict(potential: object) -> dict[str, Any]:
@@ -91,8 +88,9 @@ def _flow_from_dict(fields: dict[str, Any]) -> _core.RigidBodyFlow | _core.GyroF
     raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither gyro nor rigid_body")
 
 
-class AttitudeFilter(_core.AttitudeFilter):  # noqa: D101
+class AttitudeFilter(_core.AttitudeFilter, Stored):  # noqa: D101
     __doc__ = _core.AttitudeFilter.__doc__
+    FORMAT_VERSION = 1
 
     def to_dict(self) -> dict[str, Any]:
         """All that the filter is, as numbers, strings, lists and dictionaries.
@@ -103,7 +101,7 @@ class AttitudeFilter(_core.AttitudeFilter):  # noqa: D101
             If the flow has a potential written in Python, which only pickle can store.
         """
         return {
-            "format": FORMAT_VERSION,
+            "format": self.FORMAT_VERSION,
             "flow": _flow_to_dict(self.flow),
             "ellipsoid": self.ellipsoid.to_dict(),
             "time": self.time,
@@ -115,42 +113,17 @@ class AttitudeFilter(_core.AttitudeFilter):  # noqa: D101
         }
 
     @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`.
-
-        Raises
-        ------
-        ValueError
-            For another format, a key that lacks, or numbers that make no filter.
-        TypeError
-            If it is not a dictionary, or holds something of another type.
-        """
-        if not isinstance(fields, dict):
-            raise TypeError(f"a stored filter is a dictionary, not {type(fields).__name__}")
-        if fields.get("format") != FORMAT_VERSION:
-            raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
-        try:
-            stored = cls(
-                _flow_from_dict(fields["flow"]),
-                _core.StateEllipsoid.from_dict(fields["ellipsoid"]),
-                time=fields["time"],
-                mode=fields["mode"],
-                criterion=fields["criterion"],
-                weight=fields["weight"],
-            )
-            stored._resume(fields["transition"], fields["prior_shape"])
-        except KeyError as error:
-            raise ValueError(f"a stored filter needs the key {error}") from error
+    def _made_from(cls, fields: dict[str, Any]) -> Self:
+        stored = cls(
+            _flow_from_dict(fields["flow"]),
+            _core.StateEllipsoid.from_dict(fields["ellipsoid"]),
+            time=fields["time"],
+            mode=fields["mode"],
+            criterion=fields["criterion"],
+            weight=fields["weight"],
+        )
+        stored._resume(fields["transition"], fields["prior_shape"])
         return stored
-
-    def to_json(self) -> str:
-        """`to_dict` as JSON; floats come back bit for bit."""
-        return json.dumps(self.to_dict())
-
-    @classmethod
-    def from_json(cls, text: str) -> Self:
-        """The inverse of `to_json`."""
-        return cls.from_dict(json.loads(text))
 
     def __getstate__(self) -> tuple[Any, ...]:
         """What pickle keeps; the flow is pickled, so a potential written in Python must be picklable."""

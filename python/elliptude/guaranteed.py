@@ -1,15 +1,12 @@
 """The guaranteed filter, with what it takes to store one."""
 
-import json
 from typing import Any, Self
 
 import numpy as np
 
 from elliptude import _core
 from elliptude.filter import potential_from_dict, potential_to_dict
-
-FORMAT_VERSION = 1
-"""Of what `GuaranteedFilter.to_dict` returns."""
+from elliptude.stored import Stored
 
 _Flow = _core.GuaranteedRigidBodyFlow | _core.GuaranteedGyroFlow
 
@@ -59,13 +56,14 @@ def _pair_to_lists(pair: tuple[Any, Any] | None) -> list[Any] | None:
     return None if pair is None else [part.tolist() for part in pair]
 
 
-class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
+class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
     __doc__ = _core.GuaranteedFilter.__doc__
+    FORMAT_VERSION = 1
 
     def to_dict(self) -> dict[str, Any]:
         """All that the filter is, as numbers, strings, lists and dictionaries."""
         return {
-            "format": FORMAT_VERSION,
+            "format": self.FORMAT_VERSION,
             "flow": _flow_to_dict(self.flow),
             "time": self.time,
             "criterion": self.criterion,
@@ -82,51 +80,26 @@ class GuaranteedFilter(_core.GuaranteedFilter):  # noqa: D101
         }
 
     @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`.
-
-        Raises
-        ------
-        ValueError
-            For another format, a key that lacks, or numbers that make no filter.
-        TypeError
-            If it is not a dictionary, or holds something of another type.
-        """
-        if not isinstance(fields, dict):
-            raise TypeError(f"a stored filter is a dictionary, not {type(fields).__name__}")
-        if fields.get("format") != FORMAT_VERSION:
-            raise ValueError(f"format is {fields.get('format')!r}, but this version reads {FORMAT_VERSION}")
-        try:
-            ellipsoid, bound, vector = fields["ellipsoid"], fields["vector_bound"], fields["vector"]
-            stored = cls(
-                _flow_from_dict(fields["flow"]),
-                time=fields["time"],
-                criterion=fields["criterion"],
-                weight=fields["weight"],
-                policy=fields["policy"],
-                most_wrong=fields["most_wrong"],
-                regain_after=fields["regain_after"],
-                vector_bound=None if bound is None else tuple(bound),
-                estimate_vector=fields["estimate_vector"],
-            )
-            stored._resume(
-                None if ellipsoid is None else _core.StateEllipsoid.from_dict(ellipsoid),
-                None if vector is None else tuple(vector),
-                fields["rests_on_drops"],
-                fields["agreeing_updates"],
-            )
-        except KeyError as error:
-            raise ValueError(f"a stored filter needs the key {error}") from error
+    def _made_from(cls, fields: dict[str, Any]) -> Self:
+        ellipsoid, bound, vector = fields["ellipsoid"], fields["vector_bound"], fields["vector"]
+        stored = cls(
+            _flow_from_dict(fields["flow"]),
+            time=fields["time"],
+            criterion=fields["criterion"],
+            weight=fields["weight"],
+            policy=fields["policy"],
+            most_wrong=fields["most_wrong"],
+            regain_after=fields["regain_after"],
+            vector_bound=None if bound is None else tuple(bound),
+            estimate_vector=fields["estimate_vector"],
+        )
+        stored._resume(
+            None if ellipsoid is None else _core.StateEllipsoid.from_dict(ellipsoid),
+            None if vector is None else tuple(vector),
+            fields["rests_on_drops"],
+            fields["agreeing_updates"],
+        )
         return stored
-
-    def to_json(self) -> str:
-        """`to_dict` as JSON; floats come back bit for bit."""
-        return json.dumps(self.to_dict())
-
-    @classmethod
-    def from_json(cls, text: str) -> Self:
-        """The inverse of `to_json`."""
-        return cls.from_dict(json.loads(text))
 
     def __getstate__(self) -> dict[str, Any]:
         """What pickle keeps."""

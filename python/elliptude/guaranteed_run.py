@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 import elliptude
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.direction_rows import Contradiction, DirectionRows, direction_rows
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log, interval_rates
-from elliptude.physical_bounds import GyroBounds
 from elliptude.results import CLAIMS, FloatArray, GuaranteedLog
 
 CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")

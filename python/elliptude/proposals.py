@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.physical_bounds import STANDARD_GRAVITY, attitudes_from_rates
-from elliptude.physical_bounds import shift as shifted_back
 from elliptude.results import FloatArray
+from elliptude.time_offsets import shift as shifted_back
+from elliptude.turns import attitudes_from_rates
+from elliptude.units import STANDARD_GRAVITY
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 """Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""

@@ -1,33 +1,27 @@
 """An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
 
-Curves are drawn at chosen rows (`elliptude.thinning.chosen_rows`), the sphere at up to `FRAMES` times; the numbers in
-the summary are of all rows.
+Curves are drawn at chosen rows (`elliptude.thinning.chosen_rows`), the sphere at up to `elliptude.report_sphere.FRAMES`
+times; the numbers in the summary are of all rows.
 """
 
-import base64
 import json
 import os
-from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import elliptude
-from elliptude.body_axes import axis_patches
-from elliptude.figures import error_limit, log_ticks
 from elliptude.files import FileError, replacing
+from elliptude.report_curves import PIECES, plots_over_time
+from elliptude.report_sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.results import CLAIMS, FloatArray
-from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR, time_text
+from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS
 from elliptude.runs import SPELL_GAP, DroppedMeasurements, Run, Spell
-from elliptude.thinning import chosen_rows, largest_of_each, pieces, prediction_shares, worst_claims
+from elliptude.thinning import chosen_rows, pieces
+from elliptude.units import readable_unit
 
-FRAMES = 240
-"""Times at which the sphere is drawn."""
-PIECES = 500
-"""Of rows, of each of which the extremes are drawn."""
 LISTED = 500
 """Spells of measurements left out that the report lists."""
 EACH_LISTED = 20_000
@@ -35,13 +29,6 @@ EACH_LISTED = 20_000
 
 # Spells that are shown without being asked for.
 _OPEN = 12
-_MERIDIANS, _RINGS = 36, 4
-_INT16 = 32767
-_NOT_KNOWN = -32768
-# Of the names of lanes, px; all plots over time have it, so that their times are below one another.
-_LANES_WIDTH = 110
-_BLUE, _ORANGE = "#0072B2", "#D55E00"
-_DASHES = ("solid", "dash", "dashdot")
 
 
 def summarize(run: Run, label: str) -> dict[str, Any]:
@@ -133,13 +120,14 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         If plotly is not installed, or the file cannot be written.
     """
     plotly = plotly_script()
-    rows, shown = chosen_rows(run, PIECES), _frame_rows(run)
+    rows, shown = chosen_rows(run, PIECES), frame_rows(run)
     summary = summarize(run, label)
     summary["drawn"] = {"rows_of_curves": len(rows), "times_on_sphere": len(shown)}
     spells = run.refusal_spells()
     each = _each(run.listed)
-    plots = _plots(run, rows, label, spells)
-    data = {"plots": plots, "frames": _frames(run, shown), "dropped": each}
+    plots = plots_over_time(run, rows, label, spells)
+    plots["sphere"] = sphere_plot(bool(run.compared.any()), label)
+    data = {"plots": plots, "frames": sphere_frames(run, shown), "dropped": each}
     compares = summary["compared_with"] is not None
     parts = {
         "version": elliptude.__version__,
@@ -301,7 +289,7 @@ def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
         "sensor": [listed.sensors[row] for row in rows],
         "why": ["its own bound" if listed.contradicts[row] == "own_bound" else "the prediction" for row in rows],
         "margin": [float(f"{margin:.4g}") for margin in listed.margins[rows]],
-        "unit": [_unit(listed.units[row]) for row in rows],
+        "unit": [readable_unit(listed.units[row]) for row in rows],
     }
 
 
@@ -350,499 +338,3 @@ def _footnote(run: Run, rows: int, frames: int) -> str:
             "the extremes of set and error, so that nothing that stands out is missing."
         )
     return f"{text} elliptude {elliptude.__version__}"
-
-
-# --- pictures ---------------------------------------------------------------------------------------------------------
-
-
-def _plots(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
-    """Plotly's data and layout for each place in the page."""
-    # What the list has is marked below the size of the set.
-    if run.listed is not None:
-        spells = [spell for spell in spells if spell.what == "refused"]
-    plots = {
-        "size": _size(run, rows),
-        "bands": _bands(run, rows, label),
-        "sphere": _sphere(bool(run.compared.any()), label),
-    }
-    if run.claims is not None or run.prediction_used is not None or spells:
-        plots["strip"] = _strip(run, spells)
-    if "strip" in plots or "yaxis2" in plots["size"]["layout"]:
-        for name in ("size", "bands", "strip"):
-            if name in plots:
-                plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH
-    return plots
-
-
-def _list(values: FloatArray) -> list[float | None]:
-    """For JSON, to six digits; None where there is nothing."""
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
-
-
-def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
-    return [float(time) for time in run.times[rows]]
-
-
-def _time_axis(run: Run) -> dict[str, Any]:
-    """The same for all plots, so that they can be compared; times since 1970 are no "1.7B"."""
-    first, last = float(run.times[0]), float(run.times[-1])
-    return {
-        "title": {"text": "time (s)"},
-        "range": [first, last] if last > first else [first - 0.5, first + 0.5],
-        "exponentformat": "none",
-        "hoverformat": ".6~f",
-    }
-
-
-def _layout(**more: Any) -> dict[str, Any]:
-    return {
-        "margin": {"l": 55, "r": 10, "t": 10, "b": 45},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "font": {"size": 12},
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        "hovermode": "x unified",
-        **more,
-    }
-
-
-def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
-    time, known = _times(run, rows), run.known[rows]
-    traces = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": f"half-width about {axis}",
-            "x": time,
-            "y": _list(np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)),
-            "line": {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
-        }
-        for i, axis in enumerate("xyz")
-    ]
-    largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
-    traces.append(
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": "largest angle",
-            "x": time,
-            "y": _list(largest),
-            "line": {"width": 2},
-            "meta": "ink",
-        }
-    )
-    if run.tilt_bounds is not None:
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": "bound of the tilt",
-                "x": time,
-                "y": _list(np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)),
-                "line": {"color": TILT_COLOUR, "dash": "dot", "width": 1.5},
-            }
-        )
-    scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
-    axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
-    if scale == "log":
-        drawn = [run.half_widths[rows].ravel(), run.largest_angles[rows]]
-        drawn += [] if run.tilt_bounds is None else [run.tilt_bounds[rows]]
-        angles = np.rad2deg(np.concatenate(drawn))
-        ticks = log_ticks(float(angles[angles > 0.0].min()), float(np.nanmax(angles)))
-        axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
-    layout = _layout(xaxis=_time_axis(run), yaxis=axis)
-    if run.listed is not None and len(run.listed.times):
-        marks = _drop_marks(run, run.listed)
-        height = min(0.07 * len(marks), 0.3)
-        layout["xaxis"] |= {"anchor": "y2"}
-        layout["yaxis"] |= {"domain": [height + 0.04, 1.0]}
-        layout["yaxis2"] = {"domain": [0.0, height], "automargin": True, "dtick": 1, "showgrid": False}
-        traces += marks
-    return {"data": traces, "layout": layout}
-
-
-def _drop_marks(run: Run, listed: DroppedMeasurements) -> list[dict[str, Any]]:
-    """A lane of marks for each sensor that was left out; of those that would hide one another the farthest off."""
-    edges = run.times[[piece.start for piece in pieces(len(run.times), PIECES)]]
-    bins = np.searchsorted(edges, listed.times, side="right")
-    sensors = np.array(listed.sensors, dtype=object)
-    marks = []
-    for sensor in sorted(set(listed.sensors)):
-        rows = np.flatnonzero(sensors == sensor)
-        rows = rows[largest_of_each(bins[rows], -listed.margins[rows])]
-        marks.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": f"{sensor} left out",
-                "showlegend": False,
-                "x": [float(time) for time in listed.times[rows]],
-                "y": [f"{sensor} left out"] * len(rows),
-                "text": [_why(listed, int(row)) for row in rows],
-                "hovertemplate": "%{x:.6~f} s: %{text}<extra></extra>",
-                "marker": {"symbol": "line-ns-open", "size": 10, "line": {"width": 1.5}},
-                "meta": "ink",
-                "yaxis": "y2",
-            }
-        )
-    return marks
-
-
-def _unit(name: str) -> str:
-    return name.replace("^2", "²").replace("uT", "µT")
-
-
-def _why(listed: DroppedMeasurements, row: int) -> str:
-    margin, place = listed.margins[row], listed.places[row]
-    if listed.contradicts[row] == "own_bound":
-        return f"{place}, {-margin:.3g} {_unit(listed.units[row])} beyond its own bound"
-    return f"{place}, contradicts the prediction, margin {margin:.3g}"
-
-
-def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
-    time, known = _times(run, rows), run.known[rows]
-    traces: list[dict[str, Any]] = []
-    bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
-    limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
-    layout = _layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
-    for i, axis in enumerate("xyz"):
-        place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
-        bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
-        x, y = _band(run.times[rows], bound)
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": "bound",
-                "legendgroup": "bound",
-                "showlegend": i == 0,
-                "x": x,
-                "y": y,
-                "fill": "toself",
-                "fillcolor": "rgba(0,114,178,0.22)",
-                "line": {"color": _BLUE, "width": 1},
-                "hoverinfo": "skip",
-                **place,
-            }
-        )
-        if run.errors is not None and run.compared.any():
-            error = np.rad2deg(run.errors[rows, i])
-            outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "name": f"error against {label}",
-                    "legendgroup": "error",
-                    "showlegend": i == 0,
-                    "x": time,
-                    "y": _list(error),
-                    "line": {"width": 1.2},
-                    "meta": "ink",
-                    **place,
-                }
-            )
-            if outside.any():
-                traces.append(
-                    {
-                        "type": "scatter",
-                        "mode": "markers",
-                        "name": "outside the band",
-                        "legendgroup": "outside",
-                        "x": _times(run, rows[outside]),
-                        "y": _list(error[outside]),
-                        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
-                        "showlegend": not any(trace["name"] == "outside the band" for trace in traces),
-                        **place,
-                    }
-                )
-        layout[f"yaxis{i + 1}" if i else "yaxis"] = {
-            "title": {"text": f"about {axis} (deg)"},
-            "zeroline": True,
-            "range": [-limit, limit],
-        }
-    return {"data": traces, "layout": layout}
-
-
-def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
-    """The outline of -bound to bound, a closed one for each piece between gaps."""
-    known = np.flatnonzero(np.isfinite(bound))
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-        around = np.concatenate([piece, piece[::-1], piece[:1]])
-        sides = np.concatenate([bound[piece], -bound[piece[::-1]], bound[piece[:1]]])
-        x += [*time[around].tolist(), None]
-        y += [*_list(sides), None]
-    return x, y
-
-
-def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
-    """A lane for the claim, and one for each sensor that was left out."""
-    traces: list[dict[str, Any]] = []
-    lanes: list[str] = []
-    some = pieces(len(run.times), PIECES)
-    edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
-
-    def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
-        lanes.append(lane)
-        for kind, colour in colours.items():
-            chosen = [i for i, word in enumerate(words) if word == kind]
-            if chosen:
-                traces.append(
-                    {
-                        "type": "bar",
-                        "orientation": "h",
-                        "name": legend.format(kind),
-                        "y": [lane] * len(chosen),
-                        "base": _list(edges[chosen]),
-                        "x": _list(np.diff(edges)[chosen]),
-                        "marker": {"color": colour, "line": {"width": 0}},
-                        "hoverinfo": "name",
-                    }
-                )
-
-    if run.claims is not None:
-        bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
-    if run.prediction_used is not None:
-        shares = prediction_shares(run.prediction_used, some)
-        bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}")
-    for name in sorted({name for spell in spells for name in spell.sensors.split()}):
-        own = [spell for spell in spells if name in spell.sensors.split()]
-        lane = f"{name} left out"
-        lanes.append(lane)
-        # A line from first to last, and marks at both ends: a single measurement is seen too.
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines+markers",
-                "name": lane,
-                "showlegend": False,
-                "x": [value for spell in own for value in (spell.first, spell.last, None)],
-                "y": [lane, lane, None] * len(own),
-                "line": {"width": 5},
-                "marker": {"symbol": "line-ns-open", "size": 12, "line": {"width": 2}},
-                "meta": "ink",
-            }
-        )
-    layout = _layout(
-        barmode="overlay",
-        height=65 + 30 * len(lanes),
-        xaxis=_time_axis(run),
-        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True, "dtick": 1},
-        showlegend=False,
-        hovermode="closest",
-    )
-    return {"data": traces, "layout": layout}
-
-
-# --- the sphere -------------------------------------------------------------------------------------------------------
-
-
-def _frame_rows(run: Run) -> NDArray[np.intp]:
-    """Rows evenly in time, the one with the largest set, and the one whose reference is farthest out."""
-    wanted = np.linspace(run.times[0], run.times[-1], FRAMES)
-    after = np.searchsorted(run.times, wanted).clip(max=len(run.times) - 1)
-    before = np.maximum(after - 1, 0)
-    rows = np.where(wanted - run.times[before] < run.times[after] - wanted, before, after).tolist()
-    for score in (run.largest_angles, run.forms):
-        if score is not None and np.isfinite(score).any():
-            rows.append(int(np.nanargmax(score)))
-    return np.unique(rows)
-
-
-def _frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
-    """What moves on the sphere."""
-    factor = run.magnification(rows)
-    attitudes = run.attitudes[rows]
-    attitudes[~run.known[rows]] = np.nan
-    shapes = factor**2 * run.shapes[rows]
-    patches = np.stack(
-        [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS) for i in range(3)],
-        axis=1,
-    )
-    marks = run.true_axes(factor)[rows].swapaxes(1, 2) if run.compared.any() else None
-    return {
-        "vertices": _RINGS * _MERIDIANS,
-        "meridians": _MERIDIANS,
-        "patches": _packed(patches),
-        "tips": _packed(attitudes.swapaxes(1, 2)),
-        "marks": None if marks is None else _packed(marks),
-        "times": _times(run, rows),
-        "labels": [_frame_label(run, int(row), bool(np.isfinite(patches[i]).all())) for i, row in enumerate(rows)],
-        "patch_traces": [_STILL, _STILL + 1, _STILL + 2],
-        "rim_traces": [_STILL + 3, _STILL + 4, _STILL + 5],
-        "tip_traces": [_STILL + 6, _STILL + 7, _STILL + 8],
-        "mark_trace": _STILL + 9,
-    }
-
-
-def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
-    parts = [f"{time_text(run, row)} s"]
-    if not run.known[row]:
-        return f"{parts[0]}: nothing is known"
-    parts.append(f"within {np.rad2deg(run.largest_angles[row]):.3g}°")
-    if not is_drawn:
-        parts.append("too large to draw")
-    if run.tilt_bounds is not None and np.isfinite(run.tilt_bounds[row]):
-        parts.append(f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°")
-    if run.claims is not None and run.claims[row]:
-        parts.append(f"claim: {run.claims[row]}")
-    if run.compared[row]:
-        assert run.errors is not None
-        where = "OUTSIDE" if run.escaped[row] else "inside"
-        parts.append(f"reference {np.rad2deg(np.linalg.norm(run.errors[row])):.3g}° off, {where}")
-    return ", ".join(parts)
-
-
-def _packed(directions: FloatArray) -> str:
-    """Components from -1 to 1 as 16-bit numbers: to 3e-5, which is 0.002 degrees."""
-    known = np.isfinite(directions)
-    numbers = np.where(known, np.rint(np.where(known, directions, 0.0) * _INT16), _NOT_KNOWN)
-    return base64.b64encode(numbers.astype("<i2").tobytes()).decode("ascii")
-
-
-def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[int]]:
-    """Of a disc whose vertices are rings of meridians; the last ring is a point."""
-    i, j, k = [], [], []
-    for ring in range(rings - 1):
-        for one in range(meridians):
-            other = (one + 1) % meridians
-            a, b = ring * meridians + one, ring * meridians + other
-            c, d = a + meridians, b + meridians
-            i += [a, b]
-            j += [b, d]
-            k += [c, c]
-    return i, j, k
-
-
-def _globe() -> dict[str, Any]:
-    """The sphere of directions, below the patches, which are flat between their vertices."""
-    latitudes, longitudes = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25), np.linspace(0.0, 2.0 * np.pi, 49)
-    across = np.cos(latitudes)[:, None]
-    sphere = 0.98 * np.stack(
-        [
-            across * np.cos(longitudes),
-            across * np.sin(longitudes),
-            np.broadcast_to(np.sin(latitudes)[:, None], (25, 49)),
-        ]
-    )
-    x, y, z = (np.round(component, 4).tolist() for component in sphere)
-    return {
-        "type": "surface",
-        "x": x,
-        "y": y,
-        "z": z,
-        "showscale": False,
-        "colorscale": [[0, "#d8dbe0"], [1, "#d8dbe0"]],
-        "hoverinfo": "skip",
-        "contours": {name: {"highlight": False} for name in "xyz"},
-        "opacity": 0.6,
-        "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-    }
-
-
-def _circles() -> dict[str, Any]:
-    """Where the planes of the reference axes meet the sphere, and these axes themselves."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 73)
-    points: list[list[float | None]] = []
-    for normal in range(3):
-        circle = np.zeros((73, 3))
-        circle[:, (normal + 1) % 3], circle[:, (normal + 2) % 3] = 0.99 * np.cos(angles), 0.99 * np.sin(angles)
-        tip = 1.2 * np.eye(3)[normal]
-        points += [*np.round(circle, 4).tolist(), [None] * 3, [0.0] * 3, tip.tolist(), [None] * 3]
-    x, y, z = (list(column) for column in zip(*points, strict=True))
-    return {
-        "type": "scatter3d",
-        "mode": "lines",
-        "x": x,
-        "y": y,
-        "z": z,
-        "line": {"color": "#8a8f98", "width": 1.5},
-        "hoverinfo": "skip",
-    }
-
-
-_STILL = 3
-"""Traces that do not move: the globe, its circles, the names of the reference axes."""
-
-
-def _sphere(compares: bool, label: str) -> dict[str, Any]:
-    i, j, k = _triangles(_MERIDIANS, _RINGS)
-    nothing: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
-    names = {
-        "type": "scatter3d",
-        "mode": "text",
-        **{axis: [1.3 * float(tip) for tip in row] for axis, row in zip("xyz", np.eye(3), strict=True)},
-        "text": ["X", "Y", "Z"],
-        "hoverinfo": "skip",
-    }
-    traces: list[dict[str, Any]] = [_globe(), _circles(), names]
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "mesh3d",
-                "name": f"body {axis}",
-                **{name: [0.0] * (_RINGS * _MERIDIANS) for name in "xyz"},
-                "i": i,
-                "j": j,
-                "k": k,
-                "color": colour,
-                "flatshading": True,
-                "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-                "hoverinfo": "name",
-            }
-        )
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "scatter3d",
-                "mode": "lines",
-                "name": f"rim of body {axis}",
-                **nothing,
-                "line": {"color": colour, "width": 4},
-                "hoverinfo": "skip",
-            }
-        )
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "scatter3d",
-                "mode": "lines+text",
-                "name": f"estimated body {axis}",
-                **nothing,
-                "text": ["", axis],
-                "textfont": {"color": colour, "size": 26},
-                "line": {"color": colour, "width": 5},
-                "hoverinfo": "name",
-            }
-        )
-    if compares:
-        traces.append(
-            {
-                "type": "scatter3d",
-                "mode": "markers",
-                "name": label,
-                **nothing,
-                "marker": {"size": 4},
-                "meta": "ink",
-                "hoverinfo": "name",
-            }
-        )
-    hidden = {"visible": False, "range": [-1.35, 1.35]}
-    layout = _layout(
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        showlegend=False,
-        hovermode="closest",
-        scene={
-            "xaxis": hidden,
-            "yaxis": hidden,
-            "zaxis": hidden,
-            "aspectmode": "manual",
-            "aspectratio": {"x": 1.9, "y": 1.9, "z": 1.9},
-            "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}, "projection": {"type": "orthographic"}},
-            "dragmode": "orbit",
-        },
-        uirevision="kept",
-    )
-    return {"data": traces, "layout": layout}

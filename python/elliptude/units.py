@@ -1,4 +1,4 @@
-"""Units that a configuration may state, each as its size in SI units."""
+"""Units that a configuration may state: each as its size in SI units, and as people write it."""
 
 import math
 from typing import Literal, TypeAlias
@@ -15,3 +15,8 @@ TICKS_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 1_000, "us": 1_000_000, "
 ANGULAR_VELOCITY: dict[AngularVelocityUnit, float] = {"rad/s": 1.0, "deg/s": math.pi / 180.0}
 ACCELERATION: dict[AccelerationUnit, float] = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
 FIELD: dict[FieldUnit, float] = {"T": 1.0, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "nT": 1e-9}
+
+
+def readable_unit(name: str) -> str:
+    """What stands in a configuration as ``m/s^2`` or ``uT``, as people write it."""
+    return name.replace("^2", "²").replace("uT", "µT")

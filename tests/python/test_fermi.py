@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from elliptude import estimation, fermi, logs
-from elliptude.physical_bounds import GyroBounds
+from elliptude.gyro_bounds import GyroBounds
 from scipy.spatial.transform import Rotation
 
 

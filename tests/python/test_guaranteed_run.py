@@ -14,8 +14,8 @@ from elliptude import cli, containment, estimation, fermi, guaranteed_results, l
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration
 from elliptude.direction_rows import direction_rows
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log
-from elliptude.physical_bounds import GyroBounds
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_proposals import made
@@ -76,6 +76,19 @@ def configured(flow=None, bound=0.02, **changes):
         "estimator": {"mode": "guaranteed"},
     }
     return Configuration.model_validate(base | changes)
+
+
+def with_accelerometer(configuration, **its_bound):
+    """The configuration's fields, with an accelerometer as the first sensor."""
+    fields = configuration.model_dump(mode="json", exclude_unset=True)
+    fields["reference_frame"] = "ENU"
+    fields["directions"][0] = {
+        "name": "up",
+        "kind": "accelerometer",
+        "columns": ["a", "b", "c"],
+        "unit": "m/s^2",
+    } | its_bound
+    return fields
 
 
 def assert_holds(estimated, share=1.0):
@@ -253,17 +266,12 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     forces = GRAVITY * log.directions[:, 0]
     forces[100] *= 1.5
     log.directions[:, 0] = forces
-    base = configured({"noise_deg_per_s": np.rad2deg(0.001)}).model_dump(mode="json", exclude_unset=True)
-    base["reference_frame"] = "ENU"
-    base["directions"][0] = {
-        "name": "up",
-        "kind": "accelerometer",
-        "columns": ["a", "b", "c"],
-        "unit": "m/s^2",
-        "bound_from": {"kind": "acceleration", "acceleration_m_per_s2": 1.0},
-    }
-    base["estimator"] = {"mode": "guaranteed", "policy": "drop_measurement"}
-    estimated = estimation.estimate(log, Configuration.model_validate(base))
+    base = with_accelerometer(
+        configured({"noise_deg_per_s": np.rad2deg(0.001)}),
+        bound_from={"kind": "acceleration", "acceleration_m_per_s2": 1.0},
+    )
+    dropping = base | {"estimator": {"mode": "guaranteed", "policy": "drop_measurement"}}
+    estimated = estimation.estimate(log, Configuration.model_validate(dropping))
     assert_holds(estimated)
     assert set(estimated.results.claims) == {"conditional"}
     (found,) = estimated.guaranteed.contradictions
@@ -274,7 +282,6 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     assert columns["sensor"] == ["up"]
     assert columns["contradicts"] == ["own_bound"]
     assert columns["margin"][0] == pytest.approx(-found.excess)
-    base["estimator"] = {"mode": "guaranteed"}
     with pytest.raises(
         elliptude.InconsistentMeasurement, match=r"'up' at 5\.000000 s contradicts its own bounds by 3\.9"
     ):
@@ -284,15 +291,7 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
 def test_tilt_bounds_hold_and_use_the_measured_up():
     log = gyro_log(noise=0.01, bound=0.1)
     log.directions[:, 0] *= GRAVITY
-    base = configured({"noise_deg_per_s": np.rad2deg(0.01)}, bound=0.1).model_dump(mode="json", exclude_unset=True)
-    base["reference_frame"] = "ENU"
-    base["directions"][0] = {
-        "name": "up",
-        "kind": "accelerometer",
-        "columns": ["a", "b", "c"],
-        "unit": "m/s^2",
-        "bound_deg": np.rad2deg(0.1),
-    }
+    base = with_accelerometer(configured({"noise_deg_per_s": np.rad2deg(0.01)}, bound=0.1), bound_deg=np.rad2deg(0.1))
     estimated = estimation.estimate(log, Configuration.model_validate(base))
     cosines = np.einsum("ni,ni->n", estimated.results.attitudes[:, 2], log.true_attitudes[:, 2])
     tilts = np.arccos(np.clip(cosines, -1.0, 1.0))

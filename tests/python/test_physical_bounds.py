@@ -2,21 +2,22 @@
 
 import numpy as np
 import pytest
+from elliptude.gyro_bounds import GyroBounds
 from elliptude.physical_bounds import (
     DirectionBounds,
-    GyroBounds,
-    MotionBounds,
     VectorSensorBounds,
-    WindowBounds,
     accelerometer_bounds,
     angle_excess,
     angle_to_center,
+    magnetometer_bounds,
+)
+from elliptude.time_offsets import shift, time_offset_angles
+from elliptude.window_bounds import (
+    MotionBounds,
+    WindowBounds,
     cross_bounds,
     field_bounds_over_windows,
     gravity_bounds_over_windows,
-    magnetometer_bounds,
-    shift,
-    time_offset_angles,
 )
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -484,7 +485,7 @@ def test_long_recordings_in_blocks(monkeypatch):
     for at in ("end", "middle"):
         whole = gravity_bounds_over_windows(times, forces, rates, [0.5, 1.0, 3.0], at=at, **arguments)
         with monkeypatch.context() as patch:
-            patch.setattr("elliptude.physical_bounds._BLOCK_ROWS", 97)
+            patch.setattr("elliptude.window_averages._BLOCK_ROWS", 97)
             pieces = gravity_bounds_over_windows(times, forces, rates, [0.5, 1.0, 3.0], at=at, **arguments)
         np.testing.assert_allclose(pieces.angles, whole.angles, atol=1e-9)
         np.testing.assert_allclose(pieces.directions, whole.directions, atol=1e-9)

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from elliptude import cli, report
+from elliptude import cli, report, report_curves, report_sphere
 from elliptude.runs import DroppedMeasurements
 from scipy.spatial.transform import Rotation
 from test_run_figures import full_run
@@ -108,7 +108,7 @@ def test_a_long_run_stays_small(tmp_path):
     summary = report.write_report(run, tmp_path / "report.html", "Long")
     assert (tmp_path / "report.html").stat().st_size < 10e6
     assert summary["drawn"]["rows_of_curves"] < 5000
-    assert summary["drawn"]["times_on_sphere"] <= report.FRAMES + 2
+    assert summary["drawn"]["times_on_sphere"] <= report_sphere.FRAMES + 2
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert f"The curves are drawn at {summary['drawn']['rows_of_curves']} of them" in page
 
@@ -195,8 +195,8 @@ def test_of_very_many_dropped_measurements_the_farthest_off_are_listed(monkeypat
     each = report._each(listed)
     assert (each["total"], each["time"]) == (5, [1.0, 3.0, 4.0])
     run = make_run(500, listed=dataclasses.replace(listed, times=np.array([0.01, 0.02, 0.03, 0.04, 4.9])))
-    monkeypatch.setattr(report, "PIECES", 5)
-    (marks,) = report._drop_marks(run, run.listed)
+    monkeypatch.setattr(report_curves, "PIECES", 5)
+    (marks,) = report_curves._drop_marks(run, run.listed)
     assert marks["x"] == [0.02, 4.9]
 
 

@@ -1,0 +1,145 @@
+"""Vectors averaged over windows of a recording in a frame that the gyro carries along, docs/theory.md, section 18."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.gyro_bounds import GyroBounds
+from elliptude.results import FloatArray
+from elliptude.turns import attitudes_from_rates, running_integral
+
+_BLOCK_ROWS = 1 << 16
+Place = Literal["end", "middle"]
+"""Where in its window a row lies."""
+
+
+def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
+    """Rows in pieces, each with the rows that its windows reach: memory stays bounded, and so do running sums."""
+    for start in range(0, len(times), _BLOCK_ROWS):
+        stop = min(start + _BLOCK_ROWS, len(times))
+        reach = longest * (1.0 + 1e-6)
+        before, after = (0.5 * reach, 0.5 * reach) if at == "middle" else (reach, 0.0)
+        first = int(np.searchsorted(times, times[start] - before))
+        last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
+        yield slice(start, stop), slice(first, last)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Indices of windows: where they begin, the top of a triangle, where they end, and the row that they are for."""
+
+    start: NDArray[np.intp]
+    top: NDArray[np.intp]
+    stop: NDArray[np.intp]
+    row: NDArray[np.intp]
+    before: FloatArray
+    """From the beginning to the top, s; NaN where the window is not whole."""
+    after: FloatArray
+    """From the top to the end, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Average:
+    """Weighted means over windows."""
+
+    mean: FloatArray
+    """Of the vector, in the common frame."""
+    length: FloatArray
+    """Of the vectors' lengths."""
+    turn: FloatArray
+    """Of the lengths times the bound of the turn's error between sample and row."""
+
+
+class Piece:
+    """Running integrals of a piece of a recording, from which weighted means over windows are differences."""
+
+    def __init__(
+        self,
+        times: FloatArray,
+        vectors: FloatArray,
+        rates: FloatArray,
+        turned_by_offset: FloatArray,
+        gyro: GyroBounds,
+        bias_known: float,
+        maximum_step: float,
+    ) -> None:
+        self._times = times
+        self._gyro = gyro
+        missing = np.isnan(vectors).any(axis=1) | np.isnan(rates).any(axis=1) | np.isnan(turned_by_offset)
+        vectors, rates = np.where(missing[:, None], 0.0, vectors), np.where(missing[:, None], 0.0, rates)
+        steps = np.diff(times)
+        self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
+        self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
+        self.attitudes = attitudes_from_rates(steps, rates)
+        self._elapsed = times - times[0]
+        speeds = np.linalg.norm(rates, axis=1)
+        lengths = np.linalg.norm(vectors, axis=1)
+        self._steady = running_integral(times, gyro.steady_error(speeds, times - bias_known))
+        self._turned = running_integral(times, speeds)
+        in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
+        # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
+        weights = lengths[:, None] * np.column_stack(
+            [
+                np.ones_like(times),
+                self._steady,
+                self._turned,
+                self._elapsed,
+                np.where(missing, 0.0, turned_by_offset),
+            ]
+        )
+        self._once = running_integral(times, np.column_stack([in_common_frame, weights]))
+        self._twice = running_integral(times, self._once)
+
+    def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
+        """Those of the rows, as long as the recording allows."""
+        times, here = self._times, self._times[rows]
+        slack = 1e-9 * duration
+        if at == "middle":
+            start = np.searchsorted(times, here - 0.5 * duration - slack)
+            stop = np.searchsorted(times, here + 0.5 * duration + slack, side="right") - 1
+            top = rows
+        else:
+            start, stop = np.searchsorted(times, here - duration - slack), rows
+            middle = 0.5 * (times[start] + times[stop])
+            top = np.searchsorted(times, middle)
+        missing = self._missing_rows[stop + 1] - self._missing_rows[start]
+        long_steps = self._long_steps[stop] - self._long_steps[start]
+        whole = (stop > start) & (missing == 0) & (long_steps == 0)
+        before = np.where(whole, times[top] - times[start], np.nan)
+        return Window(start, top, stop, rows, before, times[stop] - times[top])
+
+    def averages(self, window: Window, *, triangular: bool) -> Iterator[Average]:
+        """With equal weights, then with those of a triangle."""
+        before, after = window.before[:, None], window.after[:, None]
+        span = before + after
+        once = self._once[window.top]
+        below, above = once - self._once[window.start], self._once[window.stop] - once
+        yield self._average(window, below / span, above / span)
+        if triangular:
+            twice = self._twice[window.top]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                below = once - (twice - self._twice[window.start]) / before
+                above = (self._twice[window.stop] - twice) / after - once
+            yield self._average(window, 2.0 * below / span, 2.0 * above / span)
+
+    def _average(self, window: Window, rising: FloatArray, falling: FloatArray) -> Average:
+        both = rising + falling
+        row, at_top = window.row, window.row == window.top
+
+        # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
+        # or at the end, so that each side of the top lies on one side of the row.
+        def between(column: int, running: FloatArray) -> FloatArray:
+            at_row = running[row]
+            before_row = at_row * rising[:, 3] - rising[:, column]
+            after_row = falling[:, column] - at_row * falling[:, 3]
+            return np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+
+        noise = self._gyro.noise * between(6, self._elapsed)
+        if np.isfinite(self._gyro.increment):
+            longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
+            swept = self._gyro.increment * (both[:, 3] + between(5, self._turned))
+            noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
+        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7])
