@@ -141,6 +141,22 @@ TEST_CASE("Predicting in one go is predicting in many and a set moved without er
   CHECK(worst < 0.02);  // second order of 1e-4 and the integrator's 1e-6, in a set with axes from 1e-5 up
 }
 
+TEST_CASE("A prediction over no time changes nothing") {
+  Random random(3);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Set start{orbit_state<double>(), 1e-2 * random.positive_definite<6>(10)};
+    Filter filter = make_filter(orbit_flow(), start);
+    REQUIRE(filter.predict(interval, {}) == Status::ok);
+    const Direction<double> direction = measure(random, filter.ellipsoid().center, 1, 0.1)[0];
+    Update<double> update{};
+    REQUIRE(filter.update(&direction, 1, update) ==
+            Status::ok);  // leaves an attitude that is a rotation but for rounding
+    const Filter before = filter;
+    REQUIRE(filter.predict(interval, {}) == Status::ok);
+    check_same(filter, before);
+  }
+}
+
 TEST_CASE("An unknown torque anywhere in its ellipsoid keeps the state inside") {
   Random random(3);
   const Matrix3<double> torque_shape = 1e-4 * random.positive_definite<3>(5);

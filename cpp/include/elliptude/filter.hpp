@@ -81,7 +81,9 @@ class AttitudeFilter {
       return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;
-    ellipsoid_.center.attitude = renormalized(ellipsoid_.center.attitude);
+    if (time != time_) {  // a prediction over no time must change nothing, not even by rounding
+      ellipsoid_.center.attitude = renormalized(ellipsoid_.center.attitude);
+    }
     transition_ = prediction.transition.lazyProduct(transition_).eval();
     time_ = time;
     return Status::ok;
