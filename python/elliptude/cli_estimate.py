@@ -1,5 +1,9 @@
-"""The commands ``elliptude estimate`` and ``elliptude demo``."""
+"""The commands ``elliptude estimate`` and ``elliptude demo``.
 
+What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+"""
+
+import importlib
 import json
 import time
 from collections.abc import Iterator
@@ -21,14 +25,12 @@ from elliptude import (
     cli_simulate,
     estimation,
     fermi,
-    figures,
     guaranteed_results,
     logs,
     plausibility,
     scenarios,
     simulation,
 )
-from elliptude import report as html_report
 from elliptude.background import ahead
 from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.configuration import Configuration, read_configuration
@@ -71,6 +73,8 @@ def estimate(
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
     if report is not None:
+        from elliptude import report as html_report
+
         # What would fail at the end is better said before a long estimation.
         html_report.plotly_script()
         if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
@@ -140,6 +144,8 @@ def _estimate_pieces(
     try:
         with writing_columns(out / table, "results") as write:
             for results in estimator.run(pieces):
+                # It takes a third of a second, and the core is at work on the next piece.
+                importlib.import_module("elliptude.figures")
                 write(results.columns())
                 summary.add(results)
                 thinned.add(results)
@@ -176,6 +182,8 @@ def _finish(
     title: str,
     inside_share: float | None = None,
 ) -> dict[str, Any]:
+    from elliptude import figures
+
     label = configuration.truth.label if configuration.truth is not None else "truth"
     figure = figures.estimate_figure(drawn, title, label=label, inside_share=inside_share)
     figures.save(figure, out / _FIGURE)
@@ -346,6 +354,8 @@ def _fermi(folder: Path) -> list[_Line]:
             (name, estimated.results, *fermi.half_widths_about(estimated.results, measurements.references[:, 0]))
         )
         lines.append(_line(f"Fermi, {name}", [estimated], time.perf_counter() - begin))
+    from elliptude import figures
+
     figure = figures.about_line_figure(
         runs[0][1].times,
         runs,

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from elliptude import figures, report, run_figures
 from elliptude.cli_options import (
     Force,
     LargestGap,
@@ -78,6 +77,8 @@ def make_report(
                 f"{run.times[0]:g} s to {run.times[-1]:g} s, and --largest-gap-s is {largest_gap_s:g}"
             )
     label, title = label or read_label, title or _title(result)
+    from elliptude import report  # with Matplotlib, which every command would take longer for
+
     summary = report.write_report(run, out, title, label=label)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
@@ -97,6 +98,8 @@ def _title(result: Path) -> str:
 
 
 def _write_pictures(run: Run, folder: Path, title: str, label: str) -> None:
+    from elliptude import figures, run_figures
+
     drawn = (
         run_figures.bands_figure(run, title, label=label),
         run_figures.size_figure(run, title),

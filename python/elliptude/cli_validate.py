@@ -18,7 +18,7 @@ from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import elliptude
-from elliptude import adversary, figures, validation
+from elliptude import adversary, validation
 from elliptude.adversary import Case
 from elliptude.cli_options import SummaryAsJson
 from elliptude.files import FileError, write_json
@@ -113,6 +113,8 @@ def validate(
     _run(arguments, done, out / _PROGRESS, processes or len(os.sched_getaffinity(0)), console)
     elapsed = time.monotonic() - begin
     summary = validation.summarize(arguments, done)
+    from elliptude import figures  # with Matplotlib, which every command would take longer for
+
     figures.save(figures.validation_figure(summary), out / _FIGURE)
     write_json(out / _SUMMARY, summary)
     if as_json:

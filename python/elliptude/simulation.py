@@ -11,7 +11,6 @@ from itertools import pairwise
 from typing import Literal, TypeAlias, assert_never, get_args
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from elliptude import scenarios
@@ -90,6 +89,8 @@ def truth(scenario: Scenario) -> Truth:
         attitude, omega = state[:9].reshape(3, 3), state[9:]
         momentum_rate = torque(time, attitude) - _cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
+
+    from scipy.integrate import solve_ivp  # here, as every command would take longer to start
 
     times = scenario.interval * np.arange(scenario.measurements + 1, dtype=np.float64)
     states = np.empty((len(times), 12))

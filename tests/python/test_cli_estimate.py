@@ -125,7 +125,7 @@ def test_a_figure_that_fails_leaves_no_summary(tmp_path, simulated, monkeypatch)
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cli_estimate.figures, "save", full)
+    monkeypatch.setattr("elliptude.figures.save", full)
     done = estimate(simulated, out, "--force")
     assert done.exit_code == 1
     assert "No space left" in done.output
@@ -214,3 +214,10 @@ def test_a_direction_that_is_zero(tmp_path, simulated):
     assert done.exit_code == 1
     assert "line 6, column 9 (direction1_bx): 'direction1' has no direction" in done.output.replace("\n", "")
     assert not (tmp_path / "out").exists()
+
+
+def test_commands_start_without_what_only_pictures_need():
+    program = "import sys; from elliptude import cli; cli.make_app(); print([m for m in sys.modules if m in HEAVY])"
+    heavy = "HEAVY = ('matplotlib', 'plotly', 'scipy.integrate'); "
+    done = subprocess.run([sys.executable, "-c", heavy + program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

@@ -28,29 +28,60 @@ template <typename Scalar, int N>
   return true;
 }
 
+namespace factorization {
+
+/// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled: half the
+/// instructions.
+template <int Column, typename Scalar, int N>
+[[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor) noexcept {
+  if constexpr (Column < N) {
+    Scalar pivot = a(Column, Column);
+    for (int k = 0; k < Column; ++k) {
+      pivot -= factor(Column, k) * factor(Column, k);
+    }
+    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return false;
+    }
+    const Scalar diagonal = scalar::sqrt(pivot);
+    const Scalar inverse = Scalar(1) / diagonal;
+    factor(Column, Column) = diagonal;
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar entry = a(i, Column);
+      for (int k = 0; k < Column; ++k) {
+        entry -= factor(i, k) * factor(Column, k);
+      }
+      factor(i, Column) = entry * inverse;
+    }
+    return cholesky_columns<Column + 1>(a, factor);
+  } else {
+    return true;
+  }
+}
+
+/// The columns of `lower_inverse` from `Column` on, where the diagonal is done.
+template <int Column, typename Scalar, int N>
+void inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
+  if constexpr (Column < N) {
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar sum = l(i, Column) * inverse(Column, Column);
+      for (int k = Column + 1; k < i; ++k) {
+        sum += l(i, k) * inverse(k, Column);
+      }
+      inverse(i, Column) = -sum * inverse(i, i);
+    }
+    inverse_columns<Column + 1>(l, inverse);
+  }
+}
+
+}  // namespace factorization
+
 /// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
 /// \return `not_positive_definite` if a pivot is not positive (or is NaN).
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
-  for (int j = 0; j < N; ++j) {
-    Scalar pivot = a(j, j);
-    for (int k = 0; k < j; ++k) {
-      pivot -= factor(j, k) * factor(j, k);
-    }
-    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
-      return Status::not_positive_definite;
-    }
-    const Scalar diagonal = scalar::sqrt(pivot);
-    const Scalar inverse = Scalar(1) / diagonal;
-    factor(j, j) = diagonal;
-    for (int i = j + 1; i < N; ++i) {
-      Scalar entry = a(i, j);
-      for (int k = 0; k < j; ++k) {
-        entry -= factor(i, k) * factor(j, k);
-      }
-      factor(i, j) = entry * inverse;
-    }
+  if (!factorization::cholesky_columns<0>(a, factor)) {
+    return Status::not_positive_definite;
   }
   l = factor;
   return Status::ok;
@@ -112,15 +143,7 @@ template <typename Scalar, int N>
   for (int j = 0; j < N; ++j) {
     inverse(j, j) = Scalar(1) / l(j, j);
   }
-  for (int j = 0; j < N; ++j) {
-    for (int i = j + 1; i < N; ++i) {
-      Scalar sum = l(i, j) * inverse(j, j);
-      for (int k = j + 1; k < i; ++k) {
-        sum += l(i, k) * inverse(k, j);
-      }
-      inverse(i, j) = -sum * inverse(i, i);
-    }
-  }
+  factorization::inverse_columns<0>(l, inverse);
   return inverse;
 }
 
