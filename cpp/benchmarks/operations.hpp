@@ -242,6 +242,46 @@ double fuse_quadrics(long count) {
   return sum;
 }
 
+// --- a row of a log ----------------------------------------------------------------------------------------------------
+
+/// What an IMU's log asks for at each row, to first order: a step of the gyro's flow, and two directions.
+inline double gyro_row(long count) {
+  using Flow = GyroFlow<double>;
+  using Filter = AttitudeFilter<Flow, FirstOrderEstimator>;
+  constexpr double step = 0.01;
+  constexpr double bound = 0.07;
+  constexpr std::size_t row_count = 64;
+  const std::array<Vector3d, 2> references{Vector3d(0, 0, 1), Vector3d(0, 0.4, -0.9)};
+  const Vector3d rate(0.1, 0.1, 0.1);
+  Random random;
+  Matrix3d attitude = Matrix3d::Identity();
+  std::array<std::array<Direction<double>, 2>, row_count> rows;
+  for (auto& row : rows) {
+    attitude = attitude * exp(Vector3d(step * rate));
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Vector3d b = attitude.transpose() * references[k] + random.in_cube(0.01);
+      row[k] = Direction<double>::within(references[k], b, bound);
+    }
+  }
+  Flow flow;
+  expect_ok(Flow::make(Matrix3d(7.6e-5 * Matrix3d::Identity()), Matrix3d(3e-10 * Matrix3d::Identity()), flow));
+  Filter filter;
+  Update<double> update;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i) % row_count;
+    if (at == 0) {
+      const StateEllipsoid<GyroState<double>> start{{Matrix3d::Identity(), Vector3d::Zero()},
+                                                    0.01 * Matrix6<double>::Identity()};
+      expect_ok(Filter::make(flow, SizeCriterion<double, 6>::trace(), 0.0, start, filter));
+    }
+    expect_ok(filter.predict(step * static_cast<double>(at + 1), {rate}));
+    expect_ok(filter.update(rows[at].data(), rows[at].size(), update));
+    sum += filter.ellipsoid().shape.trace();
+  }
+  return sum;
+}
+
 // --- the guaranteed filter --------------------------------------------------------------------------------------------
 
 /// What a spacecraft of the scenario `orbit` measures at each step at 7 degrees: three directions and the angular velocity.
@@ -424,7 +464,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 34> all{{
+inline constexpr std::array<Operation, 35> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -443,6 +483,7 @@ inline constexpr std::array<Operation, 34> all{{
     {"fuse_volume", fuse<Kind::volume>},
     {"fuse_3_cones_and_rate_trace", fuse_quadrics<Kind::trace>},
     {"fuse_3_cones_and_rate_volume", fuse_quadrics<Kind::volume>},
+    {"gyro_row_2_directions", gyro_row},
     {"guaranteed_cycle_trace", guaranteed_cycle<Kind::trace>},
     {"guaranteed_cycle_volume", guaranteed_cycle<Kind::volume>},
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},

@@ -122,6 +122,49 @@ TEST_CASE("A partial measurement fuses as the printed family at the best multipl
   }
 }
 
+namespace {
+
+/// Where the search starts, against the slope of the whole problem there.
+template <int Rows>
+void check_start(Random& random, const SizeCriterion<double, 6>& criterion) {
+  int found = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    const Matrix<double, Rows, 6> b = random.log_uniform(1e-2, 1e3) * random.normal_matrix<Rows, 6>();
+    const Vector<double, Rows> y = 0.7 * b * random.unit_vector<6>();
+    const Matrix6<double> factor = random.positive_definite<6>(100).llt().matrixL();
+    const Matrix6<double> m = b.transpose() * b;
+    const Vector6<double> v = -b.transpose() * y;
+    const Vector6<double> present = Vector6<double>::Ones();
+    const auto slack = [&](const Vector6<double>& u) { return 1 - (y - b * u).squaredNorm(); };
+    const fusion::Problem<double, 6, decltype(slack)> problem{m, v, present, slack};
+    const fusion::RelativeSize<double, 6> size(factor, present, criterion);
+    if (slack(Vector6<double>::Zero()) >= size.idle_slack(m)) {
+      continue;  // the prediction alone is best
+    }
+    const double q = fusion::weight_of_rows(y, b, size, problem.typical_weight());
+    fusion::Combination<double, 6> combination;
+    REQUIRE(problem.combine(q, combination) == Status::ok);
+    double slope = 0;
+    double curvature = 0;
+    size.derivatives(combination, slope, curvature);
+    CHECK(std::abs(q * slope) <= 1e-4);  // with respect to log q: what is left to gain is the square of it
+    ++found;
+  }
+  CHECK(found > 50);
+}
+
+}  // namespace
+
+TEST_CASE("The search for a partial measurement's multiplier starts where it ends") {
+  Random random(5);
+  for (const auto& criterion : {SizeCriterion<double, 6>::trace(), SizeCriterion<double, 6>::volume(),
+                                SizeCriterion<double, 6>::weighted_trace(random.positive_definite<6>(10))}) {
+    check_start<1>(random, criterion);
+    check_start<2>(random, criterion);
+    check_start<3>(random, criterion);
+  }
+}
+
 TEST_CASE("Sets that do not meet are reported with their margin and the output stays") {
   Random random(5);
   const Set predicted{random_state(random), 1e-4 * Matrix6<double>::Identity()};

@@ -90,6 +90,87 @@ template <typename State>
   return status;
 }
 
+namespace fusion {
+
+/// The q of least size for ‖y − Bu‖ ≤ 1 with a few rows: with the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its
+/// eigenvectors, wᵢ the weights W' of the vectors of u that belong to them and w₀ that of all others,
+///
+///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q,
+///
+/// all of it cheap, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start, which goes wrong in
+/// nothing if this does.
+template <typename Scalar, int Rows, int N>
+[[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
+                                    const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
+  SymmetricEigen<Scalar, Rows> eigen;
+  if (symmetric_eigen(Matrix<Scalar, Rows>(b.lazyProduct(b.transpose())), eigen) != Status::ok ||
+      !(eigen.values(Rows - 1) > Scalar(0))) {
+    return start;
+  }
+  const Vector<Scalar, Rows> along = eigen.vectors.transpose().lazyProduct(y);
+  const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
+  Vector<Scalar, Rows> weights;
+  Scalar rest(0);
+  if (!size.by_volume()) {
+    const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
+    weights = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
+    rest = size.weight().trace() - weights.sum();
+  }
+  Scalar q = start;
+  constexpr int most_steps = 20;
+  const Scalar longest(9);
+  for (int step = 0; step < most_steps; ++step) {
+    Scalar level = Scalar(1) + q;
+    Scalar level1(1);
+    Scalar level2(0);
+    Scalar trace = rest / q;  // of W'A⁻¹, and its derivatives
+    Scalar trace1 = -trace / q;
+    Scalar trace2 = Scalar(-2) * trace1 / q;
+    Scalar determinant1 = -Scalar(N - Rows) / q;  // of −log det A
+    Scalar determinant2 = -determinant1 / q;
+    for (int i = 0; i < Rows; ++i) {
+      const Scalar inverse = Scalar(1) / (eigen.values(i) + q);
+      const Scalar square = along(i) * along(i);
+      level -= square * q * inverse;
+      const Scalar slope = square * eigen.values(i) * inverse * inverse;
+      level1 -= slope;
+      level2 += Scalar(2) * slope * inverse;
+      determinant1 -= inverse;
+      determinant2 += inverse * inverse;
+      if (!size.by_volume()) {
+        const Scalar part = weights(i) * inverse;
+        trace += part;
+        trace1 -= part * inverse;
+        trace2 += Scalar(2) * part * inverse * inverse;
+      }
+    }
+    if (!(level > Scalar(0))) {
+      return start;
+    }
+    const Scalar relative = level1 / level;
+    Scalar slope = relative;
+    Scalar curvature = level2 / level - relative * relative;
+    if (size.by_volume()) {
+      slope = Scalar(N) * slope + determinant1;
+      curvature = Scalar(N) * curvature + determinant2;
+    } else {
+      slope += trace1 / trace;
+      curvature += trace2 / trace - (trace1 / trace) * (trace1 / trace);
+    }
+    curvature = q * slope + q * q * curvature;  // now with respect to log q
+    slope = q * slope;
+    Scalar move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
+    move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+    q = move > Scalar(0) ? Scalar(q * (Scalar(1) + move)) : Scalar(q / (Scalar(1) - move));
+    if (scalar::abs(move) <= scalar::constant<Scalar>(1e-3L)) {  // its square is left
+      break;
+    }
+  }
+  return scalar::isfinite(q) && q > Scalar(0) ? q : start;
+}
+
+}  // namespace fusion
+
 /// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
 /// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
@@ -127,7 +208,12 @@ template <typename State, int Rows>
   Intersection<Scalar, 6> intersection;
   fusion::Combination<Scalar, 6> best;
   const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
-  const Status status = fusion::minimal_intersection(origin, l, problem, criterion, intersection, best);
+  const fusion::RelativeSize<Scalar, 6> size(l, present, criterion);
+  Scalar start = problem.typical_weight();
+  if (start > Scalar(0) && present.sum() == Scalar(6)) {
+    start = fusion::weight_of_rows(y, b, size, start);
+  }
+  const Status status = fusion::minimal_intersection(origin, l, problem, size, start, intersection, best);
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
   }

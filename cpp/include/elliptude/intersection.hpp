@@ -103,6 +103,9 @@ struct Problem {
   /// The q below which A ≻ 0 may be rounding, where M is singular, so that N < 0 proves nothing.
   [[nodiscard]] Scalar least_weight() const noexcept { return Scalar(N) * Scalar(scalar::epsilon<Scalar>) * m.norm(); }
 
+  /// A q of the size of the quadric; zero if that says nothing.
+  [[nodiscard]] Scalar typical_weight() const noexcept { return (m.norm() + v.norm()) / scalar::sqrt(Scalar(N)); }
+
   /// \return `not_positive_definite` if A is not.
   [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
     Matrix<Scalar, N> a = m;
@@ -203,6 +206,9 @@ class RelativeSize {
       second = level2 + Scalar(2) * both.cwiseProduct(c.inverse).sum() / trace - trace1 * trace1;
     }
   }
+
+  [[nodiscard]] bool by_volume() const noexcept { return by_volume_; }
+  [[nodiscard]] const Matrix<Scalar, N>& weight() const noexcept { return weight_; }  ///< W', if not by volume
 
   /// The quadric's slack at the ball's center from which on nothing is gained by mixing the quadric in: where the derivative
   /// with respect to 1/q at 1/q = 0 is not negative.
@@ -306,12 +312,13 @@ template <typename Scalar, int N, typename Slack>
 
 /// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
 /// x = origin + factor u; the second set alone where that is smallest.
+/// \param start a q to search from, such as `problem.typical_weight()`.
 /// \param best the combination that it is, unless `share` is 1.
 /// \return as `least_combination`.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
-                                          const Problem<Scalar, N, Slack>& problem,
-                                          const SizeCriterion<Scalar, N>& criterion, Intersection<Scalar, N>& result,
+                                          const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
+                                          const Scalar& start, Intersection<Scalar, N>& result,
                                           Combination<Scalar, N>& best) noexcept {
   const auto second_set_alone = [&]() {
     result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
@@ -319,12 +326,10 @@ template <typename Scalar, int N, typename Slack>
     result.share = Scalar(1);
     return Status::ok;
   };
-  const Scalar start = (problem.m.norm() + problem.v.norm()) / scalar::sqrt(Scalar(N));
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
   if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
     return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
   }
-  const RelativeSize<Scalar, N> size(factor, problem.present, criterion);
   Found<Scalar, N> found;
   found.common_point = slack_at_origin >= Scalar(0);
   const bool idle = slack_at_origin >= size.idle_slack(problem.m);
@@ -438,7 +443,9 @@ template <typename Scalar, int N>
   const bool flat = present.sum() < Scalar(N);
   Intersection<Scalar, N> intersection;
   fusion::Combination<Scalar, N> best;
-  const Status status = fusion::minimal_intersection(second.center, l2, problem, criterion, intersection, best);
+  const fusion::RelativeSize<Scalar, N> size(l2, present, criterion);
+  const Status status =
+      fusion::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
   if (status != Status::ok) {
     // Where M is ill-conditioned a negative N may be rounding; the margin of the overlap, found without M, decides.
     Scalar margin;

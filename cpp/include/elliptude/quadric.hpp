@@ -133,7 +133,9 @@ template <typename Scalar, int N>
   const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
   Intersection<Scalar, N> intersection;
   fusion::Combination<Scalar, N> best;
-  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, criterion, intersection, best);
+  const fusion::RelativeSize<Scalar, N> size(l, present, criterion);
+  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
+                                                         intersection, best);
       status != Status::ok) {
     return status;
   }
