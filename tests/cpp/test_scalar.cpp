@@ -23,9 +23,10 @@ TEST_CASE_TEMPLATE("the length of a vector and its direction, however small or l
         continue;
       }
       // Half of the smallest number is what writing a subnormal length costs.
-      const long double error = 4 * Limits::epsilon() * length + 0.5L * Limits::denorm_min();
-      CHECK(std::abs(scalar::length(v) - length) <= error);
-      CHECK((scalar::unit(v).template cast<long double>() - wide / length).norm() <= 4 * Limits::epsilon());
+      const auto epsilon = static_cast<long double>(Limits::epsilon());
+      const long double error = 4 * epsilon * length + 0.5L * static_cast<long double>(Limits::denorm_min());
+      CHECK(std::abs(static_cast<long double>(scalar::length(v)) - length) <= error);
+      CHECK((scalar::unit(v).template cast<long double>() - wide / length).norm() <= 4 * epsilon);
     }
   }
 }
