@@ -61,7 +61,7 @@ TEST_CASE("a small set is carried by the linear part of the exact flow") {
     REQUIRE(tube.start(shape, 0, 0) == Status::ok);
     Series series(c.body, c.gravity);
     REQUIRE(series.expand(c.body, 0, h, {}, c.state) == Status::ok);
-    REQUIRE(tube.step(c.body, series, h, {}) == Status::ok);
+    REQUIRE(tube.step(c.body, series, {}) == Status::ok);
     RealMatrix6 linear;
     const Real e = 1e-4L;
     for (int i = 0; i < 6; ++i) {
@@ -94,7 +94,7 @@ TEST_CASE("the displacement is that of the exact flow's second order, and little
     REQUIRE(tube.start(shape, 0, 0) == Status::ok);
     Series series(c.body, c.gravity);
     REQUIRE(series.expand(c.body, 0, h, {}, c.state) == Status::ok);
-    REQUIRE(tube.step(c.body, series, h, {}) == Status::ok);
+    REQUIRE(tube.step(c.body, series, {}) == Status::ok);
     RealMatrix6 linear;
     for (int i = 0; i < 6; ++i) {
       const RealVector6 step = 1e-5L * RealVector6::Unit(i);
@@ -145,7 +145,7 @@ void search_beyond(const RigidBody<double>& body, const Potential& potential, co
   MotionSeries<double, Potential> series(body, potential);
   for (int k = 0; k < steps; ++k) {
     REQUIRE(series.expand(body, k * h, h, {}, state) == Status::ok);
-    if (tube.step(body, series, h, {}) != Status::ok) {
+    if (tube.step(body, series, {}) != Status::ok) {
       return;  // too large a set for so long a step
     }
     state = series.end;
@@ -237,18 +237,18 @@ TEST_CASE("flat sets, sets that are too large and errors of the inertia that are
   flat(2, 2) = 0;
   CHECK(tube.start(flat, 0, 0) == Status::not_positive_definite);
   REQUIRE(tube.start(1e4 * Matrix6<double>::Identity(), 0, 0) == Status::ok);
-  CHECK(tube.step(c.body, series, 0.05, {}) == Status::unbounded);
+  CHECK(tube.step(c.body, series, {}) == Status::unbounded);
   REQUIRE(tube.start(1e-4 * Matrix6<double>::Identity(), 0, 0) == Status::ok);
   const Matrix6<double> before = tube.shape();
   BodyUncertainty<double> uncertainty;
   uncertainty.inertia = c.body.principal_moments()(2);
-  CHECK(tube.step(c.body, series, 0.05, uncertainty) == Status::invalid_inertia);
+  CHECK(tube.step(c.body, series, uncertainty) == Status::invalid_inertia);
   CHECK(tube.shape() == before);
   uncertainty.inertia = 0;
   uncertainty.torque = 1e6 * Matrix3d::Identity();
-  CHECK(tube.step(c.body, series, 0.05, uncertainty) == Status::unbounded);
+  CHECK(tube.step(c.body, series, uncertainty) == Status::unbounded);
   CHECK(tube.shape() == before);
   uncertainty.torque = std::nan("") * Matrix3d::Identity();
-  CHECK(tube.step(c.body, series, 0.05, uncertainty) == Status::unbounded);
+  CHECK(tube.step(c.body, series, uncertainty) == Status::unbounded);
   CHECK(tube.shape() == before);
 }

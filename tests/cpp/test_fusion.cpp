@@ -165,6 +165,97 @@ TEST_CASE("The search for a partial measurement's multiplier starts where it end
   }
 }
 
+namespace {
+
+/// A measurement of two attitude coordinates `ratio` as wide as the prediction, of a truth near the edge of both or inside.
+struct Sharp {
+  int empty = 0;
+  double worst = 0;
+};
+
+Sharp fuse_sharp(double ratio, double condition, const SizeCriterion<double, 6>& criterion) {
+  using Long6 = Eigen::Matrix<long double, 6, 1>;
+  using LongMatrix6 = Eigen::Matrix<long double, 6, 6>;
+  Random random(6);
+  Sharp result;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Set predicted{{Matrix3<double>::Identity(), Vector3<double>::Zero()},
+                        Matrix6<double>(1e-4 / std::sqrt(condition) * random.positive_definite<6>(condition))};
+    LinearMeasurement<double, 2> linear{Vector<double, 2>::Zero(), Matrix<double, 2, 6>::Zero(),
+                                        ratio * ratio * 1e-4 * Matrix<double, 2>::Identity()};
+    linear.h.leftCols<3>() = random.normal_matrix<2, 3>();
+    const LongMatrix6 root = LongMatrix6(predicted.shape.cast<long double>()).llt().matrixL();
+    const double edge = 1 - 1e-5;
+    const Long6 truth = root * (edge * random.uniform(0.5, 1) * random.unit_vector<6>()).cast<long double>();
+    linear.y =
+        (linear.h.cast<long double>() * truth + (ratio * 1e-2 * edge * random.unit_vector<2>()).cast<long double>())
+            .cast<double>();
+    Fusion<State> fusion{};
+    const Status status = fuse(linear, predicted, Recentring::shifted, criterion, fusion);
+    if (status == Status::empty_intersection) {
+      ++result.empty;
+      continue;
+    }
+    REQUIRE(status == Status::ok);
+    Long6 error = truth;
+    error.head<3>() -= log(fusion.ellipsoid.center.attitude).cast<long double>();
+    error.tail<3>() -= fusion.ellipsoid.center.angular_velocity.cast<long double>();
+    const LongMatrix6 shape = fusion.ellipsoid.shape.cast<long double>();
+    result.worst = std::max(result.worst, static_cast<double>(error.dot(shape.llt().solve(error))));
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("A measurement far sharper than the prediction contains the truth and does not contradict it") {
+  for (const auto& criterion : {SizeCriterion<double, 6>::trace(), SizeCriterion<double, 6>::volume()}) {
+    for (const double condition : {1.0, 1e4}) {
+      for (const double ratio : {1e-2, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8}) {
+        CAPTURE(condition);
+        CAPTURE(ratio);
+        const Sharp sharp = fuse_sharp(ratio, condition, criterion);
+        CHECK(sharp.empty == 0);
+        if (ratio >= 1e-5) {
+          CHECK(sharp.worst <= 1);
+        } else if (ratio >= 1e-7) {
+          CHECK(sharp.worst <= 1.01);  // beyond, what rounding does to the prediction's own factor shows
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("A sharp direction agrees with a wide prediction in either precision") {
+  Random random(7);
+  const auto check = [&random](auto one, double width, double angle) {
+    using Scalar = decltype(one);
+    for (int trial = 0; trial < 100; ++trial) {
+      const Matrix3<double> attitude = random.rotation();
+      Vector6<double> widths;
+      widths << Vector3<double>::Constant(width), Vector3<double>::Constant(0.01);
+      const Matrix6<double> shape = widths.asDiagonal() * random.positive_definite<6>(4) * widths.asDiagonal();
+      const StateEllipsoid<RigidBodyState<Scalar>> predicted{{attitude.cast<Scalar>(), Vector3<Scalar>::Zero()},
+                                                             shape.cast<Scalar>()};
+      const Vector3<double> b = random.unit_vector<3>();
+      const Vector3<double> across = b.cross(random.unit_vector<3>()).normalized();
+      const Vector3<Scalar> e = (attitude * (b + 0.3 * width * across).normalized()).cast<Scalar>();
+      LinearMeasurement<Scalar, 2> linear;
+      REQUIRE(linear_direction(predicted.center.attitude,
+                               Direction<Scalar>::within(e, Vector3<Scalar>(b.cast<Scalar>()), Scalar(angle)),
+                               linear) == Status::ok);
+      Fusion<RigidBodyState<Scalar>> fusion{};
+      CHECK(fuse(linear, predicted, Recentring::first_order, SizeCriterion<Scalar, 6>::volume(), fusion) == Status::ok);
+    }
+  };
+  for (const double angle : {1e-4, 1e-6, 1e-7}) {
+    check(1.0, 0.3, angle);
+  }
+  for (const double angle : {1e-2, 1e-3, 1e-4, 3e-5}) {
+    check(1.0F, 0.1, angle);
+  }
+}
+
 TEST_CASE("Sets that do not meet are reported with their margin and the output stays") {
   Random random(5);
   const Set predicted{random_state(random), 1e-4 * Matrix6<double>::Identity()};

@@ -9,8 +9,9 @@
 ///     γ'  = −ω̂ × γ + δω + ½ γ × δω + ¼ γ (γ·δω)
 ///     δω' = J⁻¹ (S(Jω̂ + h_w) − S(ω̂)J) δω + J⁻¹ (𝓜γ + ½ M''(γ, γ) − δω × Jδω + rest of the torque + τ − defect)
 ///
-/// With y = Y(s) u, where Y follows the linear part but for a known error, u moves by the second-order terms alone. They are
-/// integrated exactly as a quadratic map of u(0), and what remains, of third order, is bounded in the norm of u.
+/// With y = Y(s) u, where Y follows the linear part but for a known error, u moves by terms of second order and higher. Those of
+/// second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and fourth order push u
+/// within an ellipsoid, and what is left is bounded in the norm of u.
 
 #include "elliptude/motion_series.hpp"
 #include "elliptude/packed_forms.hpp"
@@ -68,11 +69,11 @@ class ErrorTube {
   /// How far u may have moved from where it began, in the norm in which the set has radius one.
   [[nodiscard]] Scalar displacement() const noexcept { return second_order_norm_ + pushed_norm_ + rest_; }
 
-  /// Over one step of the motion; the center is `series.end` afterwards.
+  /// Over the step of the motion that `series` is of; the center is `series.end` afterwards.
   /// \return `unbounded` if the bounds do not close: the set is too large, or the step too long, for it to be bounded;
   /// `invalid_inertia` if the inertia error reaches the least principal moment. Nothing has then changed.
   [[nodiscard]] Status step(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                            const Scalar& h, const BodyUncertainty<Scalar>& uncertainty) noexcept;
+                            const BodyUncertainty<Scalar>& uncertainty) noexcept;
 
   /// An ellipsoid about zero that contains Y u for all that u can be by now.
   [[nodiscard]] Matrix6<Scalar> shape() const noexcept;
@@ -115,7 +116,7 @@ class ErrorTube {
   };
 
   [[nodiscard]] Status expand_linear(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                                     const Scalar& h, LinearPart& linear) const noexcept;
+                                     LinearPart& linear) const noexcept;
   [[nodiscard]] static packed::Forms<Scalar> second_order_forms(const RigidBody<Scalar>& body,
                                                                 const MotionSeries<Scalar, Potential>& series,
                                                                 const Scalar& middle,
@@ -151,8 +152,9 @@ class ErrorTube {
 
 template <typename Scalar, typename Potential>
 Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body,
-                                                   const MotionSeries<Scalar, Potential>& series, const Scalar& h,
+                                                   const MotionSeries<Scalar, Potential>& series,
                                                    LinearPart& linear) const noexcept {
+  const Scalar& h = series.step_powers[1];
   const Scalar half = scalar::constant<Scalar>(0.5L);
   const Scalar one(1);
   const Matrix3<Scalar>& inertia = body.inertia();
@@ -273,7 +275,7 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
   }
   if (torque.largest > Scalar(0)) {
     bottom_sum += torque.degree * torque.largest * series.tail(jacobians, torque.degree, torque.turn_rate, h) * h /
-                  number(jacobians + 1) * scalar::constant<Scalar>(1.7320508075688772L) * largest_attitude;
+                  number(jacobians + 1) * largest_attitude;
   }
   linear.error += linear.from_attitude_norm * top_sum + linear.from_rate_norm * bottom_sum;
   // Rounding of Y and of what is calculated from it.
@@ -382,7 +384,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>
 
 template <typename Scalar, typename Potential>
 Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                                          const Scalar& h, const BodyUncertainty<Scalar>& uncertainty) noexcept {
+                                          const BodyUncertainty<Scalar>& uncertainty) noexcept {
+  const Scalar& h = series.step_powers[1];
   const Scalar half = scalar::constant<Scalar>(0.5L);
   const Scalar zero(0);
   const Scalar one(1);
@@ -390,7 +393,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
 
   LinearPart linear;
-  if (const Status status = expand_linear(body, series, h, linear); status != Status::ok) {
+  if (const Status status = expand_linear(body, series, linear); status != Status::ok) {
     return status;
   }
   const Scalar stretch = one + linear.change;         // ‖Y(s) u‖ against that in the middle, block by block

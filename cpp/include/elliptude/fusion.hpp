@@ -97,8 +97,8 @@ namespace fusion {
 ///
 ///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q,
 ///
-/// all of it cheap, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start, which goes wrong in
-/// nothing if this does.
+/// all of it cheap, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start: every q gives a
+/// bound.
 template <typename Scalar, int Rows, int N>
 [[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
                                     const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
@@ -217,9 +217,6 @@ template <typename State, int Rows>
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
   }
-  if (status == Status::ok && intersection.share == Scalar(1)) {
-    intersection.set = predicted.in_coordinates();
-  }
   // Whether they meet is decided in the measured coordinates: E(0, HPHᵀ) and E(y, R).
   const Ellipsoid<Scalar, Rows> image =
       affine_image(predicted.in_coordinates(), measurement.h, Vector<Scalar, Rows>(Vector<Scalar, Rows>::Zero()));
@@ -229,14 +226,26 @@ template <typename State, int Rows>
     return overlap;
   }
   fusion.margin = margin;
-  if (status == Status::ok && margin < Scalar(0)) {
+  if (margin < Scalar(0)) {
     return Status::empty_intersection;
   }
-  if (status == Status::ok) {
-    fusion.ellipsoid = recentred(predicted.center, intersection.set, recentring);
-    fusion.share = intersection.share;
+  // Where the measurement is far sharper than the prediction, M is too ill-conditioned for a proof and for the shape.
+  const bool undecided = status == Status::empty_intersection;
+  const Scalar q = undecided ? start : Scalar(intersection.share / (Scalar(1) - intersection.share));
+  if (undecided || intersection.share == Scalar(1)) {
+    intersection.set = predicted.in_coordinates();
   }
-  return status;
+  if (undecided || (intersection.share < Scalar(1) && problem.is_ill_conditioned(q, best))) {
+    Matrix6<Scalar> rows = Matrix6<Scalar>::Zero();
+    rows.template topRows<Rows>() = b;
+    Vector6<Scalar> offset = Vector6<Scalar>::Zero();
+    offset.template head<Rows>() = -y;
+    fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
+    intersection.share = q / (Scalar(1) + q);
+  }
+  fusion.ellipsoid = recentred(predicted.center, intersection.set, recentring);
+  fusion.share = intersection.share;
+  return Status::ok;
 }
 
 }  // namespace elliptude

@@ -231,7 +231,7 @@ class GuaranteedRigidBodyFlow {
       if (displacement > longest && tube.start(tube.shape(), h, stiffness) != Status::ok) {
         return Status::unbounded;
       }
-      if (const Status status = tube.step(body_, series, h, uncertainty_); status != Status::ok) {
+      if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
         return status;
       }
       state = series.end;
@@ -242,7 +242,10 @@ class GuaranteedRigidBodyFlow {
     if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
       return Status::unbounded;
     }
-    course.size = scalar::log(Scalar(factor.diagonal().prod()));
+    course.size = Scalar(0);
+    for (int i = 0; i < 6; ++i) {
+      course.size += scalar::log(Scalar(factor(i, i)));
+    }
     return Status::ok;
   }
 

@@ -100,8 +100,17 @@ struct Problem {
   const Vector<Scalar, N>& present;  ///< 1 where the coordinate exists, else 0
   const Slack& slack;
 
-  /// The q below which A ≻ 0 may be rounding, where M is singular, so that N < 0 proves nothing.
-  [[nodiscard]] Scalar least_weight() const noexcept { return Scalar(N) * Scalar(scalar::epsilon<Scalar>) * m.norm(); }
+  /// The q below which, where M is singular, A⁻¹ has less than three right digits, so that N < 0 proves nothing.
+  [[nodiscard]] Scalar least_weight() const noexcept {
+    return Scalar(1000 * N) * Scalar(scalar::epsilon<Scalar>) * m.norm();
+  }
+
+  /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε, and ε^⅔ is
+  /// not worth another way.
+  [[nodiscard]] bool is_ill_conditioned(const Scalar& q, const Combination<Scalar, N>& at) const noexcept {
+    const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse.trace();
+    return !(condition * condition * condition * Scalar(scalar::epsilon<Scalar>) <= Scalar(1));
+  }
 
   /// A q of the size of the quadric; zero if that says nothing.
   [[nodiscard]] Scalar typical_weight() const noexcept { return (m.norm() + v.norm()) / scalar::sqrt(Scalar(N)); }
@@ -119,10 +128,23 @@ struct Problem {
     result.root = lower_inverse(l);
     result.inverse.noalias() = result.root.transpose().lazyProduct(result.root);
     result.center.noalias() = -result.inverse.lazyProduct(v);
-    result.quadric_slack = slack(result.center);
-    result.ball_slack = Scalar(1) - result.center.squaredNorm();
-    result.level = result.quadric_slack + q * result.ball_slack;
+    evaluate(q, result);
+    // The level is at most N at any point, and less than it by the center's rounding times A.
+    for (int k = 0; k < 2 && result.level < Scalar(0); ++k) {
+      const Vector<Scalar, N> residual = a.lazyProduct(result.center) + v;
+      Combination<Scalar, N> refined = result;
+      refined.center -= result.inverse.lazyProduct(residual);
+      evaluate(q, refined);
+      result = refined.level > result.level ? refined : result;
+    }
     return Status::ok;
+  }
+
+ private:
+  void evaluate(const Scalar& q, Combination<Scalar, N>& at) const noexcept {
+    at.quadric_slack = slack(at.center);
+    at.ball_slack = Scalar(1) - at.center.squaredNorm();
+    at.level = at.quadric_slack + q * at.ball_slack;
   }
 };
 
@@ -327,6 +349,9 @@ template <typename Scalar, int N, typename Slack>
     return Status::ok;
   };
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
+  if (!scalar::isfinite(start) || !scalar::isfinite(slack_at_origin)) {
+    return Status::not_finite;
+  }
   if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
     return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
   }
@@ -461,9 +486,7 @@ template <typename Scalar, int N>
     intersection.set = first;
   } else {
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
-    const Scalar condition = (m.trace() + Scalar(N) * q) * best.inverse.trace();
-    // Rounding of M moves the boundary by about its condition times ε; ε^⅔ is not worth the triangularisation.
-    if (!(condition * condition * condition * Scalar(scalar::epsilon<Scalar>) <= Scalar(1))) {
+    if (problem.is_ill_conditioned(q, best)) {
       fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
     }
   }

@@ -187,8 +187,6 @@ class GravityGradient {
   [[nodiscard]] const Matrix3<Scalar>& orbit() const noexcept { return orbit_; }
   /// n, rad/s.
   [[nodiscard]] const Scalar& orbit_rate() const noexcept { return rate_; }
-  /// J_max − J_min.
-  [[nodiscard]] const Scalar& inertia_spread() const noexcept { return spread_; }
 
   template <typename Other>
   [[nodiscard]] GravityGradient<Other> cast() const noexcept {

@@ -141,6 +141,22 @@ template <typename Scalar, int N>
   }
   if (intersection.share == Scalar(1)) {
     intersection.set = ellipsoid;
+  } else {
+    // Where the quadric is far sharper than the ellipsoid, A at the best q has too few right digits for a bound; with more of the
+    // ellipsoid it has half of them, and any q gives one.
+    const Scalar sure = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * seen.a.norm();
+    const Scalar q = intersection.share / (Scalar(1) - intersection.share);
+    if (q < sure && problem.is_ill_conditioned(q, best)) {
+      if (problem.combine(sure, best) == Status::ok && best.level >= Scalar(0)) {
+        const Matrix<Scalar, N> half = l.lazyProduct(best.root.transpose());
+        intersection.set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
+        intersection.set.center = ellipsoid.center + l.lazyProduct(best.center);
+        intersection.share = sure / (Scalar(1) + sure);
+      } else {
+        intersection.set = ellipsoid;
+        intersection.share = Scalar(1);
+      }
+    }
   }
   result = intersection;
   return Status::ok;

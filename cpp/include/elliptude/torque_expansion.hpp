@@ -23,7 +23,7 @@ namespace elliptude {
 
 /// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree, of at
 /// most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a motion that
-/// is continued to complex times z, its length is at most `largest` exp(degree (sup|ω| + turn_rate) |z|), and that of its
+/// is continued to complex times z, its length is at most `largest` exp(degree (Σ‖ω_k‖|z|ᵏ + turn_rate) |z|), and that of its
 /// Jacobian at most `degree` times as much. In γ the terms of second order are at most ½ degree² ‖γ‖² times `largest`, those of
 /// third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖) (theory, section 17.3).
 template <typename Scalar>
@@ -235,10 +235,7 @@ template <typename Scalar, int Terms>
 class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
  public:
   explicit TorqueExpansion(const GravityGradient<Scalar>& potential) noexcept
-      : inertia_(potential.inertia()),
-        orbit_(potential.orbit()),
-        rate_(potential.orbit_rate()),
-        spread_(potential.inertia_spread()) {}
+      : inertia_(potential.inertia()), orbit_(potential.orbit()), rate_(potential.orbit_rate()) {}
 
   [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
     const Scalar angle = rate_ * time;
@@ -345,7 +342,6 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   Matrix3<Scalar> inertia_;
   Matrix3<Scalar> orbit_;
   Scalar rate_;
-  Scalar spread_;
   std::array<Vector3<Scalar>, Terms> radial_;
   std::array<Vector3<Scalar>, Terms> along_;
   std::array<Vector3<Scalar>, Terms> moved_;  // J radial
