@@ -294,6 +294,34 @@ TEST_CASE("the intersection with any quadric is the smallest of its family and l
   check_random<6>(60);
 }
 
+TEST_CASE("a quadric far sharper than the ellipsoid loses no point and does not contradict it") {
+  using Long6 = Eigen::Matrix<long double, 6, 1>;
+  using LongMatrix6 = Eigen::Matrix<long double, 6, 6>;
+  for (const auto& criterion : {Criterion<6>::trace(), Criterion<6>::volume()}) {
+    for (const double ratio : {1e-3, 1e-5, 1e-6, 1e-7}) {
+      Random random(8);
+      CAPTURE(ratio);
+      for (int trial = 0; trial < 200; ++trial) {
+        const Matrix<double, 6> shape = 0.01 * Matrix<double, 6>(random.positive_definite<6>(10));
+        const LongMatrix6 root = LongMatrix6(shape.cast<long double>()).llt().matrixL();
+        const Long6 x = root * (0.9 * random.in_ball<6>()).cast<long double>();
+        // ‖H(x − z)‖ ≤ 0.1 ratio, three coordinates of six free, about a z that x is well within.
+        Matrix<double, 2, 6> h = Matrix<double, 2, 6>::Zero();
+        h.leftCols<3>() = random.normal_matrix<2, 3>() / (0.1 * ratio);
+        const Vector<double, 2> y =
+            (h.cast<long double>() * x + (0.9 * random.in_ball<2>()).cast<long double>()).cast<double>();
+        const Quadric<double, 6> quadric{h.transpose() * h, -h.transpose() * y, 1 - y.squaredNorm()};
+        Intersection<double, 6> result;
+        REQUIRE(minimal_intersection(quadric, Ellipsoid<double, 6>{Vector<double, 6>::Zero(), shape}, criterion,
+                                     result) == Status::ok);
+        const Long6 error = x - result.set.center.cast<long double>();
+        const LongMatrix6 found = result.set.shape.cast<long double>();
+        CHECK(static_cast<double>(error.dot(found.llt().solve(error))) <= 1);
+      }
+    }
+  }
+}
+
 TEST_CASE("a flat ellipsoid meets a quadric in its plane") {
   // The disc x² + y² ≤ 4 at z = 0.2 in the ball: radius² 0.96.
   Quadric<double, 3> sphere;
