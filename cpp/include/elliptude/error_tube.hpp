@@ -350,7 +350,7 @@ Status ErrorTube<Scalar, Potential>::unknown_torque(const RigidBody<Scalar>& bod
   const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
   const Scalar acceleration =
       (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed + wheel * speed +
-       series.largest_torque + gradient + control + scalar::sqrt(Scalar(shape.trace()))) /
+       series.torque_bounds.largest + gradient + control + scalar::sqrt(Scalar(shape.trace()))) /
       least_moment;
   const Scalar ball = error * speed * speed + gradient + error * acceleration;
   shape = sum_of_shapes(shape, Matrix3<Scalar>((ball * ball) * Matrix3<Scalar>::Identity()));
@@ -518,30 +518,26 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
 template <typename Scalar, typename Potential>
 Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Scalar one(1);
-  // The forms as they are on the set itself, u = set_ v.
-  const packed::Forms<Scalar> forms = packed::of_image(second_order_, set_);
-  const Matrix6<Scalar> set = set_.lazyProduct(set_.transpose());
-  const Matrix6<Scalar> moved = forms.transpose().lazyProduct(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
+  // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
+  const packed::Slices<Scalar> forms = packed::seen_from(second_order_, set_, set_inverse);
+  const Matrix6<Scalar> moved = gram_of(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   // A sum holds with any positive share; where rounding leaves none to be had, with one.
   const auto share_of = [](const Scalar& trace) {
     return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
   };
 
-  // The sum of both; or, as v alone says where both are, the set itself a little larger, if that is less.
-  Matrix6<Scalar> whitened_moved = set_inverse.lazyProduct(moved);
-  whitened_moved = whitened_moved.lazyProduct(set_inverse.transpose()).eval();
-  const Scalar share = share_of(Scalar(whitened_moved.trace()));
-  Matrix6<Scalar> shape = set;
+  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less.
+  Matrix6<Scalar> ball = Matrix6<Scalar>::Identity();
+  const Scalar share = share_of(Scalar(moved.trace()));
   if (moved.trace() > Scalar(0)) {
-    shape = (one + share) * set + (one + one / share) * moved;
+    ball = (one + one / share) * moved;
+    ball.diagonal().array() += one + share;
   }
   if (moved.trace() > Scalar(0) && share > scalar::constant<Scalar>(0.002L)) {
-    const packed::Forms<Scalar> whitened = forms.lazyProduct(set_inverse.transpose());
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
-    const Scalar norm = spectral_norm(whitened);
-    const packed::Forms<Scalar> tensor = packed::symmetric_part(whitened);
-    const Matrix6<Scalar> cubic = tensor.transpose().lazyProduct(tensor);  // KKᵀ
+    const Scalar norm = norm_of_gram(moved);
+    const Matrix6<Scalar> cubic = gram_of(packed::symmetric_part(forms));  // KKᵀ
     const Scalar lambda = scalar::sqrt(Scalar(cubic.trace() / Scalar(6)));
     const Scalar square = norm * norm;
     const Scalar spread = norm_of_gram(cubic);
@@ -554,10 +550,11 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     Matrix6<Scalar> larger;
     if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
         larger.trace() < Scalar(6) * (one + share) * (one + share)) {
-      const Matrix6<Scalar> half = set_.lazyProduct(larger);
-      shape = half.lazyProduct(set_.transpose());
+      ball = larger;
     }
   }
+  const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
+  Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share = rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)));
   if (rest_share > Scalar(0)) {

@@ -73,6 +73,46 @@ void inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noe
   }
 }
 
+/// The columns of `square_of_lower` from `Column` on.
+template <int Column, typename Scalar, int N>
+void square_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& square) noexcept {
+  if constexpr (Column < N) {
+    for (int i = Column; i < N; ++i) {
+      Scalar sum = l(N - 1, i) * l(N - 1, Column);
+      for (int k = i; k < N - 1; ++k) {
+        sum += l(k, i) * l(k, Column);
+      }
+      square(i, Column) = sum;
+      square(Column, i) = sum;
+    }
+    square_columns<Column + 1>(l, square);
+  }
+}
+
+/// The rows of `solve_lower` from `Row` on.
+template <int Row, typename Scalar, int N, int Columns>
+void solve_rows_down(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) noexcept {
+  if constexpr (Row < N) {
+    for (int k = 0; k < Row; ++k) {
+      x.row(Row) -= l(Row, k) * x.row(k);
+    }
+    x.row(Row) *= Scalar(1) / l(Row, Row);
+    solve_rows_down<Row + 1>(l, x);
+  }
+}
+
+/// The rows of `solve_lower_transposed` from `Row` on, upwards.
+template <int Row, typename Scalar, int N, int Columns>
+void solve_rows_up(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) noexcept {
+  if constexpr (Row >= 0) {
+    for (int k = Row + 1; k < N; ++k) {
+      x.row(Row) -= l(k, Row) * x.row(k);
+    }
+    x.row(Row) *= Scalar(1) / l(Row, Row);
+    solve_rows_up<Row - 1>(l, x);
+  }
+}
+
 }  // namespace factorization
 
 /// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
@@ -147,6 +187,14 @@ template <typename Scalar, int N>
   return inverse;
 }
 
+/// lᵀl of a lower triangle, exactly symmetric: of the inverse of a Cholesky factor it is the inverse of what was factored.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> square_of_lower(const Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> square;
+  factorization::square_columns<0>(l, square);
+  return square;
+}
+
 /// The inverse of any regular matrix, by Gauss and Jordan's elimination with the largest pivot of each column.
 /// \return `not_finite` if there is no inverse, or it is beyond all numbers.
 template <typename Scalar, int N>
@@ -183,12 +231,7 @@ template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower(const Matrix<Scalar, N>& l,
                                                      const Matrix<Scalar, N, Columns>& b) noexcept {
   Matrix<Scalar, N, Columns> x = b;
-  for (int i = 0; i < N; ++i) {
-    for (int k = 0; k < i; ++k) {
-      x.row(i) -= l(i, k) * x.row(k);
-    }
-    x.row(i) *= Scalar(1) / l(i, i);
-  }
+  factorization::solve_rows_down<0>(l, x);
   return x;
 }
 
@@ -197,12 +240,7 @@ template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower_transposed(const Matrix<Scalar, N>& l,
                                                                 const Matrix<Scalar, N, Columns>& b) noexcept {
   Matrix<Scalar, N, Columns> x = b;
-  for (int i = N - 1; i >= 0; --i) {
-    for (int k = i + 1; k < N; ++k) {
-      x.row(i) -= l(k, i) * x.row(k);
-    }
-    x.row(i) *= Scalar(1) / l(i, i);
-  }
+  factorization::solve_rows_up<N - 1>(l, x);
   return x;
 }
 
@@ -214,8 +252,7 @@ template <typename Scalar, int N>
   if (const Status status = cholesky(a, l); status != Status::ok) {
     return status;
   }
-  const Matrix<Scalar, N> root = lower_inverse(l);
-  inverse.noalias() = root.transpose().lazyProduct(root);
+  inverse = square_of_lower(lower_inverse(l));
   return Status::ok;
 }
 
@@ -424,6 +461,19 @@ template <typename Scalar>
   return Status::ok;
 }
 
+/// aᵀa, exactly symmetric.
+template <typename Scalar, int Rows, int Columns>
+[[nodiscard]] Matrix<Scalar, Columns> gram_of(const Matrix<Scalar, Rows, Columns>& a) noexcept {
+  Matrix<Scalar, Columns> gram;
+  for (int j = 0; j < Columns; ++j) {
+    for (int i = 0; i <= j; ++i) {
+      gram(i, j) = a.col(i).dot(a.col(j));
+      gram(j, i) = gram(i, j);
+    }
+  }
+  return gram;
+}
+
 /// An upper bound of the largest singular value of B with BᵀB = gram: (tr gram¹⁶)^(1/32), above it by at most N^(1/32).
 template <typename Scalar, int N>
 [[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
@@ -451,8 +501,7 @@ template <typename Scalar, int Rows, int Columns>
     const Matrix<Scalar, Rows> gram = matrix.lazyProduct(matrix.transpose());
     return norm_of_gram(gram);
   } else {
-    const Matrix<Scalar, Columns> gram = matrix.transpose().lazyProduct(matrix);
-    return norm_of_gram(gram);
+    return norm_of_gram(gram_of(matrix));
   }
 }
 

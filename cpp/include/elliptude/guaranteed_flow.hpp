@@ -111,6 +111,9 @@ class GuaranteedRigidBodyFlow {
     flow.potential_ = potential;
     flow.longest_step_ = longest_step;
     flow.uncertainty_ = uncertainty;
+    const TorqueExpansion<Potential, Scalar, 1> expansion(potential);
+    flow.torque_bounds_ = expansion.bounds(Matrix3<Scalar>::Identity());
+    flow.acceleration_bounds_ = expansion.bounds(body.inertia_inverse());
     return Status::ok;
   }
 
@@ -175,17 +178,15 @@ class GuaranteedRigidBodyFlow {
       result = ellipsoid;
       return Status::ok;
     }
-    const TorqueBounds<Scalar> bounds =
-        TorqueExpansion<Potential, Scalar, 1>(potential_).bounds(Matrix3<Scalar>::Identity());
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
     const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
-    const Scalar gradient = bounds.by_inertia * error;
+    const Scalar gradient = torque_bounds_.by_inertia * error;
     const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + tube::radius(ellipsoid.shape);
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
                       tube::radius(momentum_shape) + error * speed;
-    momentum += duration * (bounds.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+    momentum += duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
                             tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
     if (!scalar::isfinite(momentum)) {
@@ -201,7 +202,7 @@ class GuaranteedRigidBodyFlow {
  private:
   struct Course {
     GibbsEllipsoid<State> end;
-    Scalar size;                  // of the set at the end: ½ log det P
+    Scalar size;                  // of the set at the end: √det P
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
   };
 
@@ -212,8 +213,8 @@ class GuaranteedRigidBodyFlow {
     State state = ellipsoid.center;
     state.attitude =
         renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
-    MotionSeries<Scalar, Potential> series(body_, potential_);
-    const Scalar stiffness = series.acceleration.degree * series.acceleration.largest;
+    MotionSeries<Scalar, Potential> series(potential_, torque_bounds_, acceleration_bounds_);
+    const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
     ErrorTube<Scalar, Potential> tube;
     if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
       return status;
@@ -242,10 +243,7 @@ class GuaranteedRigidBodyFlow {
     if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
       return Status::unbounded;
     }
-    course.size = Scalar(0);
-    for (int i = 0; i < 6; ++i) {
-      course.size += scalar::log(Scalar(factor(i, i)));
-    }
+    course.size = factor.diagonal().prod();
     return Status::ok;
   }
 
@@ -253,6 +251,8 @@ class GuaranteedRigidBodyFlow {
   Potential potential_;
   Scalar longest_step_;
   BodyUncertainty<Scalar> uncertainty_;
+  TorqueBounds<Scalar> torque_bounds_;         // of M
+  TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
 };
 
 /// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.

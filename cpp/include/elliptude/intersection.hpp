@@ -126,7 +126,7 @@ struct Problem {
       return status;
     }
     result.root = lower_inverse(l);
-    result.inverse.noalias() = result.root.transpose().lazyProduct(result.root);
+    result.inverse = square_of_lower(result.root);
     result.center.noalias() = -result.inverse.lazyProduct(v);
     evaluate(q, result);
     // The level is at most N at any point, and less than it by the center's rounding times A.

@@ -35,13 +35,17 @@ struct MotionSeries {
   Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
   Scalar impulse_defect;  ///< N m s
 
-  TorqueBounds<Scalar> acceleration;  ///< of J⁻¹M, rad/s²
-  Scalar largest_torque;              ///< of ‖M‖, N m
+  TorqueBounds<Scalar> torque_bounds;  ///< of M, N m
+  TorqueBounds<Scalar> acceleration;   ///< of J⁻¹M, rad/s²
 
   MotionSeries(const RigidBody<Scalar>& body, const Potential& potential) noexcept
       : torque(potential),
-        acceleration(torque.bounds(body.inertia_inverse())),
-        largest_torque(torque.bounds(Matrix3<Scalar>::Identity()).largest) {}
+        torque_bounds(torque.bounds(Matrix3<Scalar>::Identity())),
+        acceleration(torque.bounds(body.inertia_inverse())) {}
+  /// With the bounds at hand.
+  MotionSeries(const Potential& potential, const TorqueBounds<Scalar>& bounds_of_torque,
+               const TorqueBounds<Scalar>& bounds_of_acceleration) noexcept
+      : torque(potential), torque_bounds(bounds_of_torque), acceleration(bounds_of_acceleration) {}
 
   /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|), by Cauchy's
   /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one is near the best.
@@ -122,8 +126,8 @@ struct MotionSeries {
         sum += rate_norms[i] * momentum_norms[j] * step_powers[i + j];
       }
     }
-    if (largest_torque > Scalar(0)) {
-      sum += largest_torque * tail(order, acceleration.degree, acceleration.turn_rate, h);
+    if (torque_bounds.largest > Scalar(0)) {
+      sum += torque_bounds.largest * tail(order, acceleration.degree, acceleration.turn_rate, h);
     }
     // Every term of it grows with the power `order` of time or a higher one.
     impulse_defect = sum * h / Scalar(order + 1);
@@ -134,7 +138,7 @@ struct MotionSeries {
         body.principal_moments()(0) * largest_rate + scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm()));
     impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
-                      (size + (largest_rate * size + largest_torque * angle + control) * h) *
+                      (size + (largest_rate * size + torque_bounds.largest * angle + control) * h) *
                       (body.principal_moments()(0) / body.principal_moments()(2));
   }
 

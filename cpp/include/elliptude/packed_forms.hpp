@@ -8,7 +8,7 @@
 /// those with d = 3 stand there twice. Its value is then the inner product with u uᵀ packed in the same way, which has the
 /// length ‖u‖². There are 24 entries, whole SIMD registers of any width.
 
-#include "elliptude/scalar.hpp"
+#include "elliptude/factorization.hpp"
 
 namespace elliptude {
 namespace packed {
@@ -66,52 +66,55 @@ template <typename Scalar>
   return matrix;
 }
 
-/// The form of a symmetric matrix.
-template <typename Derived>
-[[nodiscard]] Form<typename Derived::Scalar> pack(const Eigen::MatrixBase<Derived>& matrix) noexcept {
-  using Scalar = typename Derived::Scalar;
-  Form<Scalar> form;
-  for (int d = 0; d < 4; ++d) {
-    for (int j = 0; j < 6; ++j) {
-      form(6 * d + j) = weight<Scalar>(d) * matrix((j + d) % 6, j);
-    }
-  }
-  return form;
+/// Six forms as symmetric matrices of eight rows, of which two are zeros to fill SIMD registers; each is a column. Unlike packed
+/// forms they are cheap to multiply by maps. The inner product of columns is that of packed forms.
+template <typename Scalar>
+using Slices = Matrix<Scalar, 48, 6>;
+
+template <typename Scalar>
+[[nodiscard]] auto slice(Slices<Scalar>& slices, int i) noexcept {
+  return Eigen::Map<Matrix<Scalar, 8, 6>>(slices.col(i).data());
+}
+template <typename Scalar>
+[[nodiscard]] auto slice(const Slices<Scalar>& slices, int i) noexcept {
+  return Eigen::Map<const Matrix<Scalar, 8, 6>>(slices.col(i).data());
 }
 
-/// The forms as they are of v with u = map v.
+/// The quadratic map q in the coordinates of a set, u = map v: map⁻¹ q(map v). The map is a lower triangle.
 template <typename Scalar>
-[[nodiscard]] Forms<Scalar> of_image(const Forms<Scalar>& forms, const Matrix6<Scalar>& map) noexcept {
-  Matrix<Scalar, 8, 6> transposed = Matrix<Scalar, 8, 6>::Zero();  // two rows of zeros fill the registers
+[[nodiscard]] Slices<Scalar> seen_from(const Forms<Scalar>& forms, const Matrix6<Scalar>& map,
+                                       const Matrix6<Scalar>& inverse) noexcept {
+  Matrix<Scalar, 8, 6> transposed = Matrix<Scalar, 8, 6>::Zero();
   transposed.template topRows<6>() = map.transpose();
-  Forms<Scalar> result;
+  Slices<Scalar> images;
   for (int i = 0; i < 6; ++i) {
     const Matrix<Scalar, 8, 6> half = transposed.lazyProduct(unpacked<Scalar>(forms.col(i)));
-    const Matrix<Scalar, 8, 6> image = half.lazyProduct(map);
-    result.col(i) = pack(image);
+    slice(images, i) = half.lazyProduct(map);
+  }
+  Slices<Scalar> result;
+  for (int i = 0; i < 6; ++i) {
+    result.col(i) = inverse(i, 0) * images.col(0);
+    for (int k = 1; k <= i; ++k) {
+      result.col(i) += inverse(i, k) * images.col(k);
+    }
   }
   return result;
 }
 
-/// The cubic form uᵀq(u) of a quadratic map q, as a symmetric tensor: its slices are packed forms again. Its norm can be much
+/// The cubic form uᵀq(u) of a quadratic map q, as a symmetric tensor: slice i is a quadratic form again. Its norm can be much
 /// smaller than that of q: a part of q that only turns u is no growth.
 template <typename Scalar>
-[[nodiscard]] Forms<Scalar> symmetric_part(const Forms<Scalar>& forms) noexcept {
-  std::array<Matrix6<Scalar>, 6> h;
+[[nodiscard]] Slices<Scalar> symmetric_part(const Slices<Scalar>& slices) noexcept {
+  const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);
+  Slices<Scalar> result;
   for (int i = 0; i < 6; ++i) {
-    h[static_cast<std::size_t>(i)] = unpacked<Scalar>(forms.col(i));
-  }
-  Forms<Scalar> result;
-  for (int d = 0; d < 4; ++d) {
-    const Scalar factor = scalar::constant<Scalar>(1.0L / 3.0L) * weight<Scalar>(d);
-    for (int j = 0; j < 6; ++j) {
-      const int k = (j + d) % 6;
-      const auto& at_j = h[static_cast<std::size_t>(j)];
-      const auto& at_k = h[static_cast<std::size_t>(k)];
-      // H_i(j, k) + H_j(i, k) + H_k(i, j) for all i
-      for (int i = 0; i < 6; ++i) {
-        result(6 * d + j, i) = factor * (h[static_cast<std::size_t>(i)](j, k) + at_j(i, k) + at_k(i, j));
+    for (int k = 0; k <= i; ++k) {
+      Vector<Scalar, 8> column = slice(slices, i).col(k) + slice(slices, k).col(i);
+      for (int j = 0; j < 6; ++j) {
+        column(j) += slices(8 * k + i, j);  // H_j(i, k)
       }
+      slice(result, i).col(k) = third * column;
+      slice(result, k).col(i) = slice(result, i).col(k);
     }
   }
   return result;

@@ -90,23 +90,9 @@ class ManyQuadrics {
     }
     it.multipliers = multipliers;
     it.root = lower_inverse(l);
-    it.inverse.noalias() = it.root.transpose().lazyProduct(it.root);
+    it.inverse = square_of_lower(it.root);
     // By substitution, whose residual is of the size of A û: the product A⁻¹g would have one of ‖A‖ ‖A⁻¹‖ ‖g‖.
-    Vector<Scalar, N>& u = it.center;
-    for (int i = 0; i < N; ++i) {
-      Scalar sum = -g(i);
-      for (int k = 0; k < i; ++k) {
-        sum -= l(i, k) * u(k);
-      }
-      u(i) = sum * it.root(i, i);
-    }
-    for (int i = N - 1; i >= 0; --i) {
-      Scalar sum = u(i);
-      for (int k = i + 1; k < N; ++k) {
-        sum -= l(k, i) * u(k);
-      }
-      u(i) = sum * it.root(i, i);
-    }
+    it.center = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(-g)));
     it.level = Scalar(0);
     for (std::size_t k = 0; k < count; ++k) {
       it.slack[k] = slack_at(k, it.center);
@@ -131,7 +117,8 @@ class ManyQuadrics {
       v = x;
     } else {
       const Matrix<Scalar, N> half = x.lazyProduct(weight);
-      v.noalias() = (Scalar(N) / half.trace()) * half.lazyProduct(x);
+      v.noalias() = half.lazyProduct(x);
+      v *= Scalar(N) / half.trace();
     }
     for (std::size_t k = 0; k < count; ++k) {
       result[k] = it.slack[k] - (with_ball && k == 0 ? v.trace() : trace_product(k, v));
@@ -233,16 +220,18 @@ template <typename Scalar>
 template <typename Scalar>
 void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count, Scalar* b) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
+    Scalar sum = b[i];
     for (std::size_t k = 0; k < i; ++k) {
-      b[i] -= factor[i * stride + k] * b[k];
+      sum -= factor[i * stride + k] * b[k];
     }
-    b[i] *= factor[i * stride + i];
+    b[i] = sum * factor[i * stride + i];
   }
   for (std::size_t i = count; i-- > 0;) {
+    Scalar sum = b[i];
     for (std::size_t k = i + 1; k < count; ++k) {
-      b[i] -= factor[k * stride + i] * b[k];
+      sum -= factor[k * stride + i] * b[k];
     }
-    b[i] *= factor[i * stride + i];
+    b[i] = sum * factor[i * stride + i];
   }
 }
 
@@ -304,6 +293,39 @@ template <typename Scalar, int N>
   return best > Scalar(0) ? best : (q.a.norm() > Scalar(0) ? Scalar(q.a.norm()) : Scalar(1));
 }
 
+/// Where the search begins. With a prediction each measurement has what would be best for it and the prediction alone, by
+/// Newton's step from the prediction, with F's second derivative for the volume; without one all share alike.
+template <typename Scalar, int N>
+[[nodiscard]] typename ManyQuadrics<Scalar, N>::Multipliers starting_multipliers(
+    const ManyQuadrics<Scalar, N>& problem) noexcept {
+  typename ManyQuadrics<Scalar, N>::Multipliers multipliers;
+  const Scalar n(N);
+  if (!problem.with_ball) {
+    multipliers.fill(n / Scalar(problem.count));
+    return multipliers;
+  }
+  // None at zero, where the search would be slow to raise it, and some of the prediction.
+  const Scalar least = scalar::constant<Scalar>(0.1L);
+  const Scalar most = scalar::constant<Scalar>(0.5L) * n;
+  Scalar sum(0);
+  for (std::size_t k = 1; k < problem.count; ++k) {
+    const Quadric<Scalar, N>& q = problem.constraints[k].quadric;
+    const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
+    const Scalar descent = trace / n - q.c;
+    const Scalar curvature = q.a.squaredNorm() / (n * n) + Scalar(2) * q.g.squaredNorm() / n;
+    Scalar best = descent / curvature;
+    best = best > least ? best : least;
+    multipliers[k] = best < most ? best : most;
+    sum += multipliers[k];
+  }
+  const Scalar share = sum > most ? Scalar(most / sum) : Scalar(1);
+  for (std::size_t k = 1; k < problem.count; ++k) {
+    multipliers[k] *= share;
+  }
+  multipliers[0] = n - share * sum;
+  return multipliers;
+}
+
 /// Multipliers with A ≻ 0. Where A is not, a direction v with vᵀAv ≤ 0 takes weight from the constraints with vᵀAₖv < 0 and
 /// gives it to the others.
 /// \return `unbounded` if none are found.
@@ -356,14 +378,15 @@ template <typename Scalar, int N>
 /// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
 /// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
 /// the best is kept.
-/// \param start an iterate with A ≻ 0; its multipliers are positive.
-/// \param least_level the least N/Σμ/scale met.
+/// \param iterates the first one with A ≻ 0 and multipliers that are positive: where the search begins. The best iterate is one
+/// of the two in the end.
+/// \param margin the least N/Σμ/scale met.
 /// \return `empty_intersection` with `best` the proof.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem,
                               const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
-                              const typename ManyQuadrics<Scalar, N>::Iterate& start,
-                              typename ManyQuadrics<Scalar, N>::Iterate& best, Scalar& margin) noexcept {
+                              std::array<typename ManyQuadrics<Scalar, N>::Iterate, 2>& iterates,
+                              const typename ManyQuadrics<Scalar, N>::Iterate*& best, Scalar& margin) noexcept {
   using Problem = ManyQuadrics<Scalar, N>;
   using Multipliers = typename Problem::Multipliers;
   constexpr int most_steps = 20;
@@ -371,27 +394,28 @@ template <typename Scalar, int N>
   // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
   const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
   const std::size_t count = problem.count;
-  typename Problem::Iterate it = start;
-  best = start;
+  typename Problem::Iterate* now = &iterates[0];
+  best = now;
   Multipliers z;
   Multipliers gradient;
   Matrix<Scalar, N> v;
   std::array<Scalar, Problem::most * Problem::most> hessian;
   for (int step = 0; step <= most_steps; ++step) {
+    typename Problem::Iterate& it = *now;
     Scalar sum(0);
     for (std::size_t k = 0; k < count; ++k) {
       sum += it.multipliers[k] / scale[k];  // as given
     }
     margin = step == 0 || it.level / sum < margin ? Scalar(it.level / sum) : margin;
     if (it.level + it.rounding < Scalar(0)) {
-      best = it;
+      best = now;
       return Status::empty_intersection;
     }
-    best = it.size < best.size ? it : best;
+    best = it.size < best->size ? now : best;
     if (!(it.level > it.rounding) || step == most_steps) {
       break;
     }
-    // The same ellipsoid, with the multipliers at their best scale.
+    // The same ellipsoid, `best` or not, with the multipliers at their best scale.
     const Scalar t = Scalar(N) / it.level;
     for (std::size_t k = 0; k < count; ++k) {
       it.multipliers[k] *= t;
@@ -408,7 +432,7 @@ template <typename Scalar, int N>
     Scalar defect(0);
     for (std::size_t k = 0; k < count; ++k) {
       if (step == 0) {
-        const Scalar least = scalar::constant<Scalar>(0.1L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
+        const Scalar least = scalar::constant<Scalar>(0.005L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
         z[k] = gradient[k] > least ? gradient[k] : least;
       }
       gap += it.multipliers[k] * z[k];
@@ -449,7 +473,7 @@ template <typename Scalar, int N>
     // Mehrotra's predictor and corrector: a step straight at the optimum shows how far one gets, and so how much to keep away
     // from the boundary, and what the products μₖzₖ then miss in second order.
     Multipliers target;
-    target.fill(Scalar(0));
+    std::fill_n(target.begin(), count, Scalar(0));
     aim_at(target);
     const Scalar straight_primal = longest(it.multipliers, move, Scalar(1));
     const Scalar straight_dual = longest(z, dz, Scalar(1));
@@ -487,9 +511,10 @@ template <typename Scalar, int N>
     Scalar primal = longest(it.multipliers, move, inside);
     const Scalar dual = longest(z, dz, inside);
     // F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
-    const Multipliers from = it.multipliers;
     const Scalar value = it.level + it.barrier;
     const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
+    const Multipliers from = it.multipliers;
+    now = best == &iterates[0] ? &iterates[1] : &iterates[0];
     constexpr int most_trials = 12;
     bool accepted = false;
     for (int trial = 0; trial < most_trials && !accepted; ++trial) {
@@ -505,14 +530,14 @@ template <typename Scalar, int N>
         }
       }
       Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
-      if (problem.combine(next, it) == Status::ok) {
-        const Scalar change = it.level + it.barrier - value - tau * ratios;
+      if (problem.combine(next, *now) == Status::ok) {
+        const Scalar change = now->level + now->barrier - value - tau * ratios;
         accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + noise;
         const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
         const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
         const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
         shorter = parabola < most ? (parabola > least ? parabola : least) : most;
-        accepted = accepted || it.level + it.rounding < Scalar(0);
+        accepted = accepted || now->level + now->rounding < Scalar(0);
       }
       primal = shorter;
     }
@@ -600,7 +625,6 @@ template <typename Scalar, int N>
   }
 
   typename Problem::Multipliers scale;
-  typename Problem::Multipliers multipliers;
   if (problem.with_ball) {
     problem.constraints[0] = {{Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)}, false};
     scale[0] = Scalar(1);
@@ -638,19 +662,15 @@ template <typename Scalar, int N>
     return prediction_alone(Scalar(1));
   }
 
-  // As much of the prediction as of all measurements, which share alike; or more of what is positive where A is not.
-  multipliers.fill(Scalar(N) / Scalar(count));
-  if (problem.with_ball) {
-    multipliers.fill(Scalar(N) / Scalar(2 * count));
-    multipliers[0] = Scalar(N) / Scalar(2);
-  }
-  typename Problem::Iterate start;
-  if (const Status status = fusion::find_bounded(problem, multipliers, start); status != Status::ok) {
+  typename Problem::Multipliers multipliers = fusion::starting_multipliers(problem);
+  std::array<typename Problem::Iterate, 2> iterates;
+  if (const Status status = fusion::find_bounded(problem, multipliers, iterates[0]); status != Status::ok) {
     return status;
   }
-  typename Problem::Iterate best;
+  const typename Problem::Iterate* found;
   Scalar margin;
-  const Status status = fusion::minimize(problem, scale, start, best, margin);
+  const Status status = fusion::minimize(problem, scale, iterates, found, margin);
+  const typename Problem::Iterate& best = *found;
   if (status == Status::empty_intersection) {
     // The prediction contradicts as much as what it contradicts: who asks wants to know which measurement that is.
     Scalar worst(0);
@@ -686,16 +706,16 @@ template <typename Scalar, int N>
   if (problem.with_ball && !fusion::is_smaller_set(set, *predicted, criterion)) {
     return prediction_alone(margin);
   }
+  const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / scale[k]); };
   Scalar sum(0);
   for (std::size_t k = 0; k < problem.count; ++k) {
-    best.multipliers[k] /= scale[k];
-    sum += best.multipliers[k];
+    sum += as_given(k);
   }
   result.set = set;
   result.multipliers.fill(Scalar(0));
-  result.predicted_multiplier = problem.with_ball ? Scalar(best.multipliers[0] / sum) : Scalar(0);
+  result.predicted_multiplier = problem.with_ball ? Scalar(as_given(0) / sum) : Scalar(0);
   for (std::size_t k = 0; k < count; ++k) {
-    result.multipliers[k] = best.multipliers[k + first] / sum;
+    result.multipliers[k] = as_given(k + first) / sum;
   }
   result.margin = margin;
   result.prediction_alone = false;

@@ -257,13 +257,17 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
     count_ = k + 1;
     return strength() * expansion::cross_coefficient<Scalar, Terms>(k, radial_, moved_);
   }
-  /// 3n² (−S(Jb) + S(b)J) S(b).
+  /// 3n² (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
+  /// 3n² (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
-    Matrix3<Scalar> sum = Matrix3<Scalar>::Zero();
+    Matrix3<Scalar> square = Matrix3<Scalar>::Zero();
     for (int i = 0; i <= k; ++i) {
-      sum += linear_part(radial_[static_cast<std::size_t>(i)], moved_[static_cast<std::size_t>(i)])
-                 .lazyProduct(hat(radial_[static_cast<std::size_t>(k - i)]));
+      square += radial_[static_cast<std::size_t>(i)] * radial_[static_cast<std::size_t>(k - i)].transpose();
     }
+    const Matrix3<Scalar> product = square.lazyProduct(inertia_);
+    const Scalar trace = inertia_.trace();
+    Matrix3<Scalar> sum = trace * square + square.trace() * inertia_ - Scalar(2) * product - product.transpose();
+    sum.diagonal().array() += Scalar(2) * product.trace() - trace * square.trace();
     return strength() * sum;
   }
   void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
@@ -286,39 +290,27 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
       form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
     }
   }
-  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²): 3n² (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁).
+  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is 3n² (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives −½‖γ‖² N b₁
+  /// more: 3n² (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
                  expansion::CubicForms<Scalar>& forms) const noexcept {
     const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
     const Matrix3<Scalar> b1 = hat(b).lazyProduct(axes);
     const Matrix3<Scalar> jb1 = inertia_.lazyProduct(b1);
+    const Matrix3<Scalar> jaxes = inertia_.lazyProduct(axes);
     const Matrix3<Scalar> linear =
-        scalar::constant<Scalar>(-0.25L) * linear_part(b, Vector3<Scalar>(inertia_ * b)).lazyProduct(b1);
-    expansion::Forms<Scalar> b2;
-    expansion::Forms<Scalar> jb2;
+        scalar::constant<Scalar>(-0.75L) * linear_part(b, Vector3<Scalar>(inertia_ * b)).lazyProduct(b1);
     const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
-    const auto on_axes = [&axes](const Matrix3<Scalar>& form) {
-      const Matrix3<Scalar> half = form.lazyProduct(axes);
-      return Matrix3<Scalar>(axes.transpose().lazyProduct(half));
-    };
-    for (int i = 0; i < 3; ++i) {
-      b2[static_cast<std::size_t>(i)] =
-          on_axes(expansion::second_order_form(Vector3<Scalar>(Vector3<Scalar>::Unit(i)), b));
-    }
-    for (int i = 0; i < 3; ++i) {
-      jb2[static_cast<std::size_t>(i)] = inertia_(i, 0) * b2[0] + inertia_(i, 1) * b2[1] + inertia_(i, 2) * b2[2];
-    }
-    const auto row = [](const Matrix3<Scalar>& matrix, int i) { return Vector3<Scalar>(matrix.row(i).transpose()); };
+    const Vector3<Scalar> along = scalar::constant<Scalar>(0.25L) * (axes.transpose() * b);  // half of ½ γ·b
     expansion::CubicForms<Scalar> torque;
     for (int a = 0; a < 3; ++a) {
       const int next = (a + 1) % 3;
       const int last = (a + 2) % 3;
-      const auto at_next = static_cast<std::size_t>(next);
-      const auto at_last = static_cast<std::size_t>(last);
-      torque.col(a) =
-          expansion::cubic_product(row(linear, a), square) + expansion::cubic_product(row(b1, next), jb2[at_last]) -
-          expansion::cubic_product(row(b1, last), jb2[at_next]) +
-          expansion::cubic_product(row(jb1, last), b2[at_next]) - expansion::cubic_product(row(jb1, next), b2[at_last]);
+      const Matrix3<Scalar> form = b1.row(next).transpose() * jaxes.row(last) -
+                                   b1.row(last).transpose() * jaxes.row(next) +
+                                   axes.row(next).transpose() * jb1.row(last) - axes.row(last).transpose() * jb1.row(next);
+      torque.col(a) = expansion::cubic_product(Vector3<Scalar>(linear.row(a).transpose()), square) +
+                      expansion::cubic_product(along, Matrix3<Scalar>(form + form.transpose()));
     }
     forms += torque.lazyProduct(Matrix3<Scalar>(strength() * transform.transpose()));
   }
