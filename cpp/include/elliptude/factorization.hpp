@@ -44,6 +44,7 @@ template <int Column, typename Scalar, int N>
     }
     const Scalar diagonal = scalar::sqrt(pivot);
     const Scalar inverse = Scalar(1) / diagonal;
+    factor.col(Column).template head<Column>().setZero();
     factor(Column, Column) = diagonal;
     for (int i = Column + 1; i < N; ++i) {
       Scalar entry = a(i, Column);
@@ -62,6 +63,7 @@ template <int Column, typename Scalar, int N>
 template <int Column, typename Scalar, int N>
 void inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
   if constexpr (Column < N) {
+    inverse.col(Column).template head<Column>().setZero();
     for (int i = Column + 1; i < N; ++i) {
       Scalar sum = l(i, Column) * inverse(Column, Column);
       for (int k = Column + 1; k < i; ++k) {
@@ -119,7 +121,7 @@ void solve_rows_up(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) no
 /// \return `not_positive_definite` if a pivot is not positive (or is NaN).
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
-  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  Matrix<Scalar, N> factor;
   if (!factorization::cholesky_columns<0>(a, factor)) {
     return Status::not_positive_definite;
   }
@@ -179,7 +181,7 @@ template <typename Scalar, int N>
 /// The inverse of a lower triangle whose diagonal has no zero.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> lower_inverse(const Matrix<Scalar, N>& l) noexcept {
-  Matrix<Scalar, N> inverse = Matrix<Scalar, N>::Zero();
+  Matrix<Scalar, N> inverse;
   for (int j = 0; j < N; ++j) {
     inverse(j, j) = Scalar(1) / l(j, j);
   }
@@ -481,13 +483,17 @@ template <typename Scalar, int N>
   if (!(scale > Scalar(0))) {
     return scale < Scalar(0) ? Scalar(-scale) : scale;
   }
-  constexpr int rows = N > 4 ? (N + 3) / 4 * 4 : N;  // rows of zeros fill SIMD registers
-  Matrix<Scalar, rows, N> power = Matrix<Scalar, rows, N>::Zero();
-  power.template topRows<N>() = gram / scale;
-  for (int k = 0; k < 3; ++k) {
-    power = power.lazyProduct(power.template topRows<N>()).eval();
-  }
-  Scalar root = scalar::sqrt(Scalar(power.squaredNorm()));  // √ tr (gram/scale)¹⁶
+  constexpr int rows = (N + 3) / 4 * 4;  // rows of zeros fill SIMD registers
+  using Padded = Matrix<Scalar, rows, N>;
+  const auto square_of = [](const Padded& power) {
+    return Padded(power.lazyProduct(power.template topRows<N>()));
+  };
+  Padded first;
+  first.template topRows<N>() = (Scalar(1) / scale) * gram;
+  first.template bottomRows<rows - N>().setZero();
+  const Padded second = square_of(first);
+  const Padded fourth = square_of(second);
+  Scalar root = scalar::sqrt(Scalar(square_of(fourth).squaredNorm()));  // √ tr (gram/scale)¹⁶
   for (int k = 0; k < 3; ++k) {
     root = scalar::sqrt(root);
   }

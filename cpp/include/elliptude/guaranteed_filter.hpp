@@ -421,8 +421,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       add_vector(vector_);
     }
     const Ellipsoid<Scalar, 6> predicted = set_.in_coordinates();
-    const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count,
-                                               settings_.criterion, solution.fusion);
+    const Status status = fusion::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count,
+                                       settings_.criterion, solution.fusion);
     solution.used_prediction =
         with_prediction && status == Status::ok &&
         (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > scalar::constant<Scalar>(1e-6L));
@@ -463,26 +463,26 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
                                                  ? SizeCriterion<Scalar, 3>::Kind::volume
                                                  : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
                                              settings_.criterion.weight.template topLeftCorner<3, 3>()};
-    QuadricFusion<Scalar, 3> fusion;
-    fusion.contradiction = QuadricFusion<Scalar, 3>::none;
+    QuadricFusion<Scalar, 3> found;
+    found.contradiction = QuadricFusion<Scalar, 3>::none;
     const Status status =
-        minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, fusion);
-    solution.fusion.margin = fusion.margin;
-    solution.fusion.contradiction = fusion.contradiction;
+        minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, found);
+    solution.fusion.margin = found.margin;
+    solution.fusion.contradiction = found.contradiction;
     if (status != Status::ok) {
       return status;
     }
     const Scalar share = scalar::constant<Scalar>(1e-6L);
     const Vector3<Scalar> offset = vector_bound_.center - vector_part(solution.center);
-    solution.fusion.set.center << fusion.set.center, offset;
+    solution.fusion.set.center << found.set.center, offset;
     solution.fusion.set.shape.setZero();
-    solution.fusion.set.shape.template topLeftCorner<3, 3>() = (Scalar(1) / (Scalar(1) - share)) * fusion.set.shape;
+    solution.fusion.set.shape.template topLeftCorner<3, 3>() = (Scalar(1) / (Scalar(1) - share)) * found.set.shape;
     solution.fusion.set.shape.template bottomRightCorner<3, 3>() = (Scalar(1) / share) * vector_bound_.shape;
-    solution.fusion.multipliers = fusion.multipliers;
-    solution.fusion.predicted_multiplier = fusion.predicted_multiplier;
+    solution.fusion.multipliers = found.multipliers;
+    solution.fusion.predicted_multiplier = found.predicted_multiplier;
     solution.fusion.prediction_alone = false;  // what is left of correlations with the vector goes, too
     solution.used_prediction =
-        with_prediction && (fusion.prediction_alone || fusion.predicted_multiplier > scalar::constant<Scalar>(1e-6L));
+        with_prediction && (found.prediction_alone || found.predicted_multiplier > scalar::constant<Scalar>(1e-6L));
     return Status::ok;
   }
 

@@ -86,12 +86,15 @@ struct MotionSeries {
     input = body_input;
     rate[0] = state.angular_velocity;
     momentum[0] = body.inertia() * rate[0] + input.wheel_momentum;
+    std::array<expansion::Columns<Scalar>, terms> across_momentum;
+    across_momentum[0] = expansion::across(momentum[0]);
     Vector3<Scalar> torque_coefficient = torque.start(state.attitude, time) + input.control_torque;
     for (int k = 1; k <= order; ++k) {
       const auto index = static_cast<std::size_t>(k);
       const Vector3<Scalar> change =
-          (torque_coefficient - expansion::cross_coefficient<Scalar, terms>(k - 1, rate, momentum)) / Scalar(k);
+          (torque_coefficient - expansion::cross_coefficient<Scalar, terms>(k - 1, rate, across_momentum)) / Scalar(k);
       momentum[index] = change;
+      across_momentum[index] = expansion::across(change);
       rate[index] = body.inertia_inverse() * change;
       if (k < order) {
         torque_coefficient = torque.extend(k, rate);
@@ -116,15 +119,12 @@ struct MotionSeries {
  private:
   /// The coefficients of J ω̂' + ω̂ × (Jω̂ + h_w) − M − u vanish up to order − 1; the rest, integrated over the step.
   void bound_defect(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h) noexcept {
-    std::array<Scalar, terms> momentum_norms;
-    for (std::size_t k = 0; k < terms; ++k) {
-      momentum_norms[k] = scalar::sqrt(Scalar(momentum[k].squaredNorm()));
-    }
     Scalar sum(0);
+    Scalar momentum_sum(0);  // Σ ‖(Jω + h_w)_j‖ hʲ over j ≥ order − i
     for (std::size_t i = 0; i < terms; ++i) {
-      for (std::size_t j = order - i; j < terms; ++j) {
-        sum += rate_norms[i] * momentum_norms[j] * step_powers[i + j];
-      }
+      const std::size_t j = order - i;
+      momentum_sum += scalar::sqrt(Scalar(momentum[j].squaredNorm())) * step_powers[j];
+      sum += rate_norms[i] * step_powers[i] * momentum_sum;
     }
     if (torque_bounds.largest > Scalar(0)) {
       sum += torque_bounds.largest * tail(order, acceleration.degree, acceleration.turn_rate, h);
@@ -144,26 +144,22 @@ struct MotionSeries {
 
   /// The end of the step: the rate, and the attitude by the quaternion's series q' = ½ q ⊗ ω̂.
   [[nodiscard]] Status turn(const Scalar& h, const RigidBodyState<Scalar>& state) noexcept {
-    std::array<Scalar, terms + 1> real;
-    std::array<Vector3<Scalar>, terms + 1> imaginary;
-    real[0] = Scalar(1);
-    imaginary[0].setZero();
+    // Quaternions with the real part last; q ⊗ ω is linear in ω, with the columns q ⊗ eⱼ.
+    std::array<Vector<Scalar, 4>, terms + 1> q;
+    std::array<Matrix<Scalar, 4, 3>, terms> by_rate;
+    q[0] << Scalar(0), Scalar(0), Scalar(0), Scalar(1);
     for (std::size_t k = 0; k < terms; ++k) {
-      Scalar w(0);
-      Vector3<Scalar> v = Vector3<Scalar>::Zero();
-      for (std::size_t i = 0; i <= k; ++i) {
-        w -= imaginary[i].dot(rate[k - i]);
-        v += real[i] * rate[k - i] + imaginary[i].cross(rate[k - i]);
+      const Vector<Scalar, 4>& p = q[k];
+      by_rate[k] << p(3), -p(2), p(1), p(2), p(3), -p(0), -p(1), p(0), p(3), -p(0), -p(1), -p(2);
+      Vector<Scalar, 4> sum = by_rate[0].lazyProduct(rate[k]);
+      for (std::size_t i = 1; i <= k; ++i) {
+        sum += by_rate[i].lazyProduct(rate[k - i]);
       }
-      const Scalar factor = scalar::constant<Scalar>(0.5L) / Scalar(static_cast<scalar::Value<Scalar>>(k + 1));
-      real[k + 1] = factor * w;
-      imaginary[k + 1] = factor * v;
+      q[k + 1] = (scalar::constant<Scalar>(0.5L) / Scalar(static_cast<scalar::Value<Scalar>>(k + 1))) * sum;
     }
-    Scalar w = real[terms];
-    Vector3<Scalar> v = imaginary[terms];
-    for (int k = terms - 1; k >= 0; --k) {
-      w = real[static_cast<std::size_t>(k)] + h * w;
-      v = imaginary[static_cast<std::size_t>(k)] + h * v;
+    Vector<Scalar, 4> whole = q[terms];
+    for (std::size_t k = terms; k-- > 0;) {
+      whole = q[k] + h * whole;
     }
     // A quaternion that errs by t is, made a unit, in error by at most 2t, and the angle by twice that and a little.
     const Scalar rest = tail(terms + 1, scalar::constant<Scalar>(0.5L), Scalar(0), h);
@@ -171,9 +167,9 @@ struct MotionSeries {
     if (!(attitude_error < scalar::constant<Scalar>(0.001L))) {
       return Status::step_too_long;
     }
-    const Scalar length = scalar::sqrt(Scalar(w * w + v.squaredNorm()));
-    end.attitude = renormalized(
-        Matrix3<Scalar>(state.attitude * to_rotation(Quaternion<Scalar>{w / length, Vector3<Scalar>(v / length)})));
+    whole /= scalar::sqrt(Scalar(whole.squaredNorm()));
+    end.attitude = renormalized(Matrix3<Scalar>(
+        state.attitude * to_rotation(Quaternion<Scalar>{whole(3), Vector3<Scalar>(whole.template head<3>())})));
     end.angular_velocity = expansion::value<Scalar, terms>(rate, terms, h);
     return Status::ok;
   }

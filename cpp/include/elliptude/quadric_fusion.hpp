@@ -238,12 +238,11 @@ void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count,
 /// The constraint as it is seen in u, where y = shift + factor u, and relaxed by what rounding may do to it: for all u of the
 /// unit ball if that is one of the constraints, else for all u. `reach` bounds |y| over the ball. (theory, section 16)
 template <typename Scalar, int N>
-[[nodiscard]] Constraint<Scalar, N> relaxed(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift,
-                                            const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& reach,
-                                            const Scalar& rounding, bool in_ball) noexcept {
+void relax(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift, const Matrix<Scalar, N>& factor,
+           const Vector<Scalar, N>& reach, const Scalar& rounding, bool in_ball,
+           Constraint<Scalar, N>& result) noexcept {
   constexpr int lead = ManyQuadrics<Scalar, N>::lead;
   constexpr int rest = N - lead;
-  Constraint<Scalar, N> result;
   result.leading = rest > 0 && (quadric.a.template rightCols<rest>().array() == Scalar(0)).all() &&
                    (quadric.a.template bottomRows<rest>().array() == Scalar(0)).all() &&
                    (quadric.g.template tail<rest>().array() == Scalar(0)).all();
@@ -273,7 +272,6 @@ template <typename Scalar, int N>
     const Vector<Scalar, N> rows = seen.a.cwiseAbs().rowwise().sum() + seen.g.cwiseAbs();
     seen.a.diagonal() -= rounding * rows;
   }
-  return result;
 }
 
 /// About the greatest slack of a constraint, so that multipliers of about one suit constraints of any scale: that along its
@@ -551,34 +549,14 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-}  // namespace fusion
-
-/// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
-/// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
-/// returned unchanged where nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
-/// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
-/// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
-/// \return what `validate` says; `out_of_range` for more than `most_quadrics`; `not_positive_definite` of a flat prediction;
-/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
-/// `contradiction` are set, and nothing else.
+/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion.
 template <typename Scalar, int N>
-[[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
+[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, N>& criterion,
                                           QuadricFusion<Scalar, N>& result) noexcept {
-  using Problem = fusion::ManyQuadrics<Scalar, N>;
+  using Problem = ManyQuadrics<Scalar, N>;
   using Fusion = QuadricFusion<Scalar, N>;
   const Scalar epsilon(scalar::epsilon<Scalar>);
-  if (count > most_quadrics) {
-    return Status::out_of_range;
-  }
-  if (const Status status = validate(criterion); status != Status::ok) {
-    return status;
-  }
-  for (std::size_t k = 0; k < count; ++k) {
-    if (const Status status = validate(quadrics[k]); status != Status::ok) {
-      return status;
-    }
-  }
   Problem problem;
   problem.with_ball = predicted != nullptr;
   problem.by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
@@ -609,7 +587,7 @@ template <typename Scalar, int N>
     for (int i = 0; i < N; ++i) {
       Scalar largest(0);
       for (std::size_t k = 0; k < count; ++k) {
-        const Scalar level = fusion::slack_scale(quadrics[k]);
+        const Scalar level = slack_scale(quadrics[k]);
         const Scalar entry = scalar::abs(Scalar(quadrics[k].a(i, i))) / level;
         largest = entry > largest ? entry : largest;
       }
@@ -633,14 +611,14 @@ template <typename Scalar, int N>
   bool idle = problem.with_ball;
   Scalar least_slack(1);
   for (std::size_t k = 0; k < count; ++k) {
-    fusion::Constraint<Scalar, N>& constraint = problem.constraints[k + first];
-    constraint = fusion::relaxed(quadrics[k], shift, factor, reach, rounding, problem.with_ball);
+    Constraint<Scalar, N>& constraint = problem.constraints[k + first];
+    relax(quadrics[k], shift, factor, reach, rounding, problem.with_ball, constraint);
     Quadric<Scalar, N>& q = constraint.quadric;
     // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
     const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
     idle = idle && q.c * Scalar(N) >= trace;
     least_slack = q.c < least_slack ? q.c : least_slack;
-    scale[k + first] = fusion::slack_scale(q);
+    scale[k + first] = slack_scale(q);
     const Scalar inverse = Scalar(1) / scale[k + first];
     q.a *= inverse;
     q.g *= inverse;
@@ -662,14 +640,14 @@ template <typename Scalar, int N>
     return prediction_alone(Scalar(1));
   }
 
-  typename Problem::Multipliers multipliers = fusion::starting_multipliers(problem);
+  typename Problem::Multipliers multipliers = starting_multipliers(problem);
   std::array<typename Problem::Iterate, 2> iterates;
-  if (const Status status = fusion::find_bounded(problem, multipliers, iterates[0]); status != Status::ok) {
+  if (const Status status = find_bounded(problem, multipliers, iterates[0]); status != Status::ok) {
     return status;
   }
   const typename Problem::Iterate* found;
   Scalar margin;
-  const Status status = fusion::minimize(problem, scale, iterates, found, margin);
+  const Status status = minimize(problem, scale, iterates, found, margin);
   const typename Problem::Iterate& best = *found;
   if (status == Status::empty_intersection) {
     // The prediction contradicts as much as what it contradicts: who asks wants to know which measurement that is.
@@ -703,7 +681,7 @@ template <typename Scalar, int N>
   if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape)) {
     return problem.with_ball ? prediction_alone(margin) : Status::not_finite;
   }
-  if (problem.with_ball && !fusion::is_smaller_set(set, *predicted, criterion)) {
+  if (problem.with_ball && !is_smaller_set(set, *predicted, criterion)) {
     return prediction_alone(margin);
   }
   const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / scale[k]); };
@@ -721,6 +699,34 @@ template <typename Scalar, int N>
   result.prediction_alone = false;
   result.contradiction = Fusion::none;
   return Status::ok;
+}
+
+}  // namespace fusion
+
+/// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
+/// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
+/// returned unchanged where nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
+/// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
+/// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
+/// \return what `validate` says; `out_of_range` for more than `most_quadrics`; `not_positive_definite` of a flat prediction;
+/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
+/// `contradiction` are set, and nothing else.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
+                                          std::size_t count, const SizeCriterion<Scalar, N>& criterion,
+                                          QuadricFusion<Scalar, N>& result) noexcept {
+  if (count > most_quadrics) {
+    return Status::out_of_range;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    if (const Status status = validate(quadrics[k]); status != Status::ok) {
+      return status;
+    }
+  }
+  return fusion::fuse(predicted, quadrics, count, criterion, result);
 }
 
 }  // namespace elliptude

@@ -53,23 +53,28 @@ class TorqueExpansion;
 
 namespace expansion {
 
-/// Coefficient k of the product of two series under a bilinear map.
-template <typename Scalar, int Terms, typename Product>
-[[nodiscard]] auto convolution(int k, const std::array<Vector3<Scalar>, Terms>& a,
-                               const std::array<Vector3<Scalar>, Terms>& b, const Product& product) noexcept {
-  auto sum = product(a[0], b[static_cast<std::size_t>(k)]);
-  for (int i = 1; i <= k; ++i) {
-    sum += product(a[static_cast<std::size_t>(i)], b[static_cast<std::size_t>(k - i)]);
-  }
-  return sum;
+/// Three columns of three numbers, and zeros that fill SIMD registers.
+template <typename Scalar>
+using Columns = Matrix<Scalar, 4, 3>;
+
+/// The matrix of x ↦ x × s.
+template <typename Scalar>
+[[nodiscard]] Columns<Scalar> across(const Vector3<Scalar>& s) noexcept {
+  const Scalar zero(0);
+  Columns<Scalar> matrix;
+  matrix << zero, s(2), -s(1), -s(2), zero, s(0), s(1), -s(0), zero, zero, zero, zero;
+  return matrix;
 }
 
-/// Coefficient k of ω × s.
+/// Coefficient k of ω × s, from those of ω and the matrices `across` of those of s.
 template <typename Scalar, int Terms>
 [[nodiscard]] Vector3<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
-                                                const std::array<Vector3<Scalar>, Terms>& s) noexcept {
-  return convolution<Scalar, Terms>(
-      k, rate, s, [](const Vector3<Scalar>& a, const Vector3<Scalar>& b) { return Vector3<Scalar>(a.cross(b)); });
+                                                const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
+  Vector<Scalar, 4> sum = across_s[static_cast<std::size_t>(k)].lazyProduct(rate[0]);
+  for (int i = 1; i <= k; ++i) {
+    sum += across_s[static_cast<std::size_t>(k - i)].lazyProduct(rate[static_cast<std::size_t>(i)]);
+  }
+  return sum.template head<3>();
 }
 
 /// The value of a series of `count` terms at s.
@@ -187,12 +192,14 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
 
   [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) noexcept {
     down_[0] = attitude.row(2).transpose();
+    across_down_[0] = expansion::across(down_[0]);
     count_ = 1;
     return moment_.cross(down_[0]);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto index = static_cast<std::size_t>(k);
-    down_[index] = expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, down_) / Scalar(-k);
+    down_[index] = expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_down_) / Scalar(-k);
+    across_down_[index] = expansion::across(down_[index]);
     count_ = k + 1;
     return moment_.cross(down_[index]);
   }
@@ -227,6 +234,7 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
  private:
   Vector3<Scalar> moment_;
   std::array<Vector3<Scalar>, Terms> down_;
+  std::array<expansion::Columns<Scalar>, Terms> across_down_;
   int count_ = 0;
 };
 
@@ -241,29 +249,22 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
     const Scalar angle = rate_ * time;
     const Scalar cosine = scalar::cos(angle);
     const Scalar sine = scalar::sin(angle);
-    radial_[0] = attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(0) + sine * orbit_.col(1));
-    along_[0] = attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(1) - sine * orbit_.col(0));
-    moved_[0] = inertia_ * radial_[0];
-    count_ = 1;
-    return strength() * radial_[0].cross(moved_[0]);
+    add(0, attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(0) + sine * orbit_.col(1)),
+        attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(1) - sine * orbit_.col(0)));
+    return torque(0);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
-    const auto index = static_cast<std::size_t>(k);
-    radial_[index] =
-        (rate_ * along_[index - 1] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, radial_)) / Scalar(k);
-    along_[index] =
-        (-rate_ * radial_[index - 1] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, along_)) / Scalar(k);
-    moved_[index] = inertia_ * radial_[index];
-    count_ = k + 1;
-    return strength() * expansion::cross_coefficient<Scalar, Terms>(k, radial_, moved_);
+    const auto last = static_cast<std::size_t>(k - 1);
+    const Scalar factor = Scalar(1) / Scalar(k);
+    add(k,
+        factor * (rate_ * along_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
+        factor * (-rate_ * radial_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
+    return torque(k);
   }
   /// 3n² (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
   /// 3n² (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
-    Matrix3<Scalar> square = Matrix3<Scalar>::Zero();
-    for (int i = 0; i <= k; ++i) {
-      square += radial_[static_cast<std::size_t>(i)] * radial_[static_cast<std::size_t>(k - i)].transpose();
-    }
+    const Matrix3<Scalar> square = squares_[static_cast<std::size_t>(k)].template topRows<3>();
     const Matrix3<Scalar> product = square.lazyProduct(inertia_);
     const Scalar trace = inertia_.trace();
     Matrix3<Scalar> sum = trace * square + square.trace() * inertia_ - Scalar(2) * product - product.transpose();
@@ -326,6 +327,26 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
  private:
   /// 3n², in 1/s².
   [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
+  /// Coefficient k of both directions, and of bbᵀ.
+  void add(int k, const Vector3<Scalar>& radial, const Vector3<Scalar>& along) noexcept {
+    const auto index = static_cast<std::size_t>(k);
+    radial_[index] = radial;
+    along_[index] = along;
+    across_radial_[index] = expansion::across(radial);
+    across_along_[index] = expansion::across(along);
+    padded_[index] << radial, Scalar(0);
+    squares_[index] = padded_[0].lazyProduct(radial.transpose());
+    for (std::size_t i = 1; i <= index; ++i) {
+      squares_[index] += padded_[i].lazyProduct(radial_[index - i].transpose());
+    }
+    count_ = k + 1;
+  }
+  /// Coefficient k of 3n² b × Jb, the axis of bbᵀJ.
+  [[nodiscard]] Vector3<Scalar> torque(int k) const noexcept {
+    const Matrix3<Scalar> product = squares_[static_cast<std::size_t>(k)].template topRows<3>().lazyProduct(inertia_);
+    return strength() * Vector3<Scalar>(product(1, 2) - product(2, 1), product(2, 0) - product(0, 2),
+                                        product(0, 1) - product(1, 0));
+  }
   /// −S(Jb) + S(b)J, which gives d(b × Jb) from db.
   [[nodiscard]] Matrix3<Scalar> linear_part(const Vector3<Scalar>& b, const Vector3<Scalar>& jb) const noexcept {
     return hat(b).lazyProduct(inertia_) - hat(jb);
@@ -336,7 +357,10 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   Scalar rate_;
   std::array<Vector3<Scalar>, Terms> radial_;
   std::array<Vector3<Scalar>, Terms> along_;
-  std::array<Vector3<Scalar>, Terms> moved_;  // J radial
+  std::array<expansion::Columns<Scalar>, Terms> across_radial_;
+  std::array<expansion::Columns<Scalar>, Terms> across_along_;
+  std::array<Vector<Scalar, 4>, Terms> padded_;               // the radial direction
+  std::array<expansion::Columns<Scalar>, Terms> squares_;  // of bbᵀ
   int count_ = 0;
 };
 
