@@ -47,10 +47,16 @@ def of_quaternion(form: Array) -> Quadric:
 
 
 def cone(center: Array, reference: Array, body: Array, angle: float) -> Quadric:
-    """angle(C'e, b) <= r: q'(K - cos r I) q >= 0 with Davenport's K of (center'e) b' (15.1, 16.2), over 1 - cos r."""
-    e, b = reference / np.linalg.norm(reference), body / np.linalg.norm(body)
-    form = wahba.davenport_matrix(np.outer(center.T @ e, b)) - math.cos(angle) * np.eye(4)
-    return of_quaternion(form / (1.0 - math.cos(angle)))
+    """angle(C'e, b) <= r: q'(K - cos r I) q >= 0 with Davenport's K of (center'e) b' (15.1, 16.2), over 1 - cos r.
+
+    The real part of K - I is -|center'e - b|^2 / 2, and 1 - cos r = 2 sin^2(r/2): neither cancels for a sharp cone.
+    """
+    b = body / np.linalg.norm(body)
+    predicted = center.T @ reference / np.linalg.norm(reference)
+    versine = 2.0 * math.sin(0.5 * angle) ** 2
+    form = wahba.davenport_matrix(np.outer(predicted, b)) - np.eye(4)
+    form[0, 0] = -0.5 * float(np.sum((predicted - b) ** 2))
+    return of_quaternion(form / versine + np.eye(4))
 
 
 def attitude_quadric(center: Array, measured: Array, bound: Array) -> Quadric:
@@ -91,6 +97,18 @@ def of_vector(quadric: Quadric) -> Quadric:
     return Quadric(a, np.concatenate([np.zeros(3), quadric.g]), quadric.c)
 
 
+def linear_quadric(y: Array, h: Array, bound: Array, predicted_shape: Array) -> Quadric:
+    """y = H [zeta; delta] + v, v in E(0, bound): H's image of zeta - gamma, in (1 - 1/tau_1) E(0, P) of the attitude,
+    added to the bound with the best share for the volume to first order (16.2, 16.3)."""
+    largest = math.sqrt(np.linalg.eigvalsh(predicted_shape[:3, :3])[-1])
+    rest = 1.0 - 2.0 * math.atan(0.5 * largest) / largest
+    added = rest**2 * h[:, :3] @ predicted_shape[:3, :3] @ h[:, :3].T
+    p = math.sqrt(np.trace(np.linalg.solve(bound, added)) / len(y))
+    wider = (1.0 + p) * bound + (1.0 + 1.0 / p) * added if p > 0.0 else bound
+    information = np.linalg.inv(wider)
+    return Quadric(h.T @ information @ h, -h.T @ information @ y, float(1.0 - y @ information @ y))
+
+
 # Fusion (16.5)
 
 
@@ -126,33 +144,61 @@ def objective(
     return level(whole) + log_size(np.linalg.inv(whole.a), criterion, weight)
 
 
+def size_metric(inverse: Array, criterion: Criterion, weight: Array | None = None) -> Array:
+    """V = A^-1, or n A^-1 W A^-1 / tr(W A^-1), with d F = s - tr(V dA) (16.5)."""
+    if criterion == "volume":
+        return inverse
+    metric = np.eye(len(inverse)) if weight is None else weight
+    return np.asarray(len(inverse) * inverse @ metric @ inverse / np.trace(metric @ inverse))
+
+
 def gradient(
     quadrics: Sequence[Quadric], multipliers: Array, criterion: Criterion, weight: Array | None = None
 ) -> Array:
-    """d_k F = s_k(u^) - tr(V A_k), V = A^-1 or n A^-1 W A^-1 / tr(W A^-1) (16.5)."""
+    """d_k F = s_k(u^) - tr(V A_k) (16.5)."""
     whole = combined(quadrics, multipliers)
     inverse = np.linalg.inv(whole.a)
-    v = inverse
-    if criterion == "trace":
-        metric = np.eye(len(inverse)) if weight is None else weight
-        v = len(inverse) * inverse @ metric @ inverse / np.trace(metric @ inverse)
+    v = size_metric(inverse, criterion, weight)
     center = -inverse @ whole.g
     return np.array([slack(q, center) - np.sum(v * q.a) for q in quadrics])
+
+
+def hessian(
+    quadrics: Sequence[Quadric], multipliers: Array, criterion: Criterion, weight: Array | None = None
+) -> Array:
+    """2 r_j'A^-1 r_k + tr(A^-1 A_j A^-1 A_k), or + 2 tr(A^-1 A_j V A_k) - tr(V A_j) tr(V A_k) / n (16.5)."""
+    whole = combined(quadrics, multipliers)
+    inverse = np.linalg.inv(whole.a)
+    v = size_metric(inverse, criterion, weight)
+    matrices = np.array([q.a for q in quadrics])
+    slopes = matrices @ (-inverse @ whole.g) + np.array([q.g for q in quadrics])
+    traces = np.einsum("ab,jbc,cd,kda->jk", inverse, matrices, v, matrices, optimize=True)
+    if criterion == "trace":
+        by_size = np.einsum("ab,jab->j", v, matrices)
+        traces = traces + traces.T - np.outer(by_size, by_size) / len(inverse)
+    return np.asarray(2.0 * slopes @ inverse @ slopes.T + traces)
 
 
 def best_multipliers(
     quadrics: Sequence[Quadric], start: Array, criterion: Criterion, weight: Array | None = None
 ) -> Array:
-    """The minimiser of F over mu > 0, in log mu, from a start with A > 0 and N > 0."""
+    """The minimiser of F over mu > 0, by Newton's steps within a trust region in log mu, from a start with A > 0, N > 0."""
 
-    def value(x: Array) -> tuple[float, Array]:
+    def value(x: Array) -> float:
+        return objective(quadrics, np.exp(x), criterion, weight)
+
+    def slope(x: Array) -> Array:
         mu = np.exp(x)
-        size = objective(quadrics, mu, criterion, weight)
-        return size, mu * gradient(quadrics, mu, criterion, weight) if math.isfinite(size) else np.zeros(len(x))
+        return mu * gradient(quadrics, mu, criterion, weight)
+
+    def curvature(x: Array) -> Array:
+        mu = np.exp(x)
+        return np.outer(mu, mu) * hessian(quadrics, mu, criterion, weight) + np.diag(slope(x))
 
     n = len(quadrics[0].g)
     x = np.log(start * n / level(combined(quadrics, start)))
-    return np.exp(scipy.optimize.minimize(value, x, jac=True, method="BFGS", options={"gtol": 1e-9}).x)
+    result = scipy.optimize.minimize(value, x, jac=slope, hess=curvature, method="trust-exact", options={"gtol": 1e-10})
+    return np.exp(result.x)
 
 
 def family_member(quadrics: Sequence[Quadric], multipliers: Array) -> tuple[Array, Array]:
