@@ -63,8 +63,8 @@ def quadratic_norm(quadratic: Array) -> float:
 def start(shape: Array, h: float, stiffness: float) -> Tube:
     """A tube from the ellipsoid of this shape.
 
-    Y Y' is the shape, each block wider by a hundredth of its trace and by what the other block moves it in four steps of
-    h: delta by h, gamma by h times the ``stiffness`` of the torque, 1/s^2. Any such Y will do. Both factors are
+    Y Y' is the shape, each block wider by a hundredth of its trace and by what the other block moves it in four steps
+    of h: delta by h, gamma by h times the ``stiffness`` of the torque, 1/s^2. Any such Y will do. Both factors are
     Cholesky's, of the shape with a diagonal that is larger by 84 epsilon (17.7).
     """
     raised = shape + 84.0 * ROUNDING * np.diag(np.diag(shape))
@@ -78,7 +78,7 @@ def start(shape: Array, h: float, stiffness: float) -> Tube:
 
 
 def linear_coefficients(body: Body, series: MotionSeries) -> tuple[Array, Array]:
-    """A_k of the linear part of (17.1), (17.2), and J^-1 times the torque's Jacobian in it, of which four terms are kept."""
+    """A_k of the linear part of (17.1), (17.2) with four terms of the torque's Jacobian, and J^-1 times that alone."""
     count = len(series.rate)
     stiffness = np.zeros((count, 3, 3))
     for torque, directions in zip(body.torques, series.directions, strict=True):
@@ -136,7 +136,7 @@ def linear_part(body: Body, series: MotionSeries, frame: Array) -> LinearPart:
         raise Unbounded("Y changes too much in a step")
     attitude, rate = norm(middle[:3]), norm(middle[3:])
 
-    # E_Y: the coefficient of s^4 as it is, the products beyond by Frobenius norms, the Jacobian's other terms by (17.3).
+    # E_Y: the coefficient of s^4 as it is, the products beyond by Frobenius norms, the rest of the Jacobian by (17.3).
     least_moment, _, greatest_moment = body.moments
     upper_rest = lower_rest = 0.0
     for j in range(len(a)):
@@ -187,8 +187,8 @@ def in_frame(quadratic: Array, frame: Array, inverse: Array) -> Array:
 def cubic_pushes(body: Body, series: MotionSeries, linear: LinearPart) -> list[Array]:
     """Ellipsoids of the terms of third order for |u| <= 1, in the middle of the step (17.4 a, b).
 
-    gamma (gamma.delta) / 4 is in m/4 times that of gamma, m the norm of the form gamma.delta. The torque's cubic forms of u
-    act on u u u, of length one: K K' with the tensor's last indices taken as one.
+    gamma (gamma.delta) / 4 is in m/4 times that of gamma, m the norm of the form gamma.delta. The torque's cubic forms
+    of u act on u u u, of length one: K K' with the tensor's last indices taken as one.
     """
     upper, lower = linear.middle[:3], linear.middle[3:]
     form = 0.5 * (upper.T @ lower + lower.T @ upper)

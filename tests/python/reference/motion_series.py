@@ -177,6 +177,10 @@ class BodyInput(NamedTuple):
     wheel_momentum: Array = np.zeros(3)
 
 
+class StepTooLong(ValueError):
+    """The series says nothing of the attitude at the end of the step."""
+
+
 class MotionSeries(NamedTuple):
     """The center over one step of length h: omega(s) = sum omega_k s^k, and what it lacks of the motion (17.2)."""
 
@@ -246,8 +250,8 @@ def torque_jacobian_coefficient(torque: DirectionTorque, directions: Array, k: i
 def tail(rate: Array, h: float, first: int, growth: float, turn_rate: float) -> float:
     """sum_(k >= first) |a_k| h^k by Cauchy's estimate on |z| = kappa h (17.3).
 
-    Any kappa > 1 will do. The core takes first / (growth (sup |omega| + turn_rate) h), within 2 and 64, and halves it, down
-    to 2, until the exponent is at most ``first``.
+    Any kappa > 1 will do. The core takes first / (growth (sup |omega| + turn_rate) h), within 2 and 64, and halves it,
+    down to 2, until the exponent is at most ``first``.
     """
     norms = np.linalg.norm(rate, axis=1)
     powers = np.arange(len(norms))
@@ -303,6 +307,9 @@ def expand_motion(
     torque_size = largest_rate * size + largest_torque * angle + float(np.linalg.norm(given.control_torque))
     rounding = 32.0 * ROUNDING * (size + torque_size * h) * greatest_moment / least_moment
 
+    attitude_error = 4.5 * tail(rate, h, ORDER + 2, 0.5, 0.0) + 32.0 * ROUNDING
+    if attitude_error >= 1e-3:
+        raise StepTooLong(f"the angle may be wrong by {attitude_error} rad")
     return MotionSeries(
         h=h,
         rate=rate,
@@ -315,7 +322,7 @@ def expand_motion(
         acceleration=acceleration,
         largest_torque=largest_torque,
         largest_rate=largest_rate,
-        attitude_error=4.5 * tail(rate, h, ORDER + 2, 0.5, 0.0) + 32.0 * ROUNDING,
+        attitude_error=attitude_error,
         impulse_defect=float(rest) * h / (ORDER + 1) + rounding,
     )
 
@@ -332,7 +339,7 @@ def error_rates(
     error: Array,
     disturbance: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
-    """The derivatives of gamma and delta, exactly (17.1, 17.2); ``disturbance`` is the unknown torque less the defect."""
+    """The derivatives of gamma and delta, exactly (17.1, 17.2); the disturbance is the unknown torque less the defect."""
     gamma, delta = error[:3], error[3:]
     inertia = body.inertia
     attitude = center_attitude @ so3.cayley(0.5 * gamma)

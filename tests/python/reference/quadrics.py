@@ -1,8 +1,8 @@
 """Measurements as quadrics of [gamma; delta], their fusion, and the move of a set to its own center (theory 16).
 
-What a measurement says of the attitude is a quadratic form of the quaternion q = (1, gamma/2) of the error, from which the
-quadric of gamma is read. Nothing is done about rounding: measurements must not be sharper than the prediction by many
-powers of ten.
+What a measurement says of the attitude is a quadratic form of the quaternion q = (1, gamma/2) of the error, from which
+the quadric of gamma is read. Nothing is done about rounding: measurements must not be sharper than the prediction by
+many powers of ten.
 """
 
 import math
@@ -62,8 +62,8 @@ def cone(center: Array, reference: Array, body: Array, angle: float) -> Quadric:
 def attitude_quadric(center: Array, measured: Array, bound: Array) -> Quadric:
     """gamma~'M gamma~ <= 1 about the measured attitude, M^-1 = tau_1^2 bound, seen from the center (16.2, 16.3).
 
-    The error's quaternion about the measured attitude is that about the center, multiplied from the left by the conjugate
-    of (1, g^): gamma~ is twice its vector part (x) over its real part (w), and the form w^2 - 4 x'M x.
+    The error's quaternion about the measured attitude is that about the center, multiplied from the left by the
+    conjugate of (1, g^): gamma~ is twice its vector part (x) over its real part (w), and the form w^2 - 4 x'M x.
     """
     angle = math.sqrt(np.linalg.eigvalsh(bound)[-1])
     tau = 2.0 * math.tan(0.5 * angle) / angle
@@ -182,7 +182,7 @@ def hessian(
 def best_multipliers(
     quadrics: Sequence[Quadric], start: Array, criterion: Criterion, weight: Array | None = None
 ) -> Array:
-    """The minimiser of F over mu > 0, by Newton's steps within a trust region in log mu, from a start with A > 0, N > 0."""
+    """The minimiser of F over mu > 0, by Newton's steps in log mu, from a start with A > 0 and N > 0."""
 
     def value(x: Array) -> float:
         return objective(quadrics, np.exp(x), criterion, weight)
