@@ -17,7 +17,6 @@ from .motion_series import (
     Body,
     MotionSeries,
     norm,
-
     sum_of_shapes,
     symmetrized,
     torque_jacobian_coefficient,
@@ -372,5 +371,3 @@ def shape(tube: Tube) -> Array:
     # Rounding (17.7).
     magnitude = (np.abs(tube.frame) @ np.sqrt(np.diag(result))) ** 2
     return tube.frame @ result @ tube.frame.T + 128.0 * ROUNDING * np.diag(magnitude)
-
-

@@ -113,7 +113,7 @@ def predict_rate(
     given: BodyInput | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> tuple[Array, Array]:
-    """omega in E(-J^-1 h_w, p^2 J^-2) without an attitude: |(J + D) omega + h_w| grows by the torques at most (17.5)."""
+    """omega in E(-J^-1 h_w, p^2 J^-2) without an attitude: |(J + D) omega + h_w| grows by torques alone (17.5)."""
     control, wheel = given or BodyInput()
     torque, epsilon = uncertainty or Uncertainty()
     inertia = body.inertia
@@ -140,12 +140,12 @@ IntervalRate = Literal["first_sample", "mean_of_ends", "mean"]
 
 
 class GyroUncertainty(NamedTuple):
-    """A sample is omega + bias + v, v in E(0, noise) or scale |sample| beyond, bias' in E(0, drift), |omega'| (17.6)."""
+    """Of samples omega + bias + v: v in E(0, noise) or scale |sample| beyond, bias' in E(0, drift) (17.6)."""
 
     noise: Array = np.zeros((3, 3))  # (rad/s)^2
     drift: Array = np.zeros((3, 3))  # (rad/s^2)^2
     scale: float = 0.0
-    angular_acceleration: float = 0.0  # rad/s^2
+    angular_acceleration: float = 0.0  # bound of |omega'|, rad/s^2
 
 
 def predict_gyro(

@@ -339,7 +339,7 @@ def error_rates(
     error: Array,
     disturbance: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
-    """The derivatives of gamma and delta, exactly (17.1, 17.2); the disturbance is the unknown torque less the defect."""
+    """The derivatives of gamma and delta, exactly (17.1, 17.2), under the unknown torque less the defect."""
     gamma, delta = error[:3], error[3:]
     inertia = body.inertia
     attitude = center_attitude @ so3.cayley(0.5 * gamma)
