@@ -386,7 +386,7 @@ def test_predictions_of_every_size(kind, size, steps):
 
 @pytest.mark.parametrize(("kind", "seed", "step"), [("free", 7, 0.5), ("pendulum", 6, 0.5), ("orbit", 7, 0.3)])
 def test_predictions_over_a_long_step(kind, seed, step):
-    """In which what series leave out is no longer small; the core's attitude is known to err by no more than it says."""
+    """In which what series leave out is not small: the core's attitude may err, by no more than it says."""
     prediction = Prediction(seed, kind, size=1e-2, steps=1, step=step, uncertain=False)
     found, expected = prediction.found(), prediction.expected()
     begin, h = prediction.begin, 0.5 * step
