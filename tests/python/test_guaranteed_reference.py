@@ -505,6 +505,20 @@ def test_gyro_predictions(interval_rate):
     assert 0 < unbounded < 20
 
 
+def test_the_linear_part_of_the_gyros_errors():
+    """17.6, of turns at constant rates, which are known."""
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        rate, h, y = rng.standard_normal(3), 10 ** rng.uniform(-2, 0.3), direction(rng, 6)
+
+        def error(x, rate=rate, h=h, y=y):
+            end = so3.cayley(0.5 * x * y[:3]) @ so3.exp(h * (rate - x * y[3:]))
+            return 2 * so3.cayley_inverse(so3.exp(h * rate).T @ end)
+
+        expected = (guaranteed_flow.gyro_transition(rate, h) @ y)[:3]
+        np.testing.assert_allclose(polynomial_terms(error, 0.05, 1)[1], expected, atol=1e-10)
+
+
 @pytest.mark.parametrize("interval_rate", INTERVAL_RATES)
 def test_gyro_sets_hold_what_they_are_about(interval_rate):
     """17.6: rates, biases and noise that use up their bounds, from the boundary of the set, by integration."""

@@ -8,7 +8,7 @@ import numpy as np
 from . import error_tube, so3
 from .ellipsoid import sum_minimum_trace
 from .error_tube import Tube, Unbounded, Uncertainty
-from .motion_series import ROUNDING, Body, BodyInput, expand_motion, root_norm, torque_bounds
+from .motion_series import ROUNDING, Body, BodyInput, expand_motion, norm, torque_bounds
 from .so3 import Array
 
 LONG_TUBE, SHORT_TUBE = 0.1, 0.01  # by how much u may have moved before a tube begins again
@@ -118,19 +118,19 @@ def predict_rate(
     torque, epsilon = uncertainty or Uncertainty()
     inertia = body.inertia
     bounds = torque_bounds(body.torques, np.eye(3))
-    speed = float(np.linalg.norm(center)) + root_radius(shape)
-    momentum = float(np.linalg.norm(inertia @ center + wheel)) + root_radius(inertia @ shape @ inertia)
+    speed = float(np.linalg.norm(center)) + radius(shape)
+    momentum = float(np.linalg.norm(inertia @ center + wheel)) + radius(inertia @ shape @ inertia)
     momentum += epsilon * speed
     known = bounds.largest + epsilon * bounds.by_inertia + float(np.linalg.norm(control))
-    momentum += duration * (known + root_radius(torque))
+    momentum += duration * (known + radius(torque))
     momentum += epsilon * (momentum + float(np.linalg.norm(wheel))) / (float(body.moments[0]) - epsilon)
     inverse = np.linalg.inv(inertia)
     return -inverse @ wheel, (1.0 + 64.0 * ROUNDING) * momentum**2 * inverse @ inverse
 
 
-def root_radius(shape: Array) -> float:
-    """A bound of the longest semi-axis: the root of the core's norm of the shape."""
-    return root_norm(shape @ shape) ** 0.5
+def radius(shape: Array) -> float:
+    """A bound of the longest semi-axis."""
+    return math.sqrt(norm(shape))
 
 
 # A gyro
@@ -148,6 +148,14 @@ class GyroUncertainty(NamedTuple):
     angular_acceleration: float = 0.0  # bound of |omega'|, rad/s^2
 
 
+def gyro_transition(rate: Array, h: float) -> Array:
+    """The linear part: gamma(h) = F'gamma - h J_r(h omega) (bias - center's), F = exp S(h omega) (17.6)."""
+    transition = np.eye(6)
+    transition[:3, :3] = so3.exp(h * rate).T
+    transition[:3, 3:] = -h * so3.right_jacobian(h * rate)
+    return transition
+
+
 def predict_gyro(
     begin: GibbsSet,
     gyro: Array,
@@ -160,9 +168,7 @@ def predict_gyro(
     h = duration
     rate = gyro - begin.vector
     speed = float(np.linalg.norm(rate))
-    transition = np.block(
-        [[so3.exp(h * rate).T, -h * so3.right_jacobian(h * rate)], [np.zeros((3, 3)), np.eye(3)]],
-    )
+    transition = gyro_transition(rate, h)
 
     acceleration = uncertainty.angular_acceleration
     wander, wander_angle = {
@@ -171,11 +177,11 @@ def predict_gyro(
         "mean": (acceleration * h / 2.0, 0.0),
     }[interval_rate]
     scale = uncertainty.scale * float(np.linalg.norm(gyro))
-    noise = root_radius(uncertainty.noise) + scale
-    drift = root_radius(uncertainty.drift)
+    noise = radius(uncertainty.noise) + scale
+    drift = radius(uncertainty.drift)
 
-    difference = root_radius(begin.shape[3:, 3:]) + h * drift + noise + wander
-    angle = math.atan(root_radius(begin.shape[:3, :3]) / 2.0) + 0.5 * h * difference
+    difference = radius(begin.shape[3:, 3:]) + h * drift + noise + wander
+    angle = math.atan(radius(begin.shape[:3, :3]) / 2.0) + 0.5 * h * difference
     if angle >= 1.5:
         raise Unbounded("the set may reach half turns")
     largest = 2.0 * math.tan(angle)

@@ -39,13 +39,6 @@ def norm(matrix: Array) -> float:
     return largest * float(np.sum((values / largest) ** 32)) ** (1 / 32) if largest > 0.0 else 0.0
 
 
-def root_norm(shape: Array) -> float:
-    """The same norm of a B with B B' = shape: about the longest semi-axis of an ellipsoid."""
-    values = np.abs(np.linalg.eigvalsh(shape))
-    largest = float(values[-1])
-    return math.sqrt(largest) * float(np.sum((values / largest) ** 16)) ** (1 / 32) if largest > 0.0 else 0.0
-
-
 def sum_of_shapes(shapes: Sequence[Array]) -> Array:
     """The ellipsoid of least trace about a sum (7.1); none, or points, are a point."""
     if all(np.trace(shape) == 0.0 for shape in shapes):
