@@ -1,0 +1,224 @@
+"""Flows whose sets hold the state of the continuous motion (theory 17.4 to 17.6), in the Gibbs chart."""
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from . import error_tube, so3
+from .ellipsoid import sum_minimum_trace
+from .error_tube import Tube, Unbounded, Uncertainty
+from .motion_series import ROUNDING, Body, BodyInput, expand_motion, norm, torque_bounds
+from .so3 import Array
+
+LONG_TUBE, SHORT_TUBE = 0.1, 0.01  # by how much u may have moved before a tube begins again
+
+
+class GibbsSet(NamedTuple):
+    """Attitudes C cay(gamma/2) and vectors (a rate or a gyro's bias, rad/s) with [gamma; delta] in E(0, shape)."""
+
+    attitude: Array
+    vector: Array
+    shape: Array
+
+
+# A rigid body
+
+
+def body_steps(duration: float, longest_step: float) -> int:
+    """The fewest steps that are no longer than the longest, but for rounding."""
+    return max(math.ceil(duration / longest_step * (1.0 - 16.0 * ROUNDING)), 1)
+
+
+class Course(NamedTuple):
+    """A way through an interval by tubes."""
+
+    end: GibbsSet
+    largest_displacement: float
+    tube: Tube
+
+    @property
+    def log_volume(self) -> float:
+        return 0.5 * float(np.linalg.slogdet(self.end.shape)[1])
+
+
+def follow(
+    body: Body,
+    begin: GibbsSet,
+    time: float,
+    h: float,
+    steps: int,
+    given: BodyInput,
+    uncertainty: Uncertainty,
+    longest: float,
+) -> Course:
+    """One tube after another, each until u has moved by more than ``longest`` (17.4, beginning again)."""
+    attitude, rate = so3.nearest_rotation(begin.attitude), begin.vector
+    bounds = torque_bounds(body.torques, np.linalg.inv(body.inertia))
+    stiffness = bounds.degree * bounds.largest
+    tube = error_tube.start(begin.shape, h, stiffness)
+    largest_displacement = 0.0
+    for k in range(steps):
+        series = expand_motion(body, attitude, rate, time + k * h, h, given)
+        displacement = tube.displacement()
+        largest_displacement = max(largest_displacement, displacement)
+        if displacement > longest:
+            tube = error_tube.start(error_tube.shape(tube), h, stiffness)
+        tube = error_tube.step(body, series, uncertainty, tube)
+        attitude, rate = series.end_attitude, series.end_rate
+    return Course(GibbsSet(attitude, rate, error_tube.shape(tube)), largest_displacement, tube)
+
+
+def predict_body(
+    body: Body,
+    begin: GibbsSet,
+    time: float,
+    duration: float,
+    longest_step: float,
+    given: BodyInput | None = None,
+    uncertainty: Uncertainty | None = None,
+) -> GibbsSet:
+    """The smaller of the sets of both courses, in equal steps (17.4, beginning again)."""
+    steps = body_steps(duration, longest_step)
+
+    def course(longest: float) -> Course | None:
+        try:
+            return follow(
+                body,
+                begin,
+                time,
+                duration / steps,
+                steps,
+                given or BodyInput(),
+                uncertainty or Uncertainty(),
+                longest,
+            )
+        except Unbounded:
+            return None
+
+    courses = [course(LONG_TUBE)]
+    if steps > 1 and (courses[0] is None or courses[0].largest_displacement > SHORT_TUBE):
+        courses.append(course(SHORT_TUBE))
+    found = [c for c in courses if c is not None]
+    if not found:
+        raise Unbounded("no course is bounded")
+    return min(found, key=lambda c: c.log_volume).end
+
+
+def predict_rate(
+    body: Body,
+    center: Array,
+    shape: Array,
+    duration: float,
+    given: BodyInput | None = None,
+    uncertainty: Uncertainty | None = None,
+) -> tuple[Array, Array]:
+    """omega in E(-J^-1 h_w, p^2 J^-2) without an attitude: |(J + D) omega + h_w| grows by torques alone (17.5)."""
+    control, wheel = given or BodyInput()
+    torque, epsilon = uncertainty or Uncertainty()
+    inertia = body.inertia
+    bounds = torque_bounds(body.torques, np.eye(3))
+    speed = float(np.linalg.norm(center)) + radius(shape)
+    momentum = float(np.linalg.norm(inertia @ center + wheel)) + radius(inertia @ shape @ inertia)
+    momentum += epsilon * speed
+    known = bounds.largest + epsilon * bounds.by_inertia + float(np.linalg.norm(control))
+    momentum += duration * (known + radius(torque))
+    momentum += epsilon * (momentum + float(np.linalg.norm(wheel))) / (float(body.moments[0]) - epsilon)
+    inverse = np.linalg.inv(inertia)
+    return -inverse @ wheel, (1.0 + 64.0 * ROUNDING) * momentum**2 * inverse @ inverse
+
+
+def radius(shape: Array) -> float:
+    """A bound of the longest semi-axis."""
+    return math.sqrt(norm(shape))
+
+
+# A gyro
+
+
+IntervalRate = Literal["first_sample", "mean_of_ends", "mean"]
+
+
+class GyroUncertainty(NamedTuple):
+    """Of samples omega + bias + v: v in E(0, noise) or scale |sample| beyond, bias' in E(0, drift) (17.6)."""
+
+    noise: Array = np.zeros((3, 3))  # (rad/s)^2
+    drift: Array = np.zeros((3, 3))  # (rad/s^2)^2
+    scale: float = 0.0
+    angular_acceleration: float = 0.0  # bound of |omega'|, rad/s^2
+
+
+def gyro_transition(rate: Array, h: float) -> Array:
+    """The linear part: gamma(h) = F'gamma - h J_r(h omega) (bias - center's), F = exp S(h omega) (17.6)."""
+    transition = np.eye(6)
+    transition[:3, :3] = so3.exp(h * rate).T
+    transition[:3, 3:] = -h * so3.right_jacobian(h * rate)
+    return transition
+
+
+def predict_gyro(
+    begin: GibbsSet,
+    gyro: Array,
+    duration: float,
+    uncertainty: GyroUncertainty,
+    interval_rate: IntervalRate,
+    increment: float | None = None,
+) -> GibbsSet:
+    """gamma(h) = F'gamma + integral of R(t) delta(t), delta = -(bias - center's) + e(t), part by part (17.6)."""
+    h = duration
+    rate = gyro - begin.vector
+    speed = float(np.linalg.norm(rate))
+    transition = gyro_transition(rate, h)
+
+    acceleration = uncertainty.angular_acceleration
+    wander, wander_angle = {
+        "first_sample": (acceleration * h, acceleration * h**2 / 2.0),
+        "mean_of_ends": (acceleration * h / 2.0, acceleration * h**2 / 4.0),
+        "mean": (acceleration * h / 2.0, 0.0),
+    }[interval_rate]
+    scale = uncertainty.scale * float(np.linalg.norm(gyro))
+    noise = radius(uncertainty.noise) + scale
+    drift = radius(uncertainty.drift)
+
+    difference = radius(begin.shape[3:, 3:]) + h * drift + noise + wander
+    angle = math.atan(radius(begin.shape[:3, :3]) / 2.0) + 0.5 * h * difference
+    if angle >= 1.5:
+        raise Unbounded("the set may reach half turns")
+    largest = 2.0 * math.tan(angle)
+
+    nonlinear = h * largest * difference * max(0.5, 0.25 * largest)
+    turning = speed * h**2 / 4.0 * (noise + wander + 0.5 * h * drift)
+    drifting = drift * h**2 / 2.0
+    ball = wander_angle + nonlinear + turning + drifting + 64.0 * ROUNDING
+    terms = [transition @ begin.shape @ transition.T]
+    if increment is not None:
+        ball += increment
+    else:
+        ball += h * scale
+        turned = so3.exp(0.5 * h * rate).T
+        terms.append(_in_attitude(h**2 * turned @ uncertainty.noise @ turned.T))
+    if drift > 0.0:
+        moved = np.vstack([-0.5 * h * np.eye(3), np.eye(3)])
+        terms.append(h**2 * moved @ uncertainty.drift @ moved.T)
+        ball += 0.5 * h**3 * speed * drift  # the core's; half of it would do
+    terms.append(_in_attitude(ball**2 * np.eye(3)))
+
+    # The best shares for the volume, by two steps from those of no others (7.2).
+    shape = terms[0]
+    for _ in range(2):
+        shape = sum_minimum_trace(terms, np.linalg.inv(shape))
+    return GibbsSet(begin.attitude @ so3.exp(h * rate), begin.vector, (1.0 + 64.0 * ROUNDING) * shape)
+
+
+def predict_bias(shape: Array, duration: float, drift: Array) -> Array:
+    """The bias without an attitude: a sum with what it drifts by (7.2), as in a prediction."""
+    result = shape
+    for _ in range(2):
+        result = sum_minimum_trace([shape, duration**2 * drift], np.linalg.inv(result))
+    return (1.0 + 64.0 * ROUNDING) * result
+
+
+def _in_attitude(shape: Array) -> Array:
+    result = np.zeros((6, 6))
+    result[:3, :3] = shape
+    return result
