@@ -400,7 +400,8 @@ template <typename Scalar>
   if (const Status status = inverse_positive_definite(measured.bound, m); status != Status::ok) {
     return status;
   }
-  const Vector3<Scalar> gamma = GibbsChart::error(center, measured.attitude);
+  // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
+  const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
   if (!scalar::all_finite(gamma)) {
     return Status::unbounded;
   }

@@ -159,7 +159,7 @@ class GravityGradient {
       return Status::not_a_rotation;
     }
     potential.inertia_ = body.inertia();
-    potential.orbit_ = orbit;
+    potential.orbit_ = renormalized(orbit);
     potential.spread_ = body.principal_moments()(0) - body.principal_moments()(2);
     potential.rate_ = orbit_rate;
     return Status::ok;

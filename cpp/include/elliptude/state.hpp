@@ -190,7 +190,8 @@ template <typename State>
   shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (block + block.transpose());
   shape.template topRightCorner<3, 3>() = b.lazyProduct(ellipsoid.shape.template topRightCorner<3, 3>());
   shape.template bottomLeftCorner<3, 3>() = shape.template topRightCorner<3, 3>().transpose();
-  const State moved = retract<GibbsChart>(center, ellipsoid.center);
+  State moved = retract<GibbsChart>(center, ellipsoid.center);
+  moved.attitude = renormalized(moved.attitude);  // many updates without a prediction between must not add up
   const Scalar vector_size = vector_part(center).norm() + ellipsoid.center.template tail<3>().norm();
   result = {moved, with_attitude_added(shape, Scalar(e / (Scalar(1) - e)), vector_size)};
   return Status::ok;
