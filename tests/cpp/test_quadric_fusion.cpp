@@ -327,6 +327,30 @@ TEST_CASE("quadrics alone are fused where they bound a set") {
   }
 }
 
+TEST_CASE("a sharp attitude far from the center is used in full") {
+  // Nothing of what is to be found depends on the sharpness, but for rounding: it only scales the attitude.
+  const Ellipsoid6 predicted{Vector6<double>::Zero(), Matrix6<double>::Identity()};
+  Random random(23);
+  for (int trial = 0; trial < 20; ++trial) {
+    const Matrix3<double> center = random.rotation();
+    const Vector3<double> turn = 0.8 * random.unit_vector<3>();
+    const auto relative_size = [&](double r) {
+      const MeasuredAttitude<double> measured{center * exp(turn), r * r * Matrix3<double>::Identity()};
+      Quadric<double, 3> quadric;
+      REQUIRE(to_quadric(center, measured, quadric) == Status::ok);
+      const Quadric<double, 6> seen = of_attitude(quadric);
+      Fusion6 fusion;
+      REQUIRE(minimal_intersection(&predicted, &seen, 1, Criterion::volume(), fusion) == Status::ok);
+      return std::sqrt(fusion.set.shape.topLeftCorner<3, 3>().trace()) / r;
+    };
+    const double expected = relative_size(1e-2);
+    for (const double r : {1e-3, 1e-4, 1e-5}) {
+      CHECK(relative_size(r) == doctest::Approx(expected).epsilon(0.005));
+    }
+    CHECK(relative_size(1e-6) < 1.1 * expected);  // the widening for rounding begins
+  }
+}
+
 TEST_CASE("forty quadrics are fused") {
   Random random(8);
   for (int trial = 0; trial < 20; ++trial) {

@@ -106,14 +106,19 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Slices<Scalar> symmetric_part(const Slices<Scalar>& slices) noexcept {
   const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);
+  Slices<Scalar> across = Slices<Scalar>::Zero();  // H_j(i, k) as entry j of column k of slice i
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 0; k <= i; ++k) {
+      for (int j = 0; j < 6; ++j) {
+        across(8 * k + j, i) = slices(8 * k + i, j);
+      }
+    }
+  }
   Slices<Scalar> result;
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k <= i; ++k) {
-      Vector<Scalar, 8> column = slice(slices, i).col(k) + slice(slices, k).col(i);
-      for (int j = 0; j < 6; ++j) {
-        column(j) += slices(8 * k + i, j);  // H_j(i, k)
-      }
-      slice(result, i).col(k) = third * column;
+      slice(result, i).col(k) =
+          third * (slice(slices, i).col(k) + slice(slices, k).col(i) + slice(across, i).col(k));
       slice(result, k).col(i) = slice(result, i).col(k);
     }
   }

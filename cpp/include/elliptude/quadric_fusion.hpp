@@ -274,21 +274,37 @@ void relax(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift, co
   }
 }
 
-/// About the greatest slack of a constraint, so that multipliers of about one suit constraints of any scale: that along its
-/// gradient at zero, within the ball.
+/// About the greatest slack of a constraint within the ball, so that multipliers of about one suit constraints of any scale: by
+/// conjugate gradients from zero, as long as they change it much.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar slack_scale(const Quadric<Scalar, N>& q) noexcept {
-  const Scalar square = q.g.squaredNorm();
   Scalar best = q.c;
-  if (square > Scalar(0)) {
-    const Scalar curvature = q.g.dot(q.a.lazyProduct(q.g));
-    const Scalar limit = Scalar(1) / scalar::sqrt(square);
-    const Scalar step = curvature * limit > square ? Scalar(square / curvature) : limit;
-    best += step * (Scalar(2) * square - step * curvature);
+  Vector<Scalar, N> u = Vector<Scalar, N>::Zero();
+  Vector<Scalar, N> residual = -q.g;
+  Vector<Scalar, N> direction = residual;
+  Scalar square = residual.squaredNorm();
+  for (int step = 0; step < N && square > Scalar(0); ++step) {
+    const Vector<Scalar, N> image = q.a.lazyProduct(direction);
+    const Scalar curvature = direction.dot(image);
+    const Scalar limit = Scalar(1) / scalar::sqrt(Scalar(direction.squaredNorm()));
+    const bool inside = curvature * limit > square;
+    const Scalar length = inside ? Scalar(square / curvature) : limit;
+    const Scalar gain = length * (Scalar(2) * square - length * curvature);
+    u += length * direction;
+    best += gain;
+    if (!inside || gain <= best || u.squaredNorm() > Scalar(1)) {
+      break;
+    }
+    residual -= length * image;
+    const Scalar next = residual.squaredNorm();
+    direction = residual + (next / square) * direction;
+    square = next;
   }
-  const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(q.c);
-  best = best > least ? best : least;
-  return best > Scalar(0) ? best : (q.a.norm() > Scalar(0) ? Scalar(q.a.norm()) : Scalar(1));
+  if (best > Scalar(1000) * Scalar(scalar::epsilon<Scalar>) * scalar::abs(q.c)) {
+    return best;
+  }
+  const Scalar missing = scalar::constant<Scalar>(1e-3L) * scalar::abs(q.c);
+  return missing > Scalar(0) ? missing : (q.a.norm() > Scalar(0) ? Scalar(q.a.norm()) : Scalar(1));
 }
 
 /// Where the search begins. With a prediction each measurement has what would be best for it and the prediction alone, by
@@ -311,7 +327,11 @@ template <typename Scalar, int N>
     const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
     const Scalar descent = trace / n - q.c;
     const Scalar curvature = q.a.squaredNorm() / (n * n) + Scalar(2) * q.g.squaredNorm() / n;
+    // Of a sharp one the prediction says too little: it bounds as many coordinates as this, and its multiplier is about that.
+    const Scalar dimension = q.a.trace() * q.a.trace() / q.a.squaredNorm();
+    const Scalar sharp = dimension - n * q.a.trace() / q.a.squaredNorm();
     Scalar best = descent / curvature;
+    best = best > sharp ? best : sharp;
     best = best > least ? best : least;
     multipliers[k] = best < most ? best : most;
     sum += multipliers[k];
