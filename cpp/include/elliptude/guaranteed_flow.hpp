@@ -375,7 +375,7 @@ class GuaranteedGyroFlow {
       others[1].template topRightCorner<3, 3>() = back * d;
       others[1].template bottomLeftCorner<3, 3>() = back * d;
       others[1].template bottomRightCorner<3, 3>() = d;
-      ball += half * h * h * h * speed * drift;
+      ball += half * half * h * h * h * speed * drift;
     }
     others[2] = tube::attitude_ball(ball);
     Matrix6<Scalar> sum;

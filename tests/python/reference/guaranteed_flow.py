@@ -200,7 +200,7 @@ def predict_gyro(
     if drift > 0.0:
         moved = np.vstack([-0.5 * h * np.eye(3), np.eye(3)])
         terms.append(h**2 * moved @ uncertainty.drift @ moved.T)
-        ball += 0.5 * h**3 * speed * drift  # the core's; half of it would do
+        ball += 0.25 * h**3 * speed * drift
     terms.append(_in_attitude(ball**2 * np.eye(3)))
 
     # The best shares for the volume, by two steps from those of no others (7.2).
