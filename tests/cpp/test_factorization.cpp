@@ -369,3 +369,11 @@ TEST_CASE("rotation_svd refuses zero and what is not finite and leaves its outpu
   }
   CHECK(out.values == Vector3<double>(1, 2, 3));
 }
+
+TEST_CASE("the norm of a matrix so small that its square is denormal is finite") {
+  CHECK(spectral_norm(Matrix3<float>(2e-20F * Matrix3<float>::Identity())) >= 1.9e-20F);
+  CHECK(spectral_norm(Matrix3<float>(2e-20F * Matrix3<float>::Identity())) < 1e-19F);
+  Matrix6<double> gram = Matrix6<double>::Zero();
+  gram(0, 0) = 1e-309;
+  CHECK(norm_of_gram(gram) == doctest::Approx(3.16e-155).epsilon(0.01));
+}

@@ -38,9 +38,7 @@ packed::Slices<double> slices_of(const packed::Forms<double>& forms) {
   return packed::seen_from<double>(forms, Matrix6<double>::Identity(), Matrix6<double>::Identity());
 }
 
-Matrix6<double> matrix_of(const packed::Slices<double>& slices, int i) {
-  return packed::slice(slices, i).topRows<6>();
-}
+Matrix6<double> matrix_of(const packed::Slices<double>& slices, int i) { return packed::slice(slices, i).topRows<6>(); }
 
 Vector6<double> values(const packed::Forms<double>& forms, const Vector6<double>& u) {
   Vector6<double> result;

@@ -351,6 +351,46 @@ TEST_CASE("a sharp attitude far from the center is used in full") {
   }
 }
 
+TEST_CASE("a prediction cuts a set that is far sharper") {
+  // A ball of radius r about a point next to the unit sphere: to order r the sphere is a plane, at the distance k r from the center,
+  // and a ball with a half-space gives balls, the smallest of them about the disk in which the plane cuts it: of radius r √(1 − k²).
+  Random random(24);
+  for (const double r : {1e-2, 1e-4, 1e-5}) {
+    for (const double k : {0.5, 0.9}) {
+      const Vector6<double> axis = random.unit_vector<6>();
+      const Ellipsoid6 predicted{Vector6<double>::Zero(), Matrix6<double>::Identity()};
+      const Ellipsoid6 sharp{(1 + k * r) * axis, r * r * Matrix6<double>::Identity()};
+      Quadric<double, 6> quadric;
+      REQUIRE(to_quadric(sharp, quadric) == Status::ok);
+      Fusion6 fusion;
+      REQUIRE(minimal_intersection(&predicted, &quadric, 1, Criterion::volume(), fusion) == Status::ok);
+      const double log_volume = 6 * std::log(1 - k * k);
+      const double found = std::log(static_cast<double>(
+          Eigen::PartialPivLU<LongMatrix6>((fusion.set.shape / (r * r)).cast<long double>()).determinant()));
+      CHECK(found == doctest::Approx(log_volume).scale(1).epsilon(r == 1e-4 ? 0.01 : 0.1));
+    }
+    for (const double k : {1.1, 3.0, 50.0}) {
+      const Ellipsoid6 predicted{Vector6<double>::Zero(), Matrix6<double>::Identity()};
+      const Ellipsoid6 sharp{(1 + k * r) * random.unit_vector<6>(), r * r * Matrix6<double>::Identity()};
+      Quadric<double, 6> quadric;
+      REQUIRE(to_quadric(sharp, quadric) == Status::ok);
+      Fusion6 fusion;
+      CHECK(minimal_intersection(&predicted, &quadric, 1, Criterion::volume(), fusion) == Status::empty_intersection);
+    }
+  }
+}
+
+TEST_CASE("a sharp set far from zero is found without a prediction") {
+  for (const double r : {1e-3, 1e-5, 1e-6}) {
+    Quadric<double, 6> quadric;
+    const Ellipsoid6 sharp{0.5 * Vector6<double>::Unit(2), r * r * Matrix6<double>::Identity()};
+    REQUIRE(to_quadric(sharp, quadric) == Status::ok);
+    Fusion6 fusion;
+    REQUIRE(minimal_intersection<double, 6>(nullptr, &quadric, 1, Criterion::volume(), fusion) == Status::ok);
+    CHECK(std::sqrt(fusion.set.shape.diagonal().maxCoeff()) < 1.1 * r);
+  }
+}
+
 TEST_CASE("forty quadrics are fused") {
   Random random(8);
   for (int trial = 0; trial < 20; ++trial) {

@@ -849,7 +849,7 @@ def test_linear_measurements():
 
 
 def worn(rng, attitude):
-    """An attitude as it may have been stored, with half the digits: a rotation times a stretch, of which it is the nearest."""
+    """An attitude stored with half the digits: a rotation times a stretch, of which it is the nearest."""
     stretch = 7e-9 * rng.choice([-1, 1], (3, 3))
     return attitude @ (np.eye(3) + np.triu(stretch) + np.triu(stretch, 1).T)
 

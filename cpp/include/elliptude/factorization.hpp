@@ -485,11 +485,13 @@ template <typename Scalar, int N>
   }
   constexpr int rows = (N + 3) / 4 * 4;  // rows of zeros fill SIMD registers
   using Padded = Matrix<Scalar, rows, N>;
-  const auto square_of = [](const Padded& power) {
-    return Padded(power.lazyProduct(power.template topRows<N>()));
-  };
+  const auto square_of = [](const Padded& power) { return Padded(power.lazyProduct(power.template topRows<N>())); };
+  const Scalar inverse = Scalar(1) / scale;
+  if (!scalar::isfinite(inverse)) {
+    return scalar::sqrt(scale);  // of a denormal trace
+  }
   Padded first;
-  first.template topRows<N>() = (Scalar(1) / scale) * gram;
+  first.template topRows<N>() = inverse * gram;
   first.template bottomRows<rows - N>().setZero();
   const Padded second = square_of(first);
   const Padded fourth = square_of(second);

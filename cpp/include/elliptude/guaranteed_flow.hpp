@@ -107,13 +107,18 @@ class GuaranteedRigidBodyFlow {
         status != Status::ok) {
       return status;
     }
+    const TorqueExpansion<Potential, Scalar, 1> expansion(potential);
+    const TorqueBounds<Scalar> torque_bounds = expansion.bounds(Matrix3<Scalar>::Identity());
+    const TorqueBounds<Scalar> acceleration_bounds = expansion.bounds(body.inertia_inverse());
+    if (!scalar::isfinite(torque_bounds.largest) || !scalar::isfinite(acceleration_bounds.largest)) {
+      return Status::not_finite;
+    }
     flow.body_ = body;
     flow.potential_ = potential;
     flow.longest_step_ = longest_step;
     flow.uncertainty_ = uncertainty;
-    const TorqueExpansion<Potential, Scalar, 1> expansion(potential);
-    flow.torque_bounds_ = expansion.bounds(Matrix3<Scalar>::Identity());
-    flow.acceleration_bounds_ = expansion.bounds(body.inertia_inverse());
+    flow.torque_bounds_ = torque_bounds;
+    flow.acceleration_bounds_ = acceleration_bounds;
     return Status::ok;
   }
 
@@ -186,8 +191,9 @@ class GuaranteedRigidBodyFlow {
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
                       tube::radius(momentum_shape) + error * speed;
-    momentum += duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
-                            tube::radius(uncertainty_.torque));
+    momentum +=
+        duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+                    tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
     if (!scalar::isfinite(momentum)) {
       return Status::not_finite;
@@ -251,7 +257,7 @@ class GuaranteedRigidBodyFlow {
   Potential potential_;
   Scalar longest_step_;
   BodyUncertainty<Scalar> uncertainty_;
-  TorqueBounds<Scalar> torque_bounds_;         // of M
+  TorqueBounds<Scalar> torque_bounds_;        // of M
   TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
 };
 

@@ -137,8 +137,10 @@ struct MotionSeries {
     const Scalar size =
         body.principal_moments()(0) * largest_rate + scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm()));
+    // Not the torque's bound alone: that of a nearly spherical body is small, but not the products that it is made of.
+    const Scalar torque_size = torque_bounds.largest + torque_bounds.by_inertia * body.principal_moments()(0);
     impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
-                      (size + (largest_rate * size + torque_bounds.largest * angle + control) * h) *
+                      (size + (largest_rate * size + torque_size * angle + control) * h) *
                       (body.principal_moments()(0) / body.principal_moments()(2));
   }
 

@@ -117,8 +117,7 @@ template <typename Scalar>
   Slices<Scalar> result;
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k <= i; ++k) {
-      slice(result, i).col(k) =
-          third * (slice(slices, i).col(k) + slice(slices, k).col(i) + slice(across, i).col(k));
+      slice(result, i).col(k) = third * (slice(slices, i).col(k) + slice(slices, k).col(i) + slice(across, i).col(k));
       slice(result, k).col(i) = slice(result, i).col(k);
     }
   }

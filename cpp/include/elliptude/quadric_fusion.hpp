@@ -274,8 +274,8 @@ void relax(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift, co
   }
 }
 
-/// About the greatest slack of a constraint within the ball, so that multipliers of about one suit constraints of any scale: by
-/// conjugate gradients from zero, as long as they change it much.
+/// About the greatest slack of a constraint near the ball, so that multipliers of about one suit constraints of any scale: by
+/// conjugate gradients from zero, until it is known to a factor of two or they leave the ball.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar slack_scale(const Quadric<Scalar, N>& q) noexcept {
   Scalar best = q.c;
@@ -331,7 +331,7 @@ template <typename Scalar, int N>
     const Scalar dimension = q.a.trace() * q.a.trace() / q.a.squaredNorm();
     const Scalar sharp = dimension - n * q.a.trace() / q.a.squaredNorm();
     Scalar best = descent / curvature;
-    best = best > sharp ? best : sharp;
+    best = sharp > best ? sharp : best;  // not where A = 0
     best = best > least ? best : least;
     multipliers[k] = best < most ? best : most;
     sum += multipliers[k];
@@ -414,7 +414,7 @@ template <typename Scalar, int N>
   const std::size_t count = problem.count;
   typename Problem::Iterate* now = &iterates[0];
   best = now;
-  Multipliers z;
+  Multipliers z{};
   Multipliers gradient;
   Matrix<Scalar, N> v;
   std::array<Scalar, Problem::most * Problem::most> hessian;
@@ -456,10 +456,28 @@ template <typename Scalar, int N>
       gap += it.multipliers[k] * z[k];
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
     }
-    if (gap + defect <= tolerance + it.rounding) {
+    // A multiplier that is far too small counts for little in these sums though much is to be gained by raising it: g²/2∂²F alone
+    // for each that would fall. For ∂²F a bound from below is at hand, tr(V Aₖ)²/N, which settles nearly all.
+    const Scalar accuracy = tolerance + it.rounding;
+    const bool balanced = gap + defect <= accuracy;
+    const auto may_gain = [&](const auto& curvature) {
+      bool gains = false;
+      for (std::size_t k = 0; k < count; ++k) {
+        gains = gains || (gradient[k] < Scalar(0) && gradient[k] * gradient[k] > accuracy * curvature(k));
+      }
+      return gains;
+    };
+    const auto least_curvature = [&](std::size_t k) {
+      const Scalar trace = it.slack[k] - gradient[k];
+      return Scalar(trace * trace / Scalar(N));
+    };
+    if (balanced && !may_gain(least_curvature)) {
       break;
     }
     problem.hessian(it, v, gradient, hessian.data());
+    if (balanced && !may_gain([&](std::size_t k) { return hessian[k * Problem::most + k]; })) {
+      break;
+    }
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
     }
@@ -569,11 +587,11 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion.
+/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion; that all is
+/// finite, and the prediction, are tested here.
 template <typename Scalar, int N>
-[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
-                                          std::size_t count, const SizeCriterion<Scalar, N>& criterion,
-                                          QuadricFusion<Scalar, N>& result) noexcept {
+[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics, std::size_t count,
+                          const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
   using Problem = ManyQuadrics<Scalar, N>;
   using Fusion = QuadricFusion<Scalar, N>;
   const Scalar epsilon(scalar::epsilon<Scalar>);
@@ -604,11 +622,17 @@ template <typename Scalar, int N>
     shift = predicted->center;
     reach = shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
   } else {
+    std::array<Scalar, most_quadrics> level;
+    for (std::size_t k = 0; k < count; ++k) {
+      // Not much less than the slack at zero, or a sharp set would be far from zero in its own widths, and lose by rounding.
+      const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(quadrics[k].c);
+      const Scalar scale_of_slack = slack_scale(quadrics[k]);
+      level[k] = scale_of_slack > least ? scale_of_slack : least;
+    }
     for (int i = 0; i < N; ++i) {
       Scalar largest(0);
       for (std::size_t k = 0; k < count; ++k) {
-        const Scalar level = slack_scale(quadrics[k]);
-        const Scalar entry = scalar::abs(Scalar(quadrics[k].a(i, i))) / level;
+        const Scalar entry = scalar::abs(Scalar(quadrics[k].a(i, i))) / level[k];
         largest = entry > largest ? entry : largest;
       }
       if (!(largest > Scalar(0))) {
@@ -629,7 +653,6 @@ template <typename Scalar, int N>
   }
   const Scalar rounding = Scalar(4 * (N + 4) + static_cast<int>(count)) * epsilon;
   bool idle = problem.with_ball;
-  Scalar least_slack(1);
   for (std::size_t k = 0; k < count; ++k) {
     Constraint<Scalar, N>& constraint = problem.constraints[k + first];
     relax(quadrics[k], shift, factor, reach, rounding, problem.with_ball, constraint);
@@ -637,7 +660,6 @@ template <typename Scalar, int N>
     // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
     const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
     idle = idle && q.c * Scalar(N) >= trace;
-    least_slack = q.c < least_slack ? q.c : least_slack;
     scale[k + first] = slack_scale(q);
     const Scalar inverse = Scalar(1) / scale[k + first];
     q.a *= inverse;

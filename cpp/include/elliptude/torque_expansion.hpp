@@ -256,8 +256,7 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto last = static_cast<std::size_t>(k - 1);
     const Scalar factor = Scalar(1) / Scalar(k);
-    add(k,
-        factor * (rate_ * along_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
+    add(k, factor * (rate_ * along_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
         factor * (-rate_ * radial_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
     return torque(k);
   }
@@ -307,9 +306,9 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
     for (int a = 0; a < 3; ++a) {
       const int next = (a + 1) % 3;
       const int last = (a + 2) % 3;
-      const Matrix3<Scalar> form = b1.row(next).transpose() * jaxes.row(last) -
-                                   b1.row(last).transpose() * jaxes.row(next) +
-                                   axes.row(next).transpose() * jb1.row(last) - axes.row(last).transpose() * jb1.row(next);
+      const Matrix3<Scalar> form =
+          b1.row(next).transpose() * jaxes.row(last) - b1.row(last).transpose() * jaxes.row(next) +
+          axes.row(next).transpose() * jb1.row(last) - axes.row(last).transpose() * jb1.row(next);
       torque.col(a) = expansion::cubic_product(Vector3<Scalar>(linear.row(a).transpose()), square) +
                       expansion::cubic_product(along, Matrix3<Scalar>(form + form.transpose()));
     }
@@ -344,8 +343,8 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   /// Coefficient k of 3n² b × Jb, the axis of bbᵀJ.
   [[nodiscard]] Vector3<Scalar> torque(int k) const noexcept {
     const Matrix3<Scalar> product = squares_[static_cast<std::size_t>(k)].template topRows<3>().lazyProduct(inertia_);
-    return strength() * Vector3<Scalar>(product(1, 2) - product(2, 1), product(2, 0) - product(0, 2),
-                                        product(0, 1) - product(1, 0));
+    return strength() *
+           Vector3<Scalar>(product(1, 2) - product(2, 1), product(2, 0) - product(0, 2), product(0, 1) - product(1, 0));
   }
   /// −S(Jb) + S(b)J, which gives d(b × Jb) from db.
   [[nodiscard]] Matrix3<Scalar> linear_part(const Vector3<Scalar>& b, const Vector3<Scalar>& jb) const noexcept {
@@ -359,7 +358,7 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   std::array<Vector3<Scalar>, Terms> along_;
   std::array<expansion::Columns<Scalar>, Terms> across_radial_;
   std::array<expansion::Columns<Scalar>, Terms> across_along_;
-  std::array<Vector<Scalar, 4>, Terms> padded_;               // the radial direction
+  std::array<Vector<Scalar, 4>, Terms> padded_;            // the radial direction
   std::array<expansion::Columns<Scalar>, Terms> squares_;  // of bbᵀ
   int count_ = 0;
 };

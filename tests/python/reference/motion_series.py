@@ -297,7 +297,8 @@ def expand_motion(
     least_moment, _, greatest_moment = body.moments
     size = greatest_moment * largest_rate + float(np.linalg.norm(given.wheel_momentum))
     angle = 1.0 + abs(acceleration.turn_rate * time)
-    torque_size = largest_rate * size + largest_torque * angle + float(np.linalg.norm(given.control_torque))
+    products = largest_torque + acceleration.by_inertia * greatest_moment
+    torque_size = largest_rate * size + products * angle + float(np.linalg.norm(given.control_torque))
     rounding = 32.0 * ROUNDING * (size + torque_size * h) * greatest_moment / least_moment
 
     attitude_error = 4.5 * tail(rate, h, ORDER + 2, 0.5, 0.0) + 32.0 * ROUNDING
