@@ -687,7 +687,7 @@ template <typename Scalar, int N>
   if (const Status status = find_bounded(problem, multipliers, iterates[0]); status != Status::ok) {
     return status;
   }
-  const typename Problem::Iterate* found;
+  const typename Problem::Iterate* found = nullptr;
   Scalar margin;
   const Status status = minimize(problem, scale, iterates, found, margin);
   const typename Problem::Iterate& best = *found;
