@@ -355,8 +355,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     Matrix3<Scalar> attitude;
     if (measurements.attitude != nullptr) {
-      attitude =
-          renormalized(measurements.attitude->attitude);  // within `rotation_tolerance`; cones need one to rounding
+      // Within `rotation_tolerance`, but cones hold about a rotation to rounding.
+      attitude = renormalized(measurements.attitude->attitude);
     } else {
       Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
       for (std::size_t i = 0; i < measurements.direction_count; ++i) {
