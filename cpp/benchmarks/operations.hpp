@@ -192,7 +192,7 @@ double fuse(long count) {
 /// A prediction about as wide as the measurements: three directions and the angular velocity, all about the predicted center.
 struct Gathered {
   Ellipsoid6 predicted;
-  std::array<Quadric<double, 6>, 4> quadrics;
+  std::array<HalfQuadric<double>, 4> quadrics;
 };
 
 inline std::array<Gathered, pair_count> typical_quadrics() {

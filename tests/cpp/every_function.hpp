@@ -328,6 +328,7 @@ void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noe
   tally.add(gibbs_stretch(small));
   tally.add(ExponentialChart::angle(small) + GibbsChart::angle(small));
   const Matrix3<Scalar> bound = small * small * Matrix3<Scalar>::Identity();
+  std::array<HalfQuadric<Scalar>, 3> halves;
   std::array<Quadric<Scalar, 6>, 4> quadrics;
   Quadric<Scalar, 3> three;
   const Vector3<Scalar> e = Vector3<Scalar>::UnitX();
@@ -336,16 +337,20 @@ void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noe
   tally.add(angle_bound(direction, angle));
   tally.add(angle);
   tally.add(cone(center.attitude, direction, three));
-  quadrics[0] = of_attitude(three);
+  halves[0] = of_attitude(three);
+  quadrics[0] = extended(halves[0]);
   tally.add(to_quadric(center.attitude, MeasuredAttitude<Scalar>{center.attitude, bound}, three));
-  quadrics[1] = of_attitude(three);
+  halves[1] = of_attitude(three);
+  quadrics[1] = extended(halves[1]);
   const AngularVelocity<Scalar> rate{center.angular_velocity, bound};
   tally.add(to_quadric(center.angular_velocity, rate, three));
-  quadrics[2] = of_vector(three);
+  halves[2] = of_vector(three);
+  quadrics[2] = extended(halves[2]);
   tally.add(to_quadric(linear_angular_velocity(center.angular_velocity, rate), predicted, quadrics[3]));
   const Ellipsoid<Scalar, 6> set = predicted.in_coordinates();
   QuadricFusion<Scalar, 6> fusion;
   for (const auto& criterion : {SizeCriterion<Scalar, 6>::trace(), SizeCriterion<Scalar, 6>::volume()}) {
+    tally.add(minimal_intersection(&set, halves.data(), halves.size(), criterion, fusion));
     tally.add(minimal_intersection(&set, quadrics.data(), quadrics.size(), criterion, fusion));
     tally.add(fusion.set.shape);
     tally.add(minimal_intersection<Scalar, 6>(nullptr, quadrics.data(), quadrics.size(), criterion, fusion));

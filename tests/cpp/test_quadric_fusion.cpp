@@ -72,7 +72,7 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
     const Long3 measured = std::cos(angle) * b + std::sin(angle) * across;
     Quadric<double, 3> quadric;
     REQUIRE(cone(center, Direction<double>::within(e, measured.cast<double>(), r), quadric) == Status::ok);
-    scene.quadrics[static_cast<std::size_t>(k)] = of_attitude(quadric);
+    scene.quadrics[static_cast<std::size_t>(k)] = extended(of_attitude(quadric));
   }
   const Vector3<double> offset = (1 - 1e-12) * (kind % 5 < 2 ? random.unit_vector<3>() : random.in_ball<3>());
   Quadric<double, 3> quadric;
@@ -81,7 +81,7 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
                  AngularVelocity<double>{rate + (scene.truth.tail<3>() + r * offset.cast<long double>()).cast<double>(),
                                          (1 + 1e-12) * r * r * Matrix3<double>::Identity()},
                  quadric) == Status::ok);
-  scene.quadrics[3] = of_vector(quadric);
+  scene.quadrics[3] = extended(of_vector(quadric));
   return scene;
 }
 
@@ -287,7 +287,7 @@ TEST_CASE("a contradicting sensor is named") {
     Quadric<double, 3> quadric;
     const Vector3<double> turned = exp(Vector3<double>(0.5 * e.cross(random.unit_vector<3>()).normalized())) * e;
     REQUIRE(cone(center, Direction<double>::within(e, turned, 0.02), quadric) == Status::ok);
-    scene.quadrics[wrong] = of_attitude(quadric);
+    scene.quadrics[wrong] = extended(of_attitude(quadric));
     Fusion6 result;
     result.prediction_alone = true;
     REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 4, Criterion::volume(), result) ==
@@ -338,7 +338,7 @@ TEST_CASE("a sharp attitude far from the center is used in full") {
       const MeasuredAttitude<double> measured{center * exp(turn), r * r * Matrix3<double>::Identity()};
       Quadric<double, 3> quadric;
       REQUIRE(to_quadric(center, measured, quadric) == Status::ok);
-      const Quadric<double, 6> seen = of_attitude(quadric);
+      const Quadric<double, 6> seen = extended(of_attitude(quadric));
       Fusion6 fusion;
       REQUIRE(minimal_intersection(&predicted, &seen, 1, Criterion::volume(), fusion) == Status::ok);
       return std::sqrt(fusion.set.shape.topLeftCorner<3, 3>().trace()) / r;
@@ -432,9 +432,13 @@ TEST_CASE("the gradient and the Hessian are those of F") {
     problem.by_volume = trial % 2 == 0;
     problem.weight = random.positive_definite<6>(10.0);
     problem.count = 5;
-    problem.constraints[0] = {{Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0}, false};
+    problem.constraints[0].leading = false;
+    problem.constraints[0].quadric = {Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0};
     for (std::size_t k = 0; k < 4; ++k) {
-      problem.constraints[k + 1] = {scene.quadrics[k], k < 3};
+      const Quadric<double, 6>& q = scene.quadrics[k];
+      problem.constraints[k + 1].leading = k < 3 && trial % 3 != 0;
+      problem.constraints[k + 1].part = {q.a.topLeftCorner<3, 3>(), q.g.head<3>(), q.c};
+      problem.constraints[k + 1].quadric = q;
     }
     Problem::Multipliers mu{};
     for (std::size_t k = 0; k < 5; ++k) {
@@ -480,7 +484,7 @@ TEST_CASE("a prediction that nothing improves is returned unchanged") {
   CHECK(result.set.shape == scene.predicted.shape);
   CHECK(result.set.center == scene.predicted.center);
   CHECK(result.predicted_multiplier == 1);
-  REQUIRE(minimal_intersection<double, 6>(&scene.predicted, nullptr, 0, Criterion::trace(), result) == Status::ok);
+  REQUIRE(minimal_intersection(&scene.predicted, scene.quadrics.data(), 0, Criterion::trace(), result) == Status::ok);
   CHECK(result.prediction_alone);
   CHECK(result.contradiction == Fusion6::none);
 }

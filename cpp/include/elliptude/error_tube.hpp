@@ -260,19 +260,28 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
   // --- Y' − A Y: its first coefficient exactly, the others by the norms of their blocks ----------------------------------
   const Matrix6<Scalar> first_error = inverse.lazyProduct(rows(next_top, next_bottom));
   linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
+  // Of these, the integral of sⁱ⁺ʲ with i + j > order is at most hⁱ⁺ʲ⁺¹/(order + 2); sums over i come first.
+  std::array<Scalar, order + 1> top_sums;
+  std::array<Scalar, order + 1> bottom_sums;
+  top_sums[order] = powers[order] * top_norms[order];
+  bottom_sums[order] = powers[order] * bottom_norms[order];
+  for (std::size_t i = order; i-- > 0;) {
+    top_sums[i] = top_sums[i + 1] + powers[i] * top_norms[i];
+    bottom_sums[i] = bottom_sums[i + 1] + powers[i] * bottom_norms[i];
+  }
   Scalar top_sum(0);
   Scalar bottom_sum(0);
-  for (std::size_t j = 0; j < series.rate_norms.size(); ++j) {
+  for (std::size_t j = 1; j < series.rate_norms.size(); ++j) {
     const Scalar momentum = scalar::sqrt(Scalar(series.momentum[j].squaredNorm()));
     const Scalar gyroscopic_norm =
         (momentum + series.rate_norms[j] * body.principal_moments()(0)) / body.principal_moments()(2);
     const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness[j].squaredNorm())) : Scalar(0);
-    for (std::size_t i = j > order ? 0 : order + 1 - j; i <= order; ++i) {
-      const Scalar power = powers[i + j + 1] / number(i + j + 1);
-      top_sum += power * series.rate_norms[j] * top_norms[i];
-      bottom_sum += power * (gyroscopic_norm * bottom_norms[i] + stiffness_norm * top_norms[i]);
-    }
+    const std::size_t first = j > order ? 0 : order + 1 - j;
+    top_sum += powers[j] * series.rate_norms[j] * top_sums[first];
+    bottom_sum += powers[j] * (gyroscopic_norm * bottom_sums[first] + stiffness_norm * top_sums[first]);
   }
+  top_sum *= h / number(order + 2);
+  bottom_sum *= h / number(order + 2);
   if (torque.largest > Scalar(0)) {
     bottom_sum += torque.degree * torque.largest * series.tail(jacobians, torque.degree, torque.turn_rate, h) * h /
                   number(jacobians + 1) * largest_attitude;

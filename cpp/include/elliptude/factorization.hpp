@@ -197,6 +197,107 @@ template <typename Scalar, int N>
   return square;
 }
 
+/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots,
+/// which wait for each other.
+template <typename Scalar, int N>
+struct RootFreeFactor {
+  Matrix<Scalar, N> l;  ///< below the diagonal; the rest is undefined
+  Vector<Scalar, N> p;  ///< inverse pivots
+};
+
+namespace factorization {
+
+template <int Column, typename Scalar, int N>
+[[nodiscard]] bool root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled,
+                                     RootFreeFactor<Scalar, N>& factor) noexcept {
+  if constexpr (Column < N) {
+    Scalar pivot = a(Column, Column);
+    for (int k = 0; k < Column; ++k) {
+      pivot -= factor.l(Column, k) * scaled(Column, k);
+    }
+    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return false;
+    }
+    factor.p(Column) = Scalar(1) / pivot;
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar entry = a(i, Column);
+      for (int k = 0; k < Column; ++k) {
+        entry -= factor.l(i, k) * scaled(Column, k);
+      }
+      scaled(i, Column) = entry;
+      factor.l(i, Column) = entry * factor.p(Column);
+    }
+    return root_free_columns<Column + 1>(a, scaled, factor);
+  } else {
+    return true;
+  }
+}
+
+template <int Column, typename Scalar, int N>
+void unit_inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
+  if constexpr (Column < N) {
+    inverse.col(Column).template head<Column>().setZero();
+    inverse(Column, Column) = Scalar(1);
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar sum = l(i, Column);
+      for (int k = Column + 1; k < i; ++k) {
+        sum += l(i, k) * inverse(k, Column);
+      }
+      inverse(i, Column) = -sum;
+    }
+    unit_inverse_columns<Column + 1>(l, inverse);
+  }
+}
+
+template <int Row, typename Scalar, int N>
+void solve_unit_down(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
+  if constexpr (Row < N) {
+    for (int k = 0; k < Row; ++k) {
+      x(Row) -= l(Row, k) * x(k);
+    }
+    solve_unit_down<Row + 1>(l, x);
+  }
+}
+
+template <int Row, typename Scalar, int N>
+void solve_unit_up(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
+  if constexpr (Row >= 0) {
+    for (int k = Row + 1; k < N; ++k) {
+      x(Row) -= l(k, Row) * x(k);
+    }
+    solve_unit_up<Row - 1>(l, x);
+  }
+}
+
+}  // namespace factorization
+
+/// \return `not_positive_definite` if a pivot is not positive (or is NaN).
+template <typename Scalar, int N>
+[[nodiscard]] Status factorize(const Matrix<Scalar, N>& a, RootFreeFactor<Scalar, N>& factor) noexcept {
+  Matrix<Scalar, N> scaled;
+  return factorization::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
+}
+
+/// The lower triangle r with a⁻¹ = rᵀr.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> inverse_root(const RootFreeFactor<Scalar, N>& factor) noexcept {
+  Matrix<Scalar, N> root;
+  factorization::unit_inverse_columns<0>(factor.l, root);
+  const Vector<Scalar, N> scale = factor.p.cwiseSqrt();
+  root.array().colwise() *= scale.array();
+  return root;
+}
+
+/// x with a x = b.
+template <typename Scalar, int N>
+[[nodiscard]] Vector<Scalar, N> solve(const RootFreeFactor<Scalar, N>& factor, const Vector<Scalar, N>& b) noexcept {
+  Vector<Scalar, N> x = b;
+  factorization::solve_unit_down<0>(factor.l, x);
+  x.array() *= factor.p.array();
+  factorization::solve_unit_up<N - 1>(factor.l, x);
+  return x;
+}
+
 /// The inverse of any regular matrix, by Gauss and Jordan's elimination with the largest pivot of each column.
 /// \return `not_finite` if there is no inverse, or it is beyond all numbers.
 template <typename Scalar, int N>
@@ -476,36 +577,29 @@ template <typename Scalar, int Rows, int Columns>
   return gram;
 }
 
-/// An upper bound of the largest singular value of B with BᵀB = gram: (tr gram¹⁶)^(1/32), above it by at most N^(1/32).
+/// An upper bound of the largest singular value of B with BᵀB = gram, above it by at most √((1 + √N)/2), and not at all where all
+/// are alike or all but one are zero: the largest eigenvalue is within √(N − 1) standard deviations of the mean of all (Samuelson's
+/// inequality), and traces of the gram matrix and of its square give both.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
-  const Scalar scale = gram.trace();
-  if (!(scale > Scalar(0))) {
-    return scale < Scalar(0) ? Scalar(-scale) : scale;
+  using Value = scalar::Value<Scalar>;
+  const Scalar trace = gram.trace();
+  const Scalar mean = trace / Scalar(N);
+  const Scalar square = mean * mean;
+  if (!(square > Scalar(std::numeric_limits<Value>::min() / std::numeric_limits<Value>::epsilon()))) {
+    return scalar::sqrt(trace < Scalar(0) ? Scalar(-trace)
+                                          : trace);  // the squares are lost, and the trace bounds it too
   }
-  constexpr int rows = (N + 3) / 4 * 4;  // rows of zeros fill SIMD registers
-  using Padded = Matrix<Scalar, rows, N>;
-  const auto square_of = [](const Padded& power) { return Padded(power.lazyProduct(power.template topRows<N>())); };
-  const Scalar inverse = Scalar(1) / scale;
-  if (!scalar::isfinite(inverse)) {
-    return scalar::sqrt(scale);  // of a denormal trace
-  }
-  Padded first;
-  first.template topRows<N>() = inverse * gram;
-  first.template bottomRows<rows - N>().setZero();
-  const Padded second = square_of(first);
-  const Padded fourth = square_of(second);
-  Scalar root = scalar::sqrt(Scalar(square_of(fourth).squaredNorm()));  // √ tr (gram/scale)¹⁶
-  for (int k = 0; k < 3; ++k) {
-    root = scalar::sqrt(root);
-  }
-  return scalar::sqrt(Scalar(scale * root));
+  const Scalar variance = gram.squaredNorm() / Scalar(N) - square;
+  const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * square;
+  const Scalar most = Scalar(N - 1) * ((variance > Scalar(0) ? variance : Scalar(0)) + rounding);
+  return scalar::sqrt(Scalar(mean + scalar::sqrt(most)));
 }
 
 /// An upper bound of the largest singular value.
 template <typename Scalar, int Rows, int Columns>
 [[nodiscard]] Scalar spectral_norm(const Matrix<Scalar, Rows, Columns>& matrix) noexcept {
-  if constexpr (Rows < Columns) {
+  if constexpr (Rows <= Columns) {
     const Matrix<Scalar, Rows> gram = matrix.lazyProduct(matrix.transpose());
     return norm_of_gram(gram);
   } else {

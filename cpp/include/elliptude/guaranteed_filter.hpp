@@ -380,7 +380,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (!settings_.estimates_vector) {
       return solve_attitude(measurements, selected, with_prediction, solution);
     }
-    std::array<Quadric<Scalar, 6>, most_quadrics> quadrics;
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
     std::size_t count = 0;
     if (with_prediction) {
       solution.center = set_.center;

@@ -349,22 +349,16 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// What a quadric of the attitude error alone says of [γ; δ].
+/// A quadric of the attitude error alone, as one of [γ; δ].
 template <typename Scalar>
-[[nodiscard]] Quadric<Scalar, 6> of_attitude(const Quadric<Scalar, 3>& quadric) noexcept {
-  Quadric<Scalar, 6> result{Matrix6<Scalar>::Zero(), Vector6<Scalar>::Zero(), quadric.c};
-  result.a.template topLeftCorner<3, 3>() = quadric.a;
-  result.g.template head<3>() = quadric.g;
-  return result;
+[[nodiscard]] HalfQuadric<Scalar> of_attitude(const Quadric<Scalar, 3>& quadric) noexcept {
+  return {quadric, Half::first};
 }
 
-/// What a quadric of the vector's error alone says of [γ; δ].
+/// A quadric of the vector's error alone, as one of [γ; δ].
 template <typename Scalar>
-[[nodiscard]] Quadric<Scalar, 6> of_vector(const Quadric<Scalar, 3>& quadric) noexcept {
-  Quadric<Scalar, 6> result{Matrix6<Scalar>::Zero(), Vector6<Scalar>::Zero(), quadric.c};
-  result.a.template bottomRightCorner<3, 3>() = quadric.a;
-  result.g.template tail<3>() = quadric.g;
-  return result;
+[[nodiscard]] HalfQuadric<Scalar> of_vector(const Quadric<Scalar, 3>& quadric) noexcept {
+  return {quadric, Half::second};
 }
 
 /// A measured attitude as a quadric of γ about any center. About C̃ it is in γ̃ᵀM γ̃ ≤ 1, M⁻¹ = τ² bound with τ at the largest angle,
@@ -427,9 +421,6 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Vector3<Scalar>& center, const AngularVelocity<Scalar>& measured,
                                 Quadric<Scalar, 3>& quadric) noexcept {
-  if (const Status status = validate(measured); status != Status::ok) {
-    return status;
-  }
   return to_quadric(Ellipsoid<Scalar, 3>{measured.value - center, measured.bound}, quadric);
 }
 

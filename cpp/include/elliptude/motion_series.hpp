@@ -92,7 +92,9 @@ struct MotionSeries {
     for (int k = 1; k <= order; ++k) {
       const auto index = static_cast<std::size_t>(k);
       const Vector3<Scalar> change =
-          (torque_coefficient - expansion::cross_coefficient<Scalar, terms>(k - 1, rate, across_momentum)) / Scalar(k);
+          (torque_coefficient -
+           expansion::cross_coefficient<Scalar, terms>(k - 1, rate, across_momentum).template head<3>()) /
+          Scalar(k);
       momentum[index] = change;
       across_momentum[index] = expansion::across(change);
       rate[index] = body.inertia_inverse() * change;
@@ -172,7 +174,7 @@ struct MotionSeries {
     whole /= scalar::sqrt(Scalar(whole.squaredNorm()));
     end.attitude = renormalized(Matrix3<Scalar>(
         state.attitude * to_rotation(Quaternion<Scalar>{whole(3), Vector3<Scalar>(whole.template head<3>())})));
-    end.angular_velocity = expansion::value<Scalar, terms>(rate, terms, h);
+    end.angular_velocity = expansion::value(rate, terms, h);
     return Status::ok;
   }
 };

@@ -15,6 +15,29 @@ struct Quadric {
   Scalar c;
 };
 
+enum class Half { first, second };
+
+/// A quadric of three of six coordinates, as most measurements are of one half of a state's error [γ; δ].
+template <typename Scalar>
+struct HalfQuadric {
+  Quadric<Scalar, 3> quadric;
+  Half half;
+};
+
+/// What it says of all six coordinates.
+template <typename Scalar>
+[[nodiscard]] Quadric<Scalar, 6> extended(const HalfQuadric<Scalar>& half) noexcept {
+  const int start = half.half == Half::first ? 0 : 3;
+  Quadric<Scalar, 6> result{Matrix6<Scalar>::Zero(), Vector6<Scalar>::Zero(), half.quadric.c};
+  result.a.template block<3, 3>(start, start) = half.quadric.a;
+  result.g.template segment<3>(start) = half.quadric.g;
+  return result;
+}
+template <typename Scalar, int N>
+[[nodiscard]] const Quadric<Scalar, N>& extended(const Quadric<Scalar, N>& quadric) noexcept {
+  return quadric;
+}
+
 /// \return `not_finite`, `not_symmetric`.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate(const Quadric<Scalar, N>& quadric) noexcept {
@@ -22,6 +45,11 @@ template <typename Scalar, int N>
     return Status::not_finite;
   }
   return is_symmetric(quadric.a) ? Status::ok : Status::not_symmetric;
+}
+
+template <typename Scalar>
+[[nodiscard]] Status validate(const HalfQuadric<Scalar>& half) noexcept {
+  return validate(half.quadric);
 }
 
 /// c − yᵀAy − 2gᵀy: not negative inside.
@@ -36,11 +64,15 @@ template <typename Scalar, int N>
   return slack(quadric, y) >= Scalar(0);
 }
 
-/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. \return `not_positive_definite` of a flat one.
+/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂.
+/// \return `not_finite`, `not_symmetric`; `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
-  if (const Status status = validate(ellipsoid); status != Status::ok) {
-    return status;
+  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  if (!is_symmetric(ellipsoid.shape)) {
+    return Status::not_symmetric;
   }
   Quadric<Scalar, N> result;
   if (const Status status = inverse_positive_definite(ellipsoid.shape, result.a); status != Status::ok) {

@@ -35,8 +35,22 @@ namespace fusion {
 /// One constraint in the coordinates u of the search.
 template <typename Scalar, int N>
 struct Constraint {
-  Quadric<Scalar, N> quadric;
-  bool leading;  ///< whether it speaks of the first three of six coordinates only, as a direction does
+  static constexpr int lead = std::min(N, 3);
+
+  int rank;                    ///< of A, at most
+  bool leading;                ///< whether it speaks of the first three of six coordinates only, as a direction does
+  Quadric<Scalar, lead> part;  ///< what it says of these, if so
+  Quadric<Scalar, N> quadric;  ///< and of all coordinates, if not
+
+  /// f of the one that it is.
+  template <typename Function>
+  auto with(const Function& f) const noexcept {
+    return leading ? f(part) : f(quadric);
+  }
+  template <typename Function>
+  auto with(const Function& f) noexcept {
+    return leading ? f(part) : f(quadric);
+  }
 };
 
 /// The combination of many constraints, uᵀAu + 2gᵀu ≤ c, and what its minimisation needs. For the volume the convex function
@@ -45,7 +59,7 @@ template <typename Scalar, int N>
 class ManyQuadrics {
  public:
   static constexpr std::size_t most = most_quadrics + 1;
-  static constexpr int lead = std::min(N, 3);
+  static constexpr int lead = Constraint<Scalar, N>::lead;
   using Multipliers = std::array<Scalar, most>;
 
   /// A(μ) ≻ 0 and what follows from it.
@@ -67,32 +81,41 @@ class ManyQuadrics {
   bool by_volume = true;
   Matrix<Scalar, N> weight;  ///< W in the coordinates u
 
+  /// A = ΣμₖAₖ and g = Σμₖgₖ.
+  void sum(const Multipliers& multipliers, Matrix<Scalar, N>& a, Vector<Scalar, N>& g) const noexcept {
+    a.setZero();
+    g.setZero();
+    if (with_ball) {
+      a.diagonal().setConstant(multipliers[0]);
+    }
+    for (std::size_t k = with_ball ? 1 : 0; k < count; ++k) {
+      constraints[k].with([&](const auto& q) {
+        constexpr int dimension = std::decay_t<decltype(q.g)>::RowsAtCompileTime;
+        if constexpr (dimension == N) {
+          a += multipliers[k] * q.a;
+          g += multipliers[k] * q.g;
+        } else {
+          a.template topLeftCorner<dimension, dimension>() += multipliers[k] * q.a;
+          g.template head<dimension>() += multipliers[k] * q.g;
+        }
+      });
+    }
+  }
+
   /// \return `not_positive_definite` if A is not.
   [[nodiscard]] Status combine(const Multipliers& multipliers, Iterate& it) const noexcept {
-    Matrix<Scalar, N> a = Matrix<Scalar, N>::Zero();
-    Vector<Scalar, N> g = Vector<Scalar, N>::Zero();
-    for (std::size_t k = 0; k < count; ++k) {
-      const Quadric<Scalar, N>& q = constraints[k].quadric;
-      const Scalar& m = multipliers[k];
-      if (with_ball && k == 0) {
-        a.diagonal().array() += m;
-      } else if (constraints[k].leading) {
-        a.template topLeftCorner<lead, lead>() += m * q.a.template topLeftCorner<lead, lead>();
-        g.template head<lead>() += m * q.g.template head<lead>();
-      } else {
-        a += m * q.a;
-        g += m * q.g;
-      }
-    }
-    Matrix<Scalar, N> l;
-    if (const Status status = cholesky(a, l); status != Status::ok) {
+    Matrix<Scalar, N> a;
+    Vector<Scalar, N> g;
+    sum(multipliers, a, g);
+    RootFreeFactor<Scalar, N> factor;
+    if (const Status status = factorize(a, factor); status != Status::ok) {
       return status;
     }
-    it.multipliers = multipliers;
-    it.root = lower_inverse(l);
+    std::copy_n(multipliers.begin(), count, it.multipliers.begin());
+    it.root = inverse_root(factor);
     it.inverse = square_of_lower(it.root);
     // By substitution, whose residual is of the size of A û: the product A⁻¹g would have one of ‖A‖ ‖A⁻¹‖ ‖g‖.
-    it.center = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(-g)));
+    it.center = solve(factor, Vector<Scalar, N>(-g));
     it.level = Scalar(0);
     for (std::size_t k = 0; k < count; ++k) {
       it.slack[k] = slack_at(k, it.center);
@@ -121,7 +144,9 @@ class ManyQuadrics {
       v *= Scalar(N) / half.trace();
     }
     for (std::size_t k = 0; k < count; ++k) {
-      result[k] = it.slack[k] - (with_ball && k == 0 ? v.trace() : trace_product(k, v));
+      result[k] =
+          it.slack[k] -
+          (is_ball(k) ? v.trace() : constraints[k].with([&v](const auto& q) { return trace_of_product(q.a, v); }));
     }
   }
 
@@ -130,70 +155,110 @@ class ManyQuadrics {
   void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient,
                Scalar* result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
-    std::array<Matrix<Scalar, N>, most> z;  // A⁻¹AₖV
-    std::array<Vector<Scalar, N>, most> t;  // root rₖ
+    const Matrix<Scalar, lead> x_corner = corner<lead>(x);
+    const Matrix<Scalar, lead> v_corner = corner<lead>(v);
+    std::array<Matrix<Scalar, N>, most> z;            // A⁻¹AₖV, not of leading constraints
+    std::array<Matrix<Scalar, lead>, most> z_corner;  // its first corner, of all
+    std::array<Vector<Scalar, N>, most> r;            // rₖ, its first numbers of leading ones
+    std::array<Vector<Scalar, N>, most> t;            // A⁻¹rₖ
     for (std::size_t k = 0; k < count; ++k) {
-      const Quadric<Scalar, N>& q = constraints[k].quadric;
-      if (with_ball && k == 0) {
-        z[k].noalias() = x.lazyProduct(v);
-        t[k].noalias() = it.root.lazyProduct(it.center);
-      } else if (constraints[k].leading) {
-        const Matrix<Scalar, lead> a = q.a.template topLeftCorner<lead, lead>();
-        const Matrix<Scalar, lead> half = x.template topLeftCorner<lead, lead>().lazyProduct(a);
-        z[k].template topLeftCorner<lead, lead>() = half.lazyProduct(v.template topLeftCorner<lead, lead>());
-        const Vector<Scalar, lead> r = a.lazyProduct(it.center.template head<lead>()) + q.g.template head<lead>();
-        t[k].noalias() = it.root.template leftCols<lead>().lazyProduct(r);
-      } else {
-        const Matrix<Scalar, N> half = x.lazyProduct(q.a);
-        z[k].noalias() = half.lazyProduct(v);
-        const Vector<Scalar, N> r = q.a.lazyProduct(it.center) + q.g;
-        t[k].noalias() = it.root.lazyProduct(r);
+      const Constraint<Scalar, N>& constraint = constraints[k];
+      if (constraint.leading) {
+        const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
+        z_corner[k].noalias() = half.lazyProduct(v_corner);
+        const Vector<Scalar, lead> own =
+            constraint.part.a.lazyProduct(it.center.template head<lead>()) + constraint.part.g;
+        r[k].template head<lead>() = own;
+        t[k].noalias() = x.template leftCols<lead>().lazyProduct(own);
+        continue;
       }
+      if (is_ball(k)) {
+        z[k].noalias() = x.lazyProduct(v);
+        r[k] = it.center;
+      } else {
+        const Matrix<Scalar, N> half = x.lazyProduct(constraint.quadric.a);
+        z[k].noalias() = half.lazyProduct(v);
+        r[k] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
+      }
+      z_corner[k] = corner<lead>(z[k]);
+      t[k].noalias() = x.lazyProduct(r[k]);
     }
     for (std::size_t j = 0; j < count; ++j) {
       for (std::size_t k = 0; k <= j; ++k) {
-        Scalar entry = product(j, k, z);
+        Scalar entry;
+        Scalar inner;
+        if (constraints[j].leading || constraints[k].leading) {
+          const std::size_t one = constraints[j].leading ? j : k;
+          const std::size_t other = constraints[j].leading ? k : j;
+          entry = trace_of_product(constraints[one].part.a, z_corner[other]);
+          inner = r[one].template head<lead>().dot(t[other].template head<lead>());
+        } else {
+          entry = is_ball(k) ? z[j].trace() : trace_of_product(constraints[k].quadric.a, z[j]);
+          inner = r[k].dot(t[j]);
+        }
         if (!by_volume) {
           entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
         }
-        result[j * most + k] = entry + Scalar(2) * t[j].dot(t[k]);
+        result[j * most + k] = entry + Scalar(2) * inner;
       }
     }
   }
 
+  /// Of ∂²F/∂μₖ², less what it has along μ, of which ∇²F μ = tr(VA): about the least that it can be. The ball's is exact; one whose
+  /// A has the rank m has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m.
+  [[nodiscard]] Scalar least_curvature(std::size_t k, const Iterate& it, const Matrix<Scalar, N>& v,
+                                       const Multipliers& gradient) const noexcept {
+    const Scalar trace = it.slack[k] - gradient[k];
+    const Scalar along = trace * trace / Scalar(N);
+    if (is_ball(k)) {
+      const Scalar square = it.inverse.cwiseProduct(v).sum();
+      return (by_volume ? Scalar(square - along) : Scalar(Scalar(2) * (square - along))) +
+             Scalar(2) * (it.root.lazyProduct(it.center)).squaredNorm();
+    }
+    return trace * trace / Scalar(constraints[k].rank) - along;
+  }
+
   [[nodiscard]] Scalar slack_at(std::size_t k, const Vector<Scalar, N>& u) const noexcept {
-    if (with_ball && k == 0) {
+    if (is_ball(k)) {
       return constraints[0].quadric.c - u.squaredNorm();
     }
-    const Quadric<Scalar, N>& q = constraints[k].quadric;
-    if (constraints[k].leading) {
-      const auto u3 = u.template head<lead>();
-      const Vector<Scalar, lead> half =
-          q.a.template topLeftCorner<lead, lead>().lazyProduct(u3) + Scalar(2) * q.g.template head<lead>();
-      return q.c - u3.dot(half);
-    }
-    return slack(q, u);
+    return constraints[k].with([&u](const auto& q) {
+      constexpr int dimension = std::decay_t<decltype(q.g)>::RowsAtCompileTime;
+      return slack(q, Vector<Scalar, dimension>(u.template head<dimension>()));
+    });
+  }
+
+  [[nodiscard]] bool is_ball(std::size_t k) const noexcept { return with_ball && k == 0; }
+
+  /// tr(W Aₖ), for the volume tr Aₖ.
+  [[nodiscard]] Scalar weighted_trace(std::size_t k) const noexcept {
+    return constraints[k].with(
+        [this](const auto& q) { return by_volume ? Scalar(q.a.trace()) : trace_of_product(q.a, weight); });
   }
 
  private:
-  [[nodiscard]] Scalar product(std::size_t j, std::size_t k,
-                               const std::array<Matrix<Scalar, N>, most>& z) const noexcept {
-    if (with_ball && k == 0) {
-      return j == 0 ? z[0].trace() : trace_product(j, z[0]);
+  /// The first M rows and columns.
+  template <int M>
+  [[nodiscard]] static decltype(auto) corner(const Matrix<Scalar, N>& matrix) noexcept {
+    if constexpr (M == N) {
+      return (matrix);
+    } else {
+      return matrix.template topLeftCorner<M, M>();
     }
-    return constraints[j].leading ? trace_product(j, z[k]) : trace_product(k, z[j]);
   }
-  /// tr(Aₖ Z)
-  [[nodiscard]] Scalar trace_product(std::size_t k, const Matrix<Scalar, N>& z) const noexcept {
-    const Matrix<Scalar, N>& a = constraints[k].quadric.a;
-    if (constraints[k].leading) {
-      return a.template topLeftCorner<lead, lead>().cwiseProduct(z.template topLeftCorner<lead, lead>()).sum();
+  /// tr(A Z), of Z the corner that is as large as A.
+  template <int M, int K>
+  [[nodiscard]] static Scalar trace_of_product(const Matrix<Scalar, M>& a, const Matrix<Scalar, K>& z) noexcept {
+    if constexpr (M == K) {
+      return a.cwiseProduct(z).sum();
+    } else {
+      return a.cwiseProduct(z.template topLeftCorner<M, M>()).sum();
     }
-    return a.cwiseProduct(z).sum();
   }
 };
 
-/// The factor L of a positive definite H = L Lᵀ, in place of the lower triangle of H, with 1/lᵢᵢ on its diagonal.
+/// A positive definite H as L diag(1/p) Lᵀ with a unit lower triangle L, in place: L below the diagonal of H, of which the lower
+/// triangle is read, p on it, and Lᵀ without the division by pivots above it.
 /// \return whether H is positive definite.
 template <typename Scalar>
 [[nodiscard]] bool factor_in_place(Scalar* h, std::size_t stride, std::size_t count) noexcept {
@@ -201,14 +266,15 @@ template <typename Scalar>
     for (std::size_t i = j; i < count; ++i) {
       Scalar sum = h[i * stride + j];
       for (std::size_t k = 0; k < j; ++k) {
-        sum -= h[i * stride + k] * h[j * stride + k];
+        sum -= h[i * stride + k] * h[k * stride + j];
       }
       if (i == j) {
         if (!(sum > Scalar(0))) {
           return false;
         }
-        h[j * stride + j] = Scalar(1) / scalar::sqrt(sum);
+        h[j * stride + j] = Scalar(1) / sum;
       } else {
+        h[j * stride + i] = sum;
         h[i * stride + j] = sum * h[j * stride + j];
       }
     }
@@ -219,58 +285,70 @@ template <typename Scalar>
 /// x = H⁻¹ b in place of b, with what `factor_in_place` has left.
 template <typename Scalar>
 void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count, Scalar* b) noexcept {
-  for (std::size_t i = 0; i < count; ++i) {
-    Scalar sum = b[i];
+  for (std::size_t i = 1; i < count; ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      sum -= factor[i * stride + k] * b[k];
+      b[i] -= factor[i * stride + k] * b[k];
     }
-    b[i] = sum * factor[i * stride + i];
   }
   for (std::size_t i = count; i-- > 0;) {
-    Scalar sum = b[i];
+    b[i] *= factor[i * stride + i];
     for (std::size_t k = i + 1; k < count; ++k) {
-      sum -= factor[k * stride + i] * b[k];
+      b[i] -= factor[k * stride + i] * b[k];
     }
-    b[i] = sum * factor[i * stride + i];
   }
 }
 
-/// The constraint as it is seen in u, where y = shift + factor u, and relaxed by what rounding may do to it: for all u of the
-/// unit ball if that is one of the constraints, else for all u. `reach` bounds |y| over the ball. (theory, section 16)
+/// The coordinates u of the search, y = shift + factor u with a lower triangle.
 template <typename Scalar, int N>
-void relax(const Quadric<Scalar, N>& quadric, const Vector<Scalar, N>& shift, const Matrix<Scalar, N>& factor,
-           const Vector<Scalar, N>& reach, const Scalar& rounding, bool in_ball,
-           Constraint<Scalar, N>& result) noexcept {
-  constexpr int lead = ManyQuadrics<Scalar, N>::lead;
-  constexpr int rest = N - lead;
-  result.leading = rest > 0 && (quadric.a.template rightCols<rest>().array() == Scalar(0)).all() &&
-                   (quadric.a.template bottomRows<rest>().array() == Scalar(0)).all() &&
-                   (quadric.g.template tail<rest>().array() == Scalar(0)).all();
-  Quadric<Scalar, N>& seen = result.quadric;
-  Scalar size;
-  if (result.leading) {
-    seen.a.setZero();
-    seen.g.setZero();
-    // The factor is a lower triangle.
-    const Matrix<Scalar, lead> a = quadric.a.template topLeftCorner<lead, lead>();
-    const Matrix<Scalar, lead> l = factor.template topLeftCorner<lead, lead>();
-    const Vector<Scalar, lead> s = shift.template head<lead>();
-    const Vector<Scalar, lead> g = quadric.g.template head<lead>();
-    const Quadric<Scalar, lead> small = pullback(Quadric<Scalar, lead>{a, g, quadric.c}, l, s);
-    seen.a.template topLeftCorner<lead, lead>() = small.a;
-    seen.g.template head<lead>() = small.g;
-    seen.c = small.c;
-    const Vector<Scalar, lead> w = reach.template head<lead>();
-    size = w.dot(a.cwiseAbs().lazyProduct(w)) + Scalar(2) * w.dot(g.cwiseAbs());
+struct Coordinates {
+  Vector<Scalar, N> shift;
+  Matrix<Scalar, N> factor;
+  Vector<Scalar, N> reach;  ///< bounds |y| over the unit ball, if that is one of the constraints
+  bool in_ball;
+};
+
+/// The quadric in u, relaxed by what rounding may do to it: for all u of the unit ball if that is one of the constraints, else for
+/// all u. (theory, section 16)
+/// \param columns the rows of the factor that are of the quadric's coordinates, as far as they are not zero.
+template <typename Scalar, int M, int K>
+[[nodiscard]] Quadric<Scalar, K> relaxed(const Quadric<Scalar, M>& quadric, const Matrix<Scalar, M, K>& rows,
+                                         const Vector<Scalar, M>& shift, const Vector<Scalar, M>& reach, bool in_ball,
+                                         const Scalar& rounding) noexcept {
+  Quadric<Scalar, K> seen = pullback(quadric, rows, shift);
+  if (in_ball) {
+    const Scalar size =
+        reach.dot(quadric.a.cwiseAbs().lazyProduct(reach)) + Scalar(2) * reach.dot(quadric.g.cwiseAbs());
+    seen.c += rounding * (scalar::abs(quadric.c) + size);
   } else {
-    seen = pullback(quadric, factor, shift);
-    size = reach.dot(quadric.a.cwiseAbs().lazyProduct(reach)) + Scalar(2) * reach.dot(quadric.g.cwiseAbs());
-  }
-  seen.c += rounding * (scalar::abs(quadric.c) + (in_ball ? size : seen.g.cwiseAbs().sum()));
-  if (!in_ball) {
     // |u|ᵀ|A||u| ≤ Σ uᵢ² Σⱼ|Aᵢⱼ| and 2|gᵢuᵢ| ≤ |gᵢ| (1 + uᵢ²)
-    const Vector<Scalar, N> rows = seen.a.cwiseAbs().rowwise().sum() + seen.g.cwiseAbs();
-    seen.a.diagonal() -= rounding * rows;
+    seen.c += rounding * (scalar::abs(quadric.c) + seen.g.cwiseAbs().sum());
+    const Vector<Scalar, K> sums = seen.a.cwiseAbs().rowwise().sum() + seen.g.cwiseAbs();
+    seen.a.diagonal() -= rounding * sums;
+  }
+  return seen;
+}
+
+template <typename Scalar, int N>
+void relax(const Quadric<Scalar, N>& quadric, const Coordinates<Scalar, N>& at, const Scalar& rounding,
+           Constraint<Scalar, N>& result) noexcept {
+  result.rank = N;
+  result.leading = false;
+  result.quadric = relaxed(quadric, at.factor, at.shift, at.reach, at.in_ball, rounding);
+}
+
+template <typename Scalar>
+void relax(const HalfQuadric<Scalar>& half, const Coordinates<Scalar, 6>& at, const Scalar& rounding,
+           Constraint<Scalar, 6>& result) noexcept {
+  result.rank = 3;
+  result.leading = half.half == Half::first;
+  if (result.leading) {
+    result.part = relaxed(half.quadric, Matrix3<Scalar>(at.factor.template topLeftCorner<3, 3>()),
+                          Vector3<Scalar>(at.shift.template head<3>()), Vector3<Scalar>(at.reach.template head<3>()),
+                          at.in_ball, rounding);
+  } else {
+    result.quadric = relaxed(half.quadric, Matrix<Scalar, 3, 6>(at.factor.template bottomRows<3>()),
+                             Vector3<Scalar>(at.shift.template tail<3>()), Vector3<Scalar>(at.reach.template tail<3>()),
+                             at.in_ball, rounding);
   }
 }
 
@@ -319,19 +397,20 @@ template <typename Scalar, int N>
     return multipliers;
   }
   // None at zero, where the search would be slow to raise it, and some of the prediction.
-  const Scalar least = scalar::constant<Scalar>(0.1L);
+  const Scalar least = scalar::constant<Scalar>(0.05L);
   const Scalar most = scalar::constant<Scalar>(0.5L) * n;
   Scalar sum(0);
   for (std::size_t k = 1; k < problem.count; ++k) {
-    const Quadric<Scalar, N>& q = problem.constraints[k].quadric;
-    const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
-    const Scalar descent = trace / n - q.c;
-    const Scalar curvature = q.a.squaredNorm() / (n * n) + Scalar(2) * q.g.squaredNorm() / n;
-    // Of a sharp one the prediction says too little: it bounds as many coordinates as this, and its multiplier is about that.
-    const Scalar dimension = q.a.trace() * q.a.trace() / q.a.squaredNorm();
-    const Scalar sharp = dimension - n * q.a.trace() / q.a.squaredNorm();
-    Scalar best = descent / curvature;
-    best = sharp > best ? sharp : best;  // not where A = 0
+    Scalar best = problem.constraints[k].with([&](const auto& q) {
+      const Scalar square = q.a.squaredNorm();
+      const Scalar descent = problem.weighted_trace(k) / n - q.c;
+      const Scalar curvature = square / (n * n) + Scalar(2) * q.g.squaredNorm() / n;
+      const Scalar newton = descent / curvature;
+      // Of a sharp one the prediction says too little: it bounds (tr A)²/‖A‖² coordinates, and its multiplier is about that.
+      const Scalar trace = q.a.trace();
+      const Scalar sharp = trace * (trace - n) / square;
+      return sharp > newton ? sharp : newton;  // not where A = 0
+    });
     best = best > least ? best : least;
     multipliers[k] = best < most ? best : most;
     sum += multipliers[k];
@@ -356,10 +435,9 @@ template <typename Scalar, int N>
     if (problem.combine(multipliers, start) == Status::ok) {
       return Status::ok;
     }
-    Matrix<Scalar, N> a = Matrix<Scalar, N>::Zero();
-    for (std::size_t k = 0; k < problem.count; ++k) {
-      a += multipliers[k] * problem.constraints[k].quadric.a;
-    }
+    Matrix<Scalar, N> a;
+    Vector<Scalar, N> g;
+    problem.sum(multipliers, a, g);
     SymmetricEigen<Scalar, N> eigen;
     if (symmetric_eigen(a, eigen) != Status::ok) {
       return Status::unbounded;
@@ -367,7 +445,11 @@ template <typename Scalar, int N>
     const Vector<Scalar, N> v = eigen.vectors.col(N - 1);
     bool changed = false;
     for (std::size_t k = 0; k < problem.count; ++k) {
-      const Scalar along = v.dot(problem.constraints[k].quadric.a.lazyProduct(v));
+      const Scalar along = problem.is_ball(k) ? Scalar(1) : problem.constraints[k].with([&v](const auto& q) {
+        constexpr int dimension = std::decay_t<decltype(q.g)>::RowsAtCompileTime;
+        const Vector<Scalar, dimension> head = v.template head<dimension>();
+        return Scalar(head.dot(q.a.lazyProduct(head)));
+      });
       multipliers[k] *= along > Scalar(0) ? Scalar(2) : scalar::constant<Scalar>(0.5L);
       changed = changed || along > Scalar(0);
     }
@@ -376,21 +458,6 @@ template <typename Scalar, int N>
     }
   }
   return Status::unbounded;
-}
-
-/// Whether the first set is smaller than the second, by the criterion.
-template <typename Scalar, int N>
-[[nodiscard]] bool is_smaller_set(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
-                                  const SizeCriterion<Scalar, N>& criterion) noexcept {
-  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::volume) {
-    return criterion.weight.cwiseProduct(first.shape).sum() < criterion.weight.cwiseProduct(second.shape).sum();
-  }
-  Matrix<Scalar, N> l1;
-  Matrix<Scalar, N> l2;
-  if (cholesky(first.shape, l1) != Status::ok || cholesky(second.shape, l2) != Status::ok) {
-    return false;
-  }
-  return l1.diagonal().prod() < l2.diagonal().prod();
 }
 
 /// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
@@ -411,6 +478,7 @@ template <typename Scalar, int N>
   const Scalar log_dimension = Scalar(N) * scalar::log(Scalar(N));
   // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
   const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
+  const Scalar half = scalar::constant<Scalar>(0.5L);
   const std::size_t count = problem.count;
   typename Problem::Iterate* now = &iterates[0];
   best = now;
@@ -450,34 +518,34 @@ template <typename Scalar, int N>
     Scalar defect(0);
     for (std::size_t k = 0; k < count; ++k) {
       if (step == 0) {
-        const Scalar least = scalar::constant<Scalar>(0.005L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
+        const Scalar least = scalar::constant<Scalar>(0.002L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
         z[k] = gradient[k] > least ? gradient[k] : least;
       }
       gap += it.multipliers[k] * z[k];
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
     }
-    // A multiplier that is far too small counts for little in these sums though much is to be gained by raising it: g²/2∂²F alone
-    // for each that would fall. For ∂²F a bound from below is at hand, tr(V Aₖ)²/N, which settles nearly all.
+    // What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has beside the
+    // direction of μ itself; but no more than μg of one that can only fall to zero.
     const Scalar accuracy = tolerance + it.rounding;
-    const bool balanced = gap + defect <= accuracy;
     const auto may_gain = [&](const auto& curvature) {
-      bool gains = false;
+      Scalar gain(0);
       for (std::size_t k = 0; k < count; ++k) {
-        gains = gains || (gradient[k] < Scalar(0) && gradient[k] * gradient[k] > accuracy * curvature(k));
+        const Scalar& g = gradient[k];
+        const Scalar raise = half * g * g;
+        const Scalar removal = it.multipliers[k] * g;
+        const Scalar second = curvature(k);
+        gain += g > Scalar(0) && removal * second < raise ? removal : Scalar(raise / second);
       }
-      return gains;
+      return !(gain <= accuracy);
     };
-    const auto least_curvature = [&](std::size_t k) {
-      const Scalar trace = it.slack[k] - gradient[k];
-      return Scalar(trace * trace / Scalar(N));
-    };
-    if (balanced && !may_gain(least_curvature)) {
+    if (!may_gain([&](std::size_t k) { return problem.least_curvature(k, it, v, gradient); })) {
       break;
     }
     problem.hessian(it, v, gradient, hessian.data());
-    if (balanced && !may_gain([&](std::size_t k) { return hessian[k * Problem::most + k]; })) {
-      break;
-    }
+    const bool alone = may_gain([&](std::size_t k) {
+      const Scalar trace = it.slack[k] - gradient[k];
+      return Scalar(hessian[k * Problem::most + k] - trace * trace / Scalar(N));
+    });
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
     }
@@ -511,6 +579,13 @@ template <typename Scalar, int N>
     Multipliers target;
     std::fill_n(target.begin(), count, Scalar(0));
     aim_at(target);
+    Scalar fall(0);  // of F along its tangent: no less than what the whole step would gain
+    for (std::size_t k = 0; k < count; ++k) {
+      fall -= gradient[k] * move[k];
+    }
+    if (fall <= accuracy && !alone) {
+      break;
+    }
     const Scalar straight_primal = longest(it.multipliers, move, Scalar(1));
     const Scalar straight_dual = longest(z, dz, Scalar(1));
     Scalar left(0);
@@ -549,7 +624,8 @@ template <typename Scalar, int N>
     // F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
     const Scalar value = it.level + it.barrier;
     const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
-    const Multipliers from = it.multipliers;
+    Multipliers from;
+    std::copy_n(it.multipliers.begin(), count, from.begin());
     now = best == &iterates[0] ? &iterates[1] : &iterates[0];
     constexpr int most_trials = 12;
     bool accepted = false;
@@ -587,10 +663,30 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
+/// Scales for coordinates without a prediction, in which the quadrics' diagonals are of the size of their slack.
+/// \return `unbounded` if there is a coordinate of which none speaks.
+template <typename Scalar, int N, typename Given>
+[[nodiscard]] Status scale_by_slack(const Given* quadrics, std::size_t count, Matrix<Scalar, N>& factor) noexcept {
+  Vector<Scalar, N> largest = Vector<Scalar, N>::Zero();
+  for (std::size_t k = 0; k < count; ++k) {
+    const Quadric<Scalar, N> quadric = extended(quadrics[k]);
+    // Not much less than the slack at zero, or a sharp set would be far from zero in its own widths, and lose by rounding.
+    const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(quadric.c);
+    const Scalar scale_of_slack = slack_scale(quadric);
+    const Scalar level = scale_of_slack > least ? scale_of_slack : least;
+    largest = largest.cwiseMax(quadric.a.diagonal().cwiseAbs() / level).eval();
+  }
+  if (!(largest.array() > Scalar(0)).all()) {
+    return Status::unbounded;
+  }
+  factor.diagonal() = largest.cwiseSqrt().cwiseInverse();
+  return Status::ok;
+}
+
 /// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion; that all is
 /// finite, and the prediction, are tested here.
-template <typename Scalar, int N>
-[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics, std::size_t count,
+template <typename Scalar, int N, typename Given>
+[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
                           const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
   using Problem = ManyQuadrics<Scalar, N>;
   using Fusion = QuadricFusion<Scalar, N>;
@@ -603,9 +699,11 @@ template <typename Scalar, int N>
 
   // y = shift + factor u: the predicted ellipsoid is in the unit ball of u; without one each coordinate has a scale in which
   // the quadrics' diagonals are of the size of their slack.
-  Vector<Scalar, N> shift = Vector<Scalar, N>::Zero();
-  Vector<Scalar, N> reach = Vector<Scalar, N>::Zero();
-  Matrix<Scalar, N> factor = Matrix<Scalar, N>::Zero();
+  Coordinates<Scalar, N> at;
+  at.shift.setZero();
+  at.reach.setZero();
+  at.factor.setZero();
+  at.in_ball = problem.with_ball;
   if (problem.with_ball) {
     if (!scalar::all_finite(predicted->center) || !scalar::all_finite(predicted->shape)) {
       return Status::not_finite;
@@ -616,58 +714,47 @@ template <typename Scalar, int N>
     // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
     Matrix<Scalar, N> raised = predicted->shape;
     raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * epsilon;
-    if (const Status status = cholesky(raised, factor); status != Status::ok) {
+    if (const Status status = cholesky(raised, at.factor); status != Status::ok) {
       return status;
     }
-    shift = predicted->center;
-    reach = shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
-  } else {
-    std::array<Scalar, most_quadrics> level;
-    for (std::size_t k = 0; k < count; ++k) {
-      // Not much less than the slack at zero, or a sharp set would be far from zero in its own widths, and lose by rounding.
-      const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(quadrics[k].c);
-      const Scalar scale_of_slack = slack_scale(quadrics[k]);
-      level[k] = scale_of_slack > least ? scale_of_slack : least;
-    }
-    for (int i = 0; i < N; ++i) {
-      Scalar largest(0);
-      for (std::size_t k = 0; k < count; ++k) {
-        const Scalar entry = scalar::abs(Scalar(quadrics[k].a(i, i))) / level[k];
-        largest = entry > largest ? entry : largest;
-      }
-      if (!(largest > Scalar(0))) {
-        return Status::unbounded;
-      }
-      factor(i, i) = Scalar(1) / scalar::sqrt(largest);
-    }
+    at.shift = predicted->center;
+    at.reach = at.shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
+  } else if (const Status status = scale_by_slack(quadrics, count, at.factor); status != Status::ok) {
+    return status;
   }
   if (!problem.by_volume) {
-    problem.weight.noalias() = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    problem.weight.noalias() =
+        at.factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(at.factor)));
     problem.weight *= Scalar(N) / problem.weight.trace();
   }
 
   typename Problem::Multipliers scale;
   if (problem.with_ball) {
-    problem.constraints[0] = {{Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)}, false};
+    problem.constraints[0].rank = N;
+    problem.constraints[0].leading = false;
+    problem.constraints[0].quadric = {Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)};
     scale[0] = Scalar(1);
   }
   const Scalar rounding = Scalar(4 * (N + 4) + static_cast<int>(count)) * epsilon;
   bool idle = problem.with_ball;
-  for (std::size_t k = 0; k < count; ++k) {
-    Constraint<Scalar, N>& constraint = problem.constraints[k + first];
-    relax(quadrics[k], shift, factor, reach, rounding, problem.with_ball, constraint);
-    Quadric<Scalar, N>& q = constraint.quadric;
-    // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
-    const Scalar trace = problem.by_volume ? Scalar(q.a.trace()) : Scalar(problem.weight.cwiseProduct(q.a).sum());
-    idle = idle && q.c * Scalar(N) >= trace;
-    scale[k + first] = slack_scale(q);
-    const Scalar inverse = Scalar(1) / scale[k + first];
-    q.a *= inverse;
-    q.g *= inverse;
-    q.c *= inverse;
-    if (!scalar::all_finite(q.a) || !scalar::all_finite(q.g) || !scalar::isfinite(q.c)) {
-      return Status::not_finite;
-    }
+  bool finite = true;
+  for (std::size_t k = first; k < problem.count; ++k) {
+    Constraint<Scalar, N>& constraint = problem.constraints[k];
+    relax(quadrics[k - first], at, rounding, constraint);
+    const Scalar trace = problem.weighted_trace(k);
+    constraint.with([&](auto& q) {
+      // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
+      idle = idle && q.c * Scalar(N) >= trace;
+      scale[k] = slack_scale(q);
+      const Scalar inverse = Scalar(1) / scale[k];
+      q.a *= inverse;
+      q.g *= inverse;
+      q.c *= inverse;
+      finite = finite && scalar::all_finite(q.a) && scalar::all_finite(q.g) && scalar::isfinite(q.c);
+    });
+  }
+  if (!finite) {
+    return Status::not_finite;
   }
   const auto prediction_alone = [&](const Scalar& margin) {
     result.set = *predicted;
@@ -708,22 +795,25 @@ template <typename Scalar, int N>
 
   // P = N A⁻¹ in y, its diagonal raised by what the products may have lost.
   const Scalar level = (best.level > Scalar(0) ? best.level : Scalar(0)) + best.rounding;
-  const Matrix<Scalar, N> half = scalar::sqrt(level) * factor.lazyProduct(best.root.transpose());
+  const Matrix<Scalar, N> half = scalar::sqrt(level) * at.factor.lazyProduct(best.root.transpose());
   Ellipsoid<Scalar, N> set;
   set.shape.noalias() = half.lazyProduct(half.transpose());
-  set.center = shift + factor.lazyProduct(best.center);
+  set.center = at.shift + at.factor.lazyProduct(best.center);
   const Scalar spread = scalar::sqrt(Scalar(level * best.inverse.trace()));
   Scalar loss(0);
   for (int i = 0; i < N; ++i) {
-    const Scalar lost = (spread * factor.row(i).norm() + scalar::abs(shift(i)) + scalar::abs(set.center(i))) /
+    const Scalar lost = (spread * at.factor.row(i).norm() + scalar::abs(at.shift(i)) + scalar::abs(set.center(i))) /
                         scalar::sqrt(Scalar(set.shape(i, i)));
     loss = lost > loss ? lost : loss;
   }
-  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
+  const Scalar enlargement = Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
+  set.shape.diagonal() *= Scalar(1) + enlargement;
   if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape)) {
     return problem.with_ball ? prediction_alone(margin) : Status::not_finite;
   }
-  if (problem.with_ball && !is_smaller_set(set, *predicted, criterion)) {
+  // Of the prediction, u in the unit ball, the size is 0, or N log N.
+  const Scalar size_of_ball = problem.by_volume ? Scalar(0) : Scalar(Scalar(N) * scalar::log(Scalar(N)));
+  if (problem.with_ball && !(best.size + Scalar(N) * enlargement < size_of_ball)) {
     return prediction_alone(margin);
   }
   const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / scale[k]); };
@@ -743,6 +833,24 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
+/// What is asked of the input of `minimal_intersection`, but of the prediction.
+template <typename Scalar, int N, typename Given>
+[[nodiscard]] Status validate(const Given* quadrics, std::size_t count,
+                              const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (count > most_quadrics) {
+    return Status::out_of_range;
+  }
+  if (const Status status = elliptude::validate(criterion); status != Status::ok) {
+    return status;
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    if (const Status status = elliptude::validate(quadrics[k]); status != Status::ok) {
+      return status;
+    }
+  }
+  return Status::ok;
+}
+
 }  // namespace fusion
 
 /// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
@@ -757,18 +865,17 @@ template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, N>& criterion,
                                           QuadricFusion<Scalar, N>& result) noexcept {
-  if (count > most_quadrics) {
-    return Status::out_of_range;
-  }
-  if (const Status status = validate(criterion); status != Status::ok) {
-    return status;
-  }
-  for (std::size_t k = 0; k < count; ++k) {
-    if (const Status status = validate(quadrics[k]); status != Status::ok) {
-      return status;
-    }
-  }
-  return fusion::fuse(predicted, quadrics, count, criterion, result);
+  const Status status = fusion::validate(quadrics, count, criterion);
+  return status == Status::ok ? fusion::fuse(predicted, quadrics, count, criterion, result) : status;
+}
+
+/// The same of quadrics of either half, faster than `extended` ones.
+template <typename Scalar>
+[[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, 6>* predicted, const HalfQuadric<Scalar>* quadrics,
+                                          std::size_t count, const SizeCriterion<Scalar, 6>& criterion,
+                                          QuadricFusion<Scalar, 6>& result) noexcept {
+  const Status status = fusion::validate(quadrics, count, criterion);
+  return status == Status::ok ? fusion::fuse(predicted, quadrics, count, criterion, result) : status;
 }
 
 }  // namespace elliptude

@@ -57,31 +57,35 @@ namespace expansion {
 template <typename Scalar>
 using Columns = Matrix<Scalar, 4, 3>;
 
-/// The matrix of x ↦ x × s.
+/// Three numbers, and a zero for the same.
 template <typename Scalar>
-[[nodiscard]] Columns<Scalar> across(const Vector3<Scalar>& s) noexcept {
+using Padded = Vector<Scalar, 4>;
+
+/// The matrix of x ↦ x × s.
+template <typename Vector>
+[[nodiscard]] Columns<typename Vector::Scalar> across(const Vector& s) noexcept {
+  using Scalar = typename Vector::Scalar;
   const Scalar zero(0);
   Columns<Scalar> matrix;
   matrix << zero, s(2), -s(1), -s(2), zero, s(0), s(1), -s(0), zero, zero, zero, zero;
   return matrix;
 }
 
-/// Coefficient k of ω × s, from those of ω and the matrices `across` of those of s.
+/// Coefficient k of ω × s, from those of ω and the matrices `across` of those of s. The last of these, just made, comes last.
 template <typename Scalar, int Terms>
-[[nodiscard]] Vector3<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
-                                                const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
-  Vector<Scalar, 4> sum = across_s[static_cast<std::size_t>(k)].lazyProduct(rate[0]);
-  for (int i = 1; i <= k; ++i) {
+[[nodiscard]] Padded<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
+                                               const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
+  Padded<Scalar> sum = across_s[0].lazyProduct(rate[static_cast<std::size_t>(k)]);
+  for (int i = k - 1; i >= 0; --i) {
     sum += across_s[static_cast<std::size_t>(k - i)].lazyProduct(rate[static_cast<std::size_t>(i)]);
   }
-  return sum.template head<3>();
+  return sum;
 }
 
 /// The value of a series of `count` terms at s.
-template <typename Scalar, int Terms>
-[[nodiscard]] Vector3<Scalar> value(const std::array<Vector3<Scalar>, Terms>& series, int count,
-                                    const Scalar& s) noexcept {
-  Vector3<Scalar> sum = series[static_cast<std::size_t>(count - 1)];
+template <typename Scalar, typename Term, std::size_t Terms>
+[[nodiscard]] Term value(const std::array<Term, Terms>& series, int count, const Scalar& s) noexcept {
+  Term sum = series[static_cast<std::size_t>(count - 1)];
   for (int k = count - 2; k >= 0; --k) {
     sum = series[static_cast<std::size_t>(k)] + s * sum;
   }
@@ -198,7 +202,8 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto index = static_cast<std::size_t>(k);
-    down_[index] = expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_down_) / Scalar(-k);
+    down_[index] =
+        expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_down_).template head<3>() / Scalar(-k);
     across_down_[index] = expansion::across(down_[index]);
     count_ = k + 1;
     return moment_.cross(down_[index]);
@@ -208,7 +213,7 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
   }
   void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
                      expansion::Forms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> down = expansion::value<Scalar, Terms>(down_, count_, s);
+    const Vector3<Scalar> down = expansion::value(down_, count_, s);
     const Matrix3<Scalar> n = transform.lazyProduct(hat(moment_));
     for (int i = 0; i < 3; ++i) {
       forms[static_cast<std::size_t>(i)] += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), down);
@@ -217,7 +222,7 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
   /// −¼‖γ‖² m × (s × γ).
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
                  expansion::CubicForms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> down = expansion::value<Scalar, Terms>(down_, count_, s);
+    const Vector3<Scalar> down = expansion::value(down_, count_, s);
     const Matrix3<Scalar> linear =
         scalar::constant<Scalar>(-0.25L) * transform.lazyProduct(hat_product(moment_, down)).lazyProduct(axes);
     const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
@@ -249,8 +254,9 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
     const Scalar angle = rate_ * time;
     const Scalar cosine = scalar::cos(angle);
     const Scalar sine = scalar::sin(angle);
-    add(0, attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(0) + sine * orbit_.col(1)),
-        attitude.transpose() * Vector3<Scalar>(cosine * orbit_.col(1) - sine * orbit_.col(0)));
+    const Vector3<Scalar> radial = attitude.transpose() * (cosine * orbit_.col(0) + sine * orbit_.col(1));
+    const Vector3<Scalar> along = attitude.transpose() * (cosine * orbit_.col(1) - sine * orbit_.col(0));
+    add(0, padded(radial), padded(along));
     return torque(0);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
@@ -272,7 +278,7 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   }
   void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
                      expansion::Forms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
+    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
     const Matrix3<Scalar> n = strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
     // (S(b)γ) × (J S(b)γ): component a of it is the antisymmetric combination of rows of S(b) and J S(b).
     const Matrix3<Scalar> p = hat(b);
@@ -294,7 +300,7 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   /// more: 3n² (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
                  expansion::CubicForms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> b = expansion::value<Scalar, Terms>(radial_, count_, s);
+    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
     const Matrix3<Scalar> b1 = hat(b).lazyProduct(axes);
     const Matrix3<Scalar> jb1 = inertia_.lazyProduct(b1);
     const Matrix3<Scalar> jaxes = inertia_.lazyProduct(axes);
@@ -324,19 +330,21 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   }
 
  private:
+  [[nodiscard]] static expansion::Padded<Scalar> padded(const Vector3<Scalar>& v) noexcept {
+    return expansion::Padded<Scalar>(v(0), v(1), v(2), Scalar(0));
+  }
   /// 3n², in 1/s².
   [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
   /// Coefficient k of both directions, and of bbᵀ.
-  void add(int k, const Vector3<Scalar>& radial, const Vector3<Scalar>& along) noexcept {
+  void add(int k, const expansion::Padded<Scalar>& radial, const expansion::Padded<Scalar>& along) noexcept {
     const auto index = static_cast<std::size_t>(k);
     radial_[index] = radial;
     along_[index] = along;
     across_radial_[index] = expansion::across(radial);
     across_along_[index] = expansion::across(along);
-    padded_[index] << radial, Scalar(0);
-    squares_[index] = padded_[0].lazyProduct(radial.transpose());
+    squares_[index] = radial_[0].lazyProduct(radial.template head<3>().transpose());
     for (std::size_t i = 1; i <= index; ++i) {
-      squares_[index] += padded_[i].lazyProduct(radial_[index - i].transpose());
+      squares_[index] += radial_[i].lazyProduct(radial_[index - i].template head<3>().transpose());
     }
     count_ = k + 1;
   }
@@ -354,11 +362,10 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   Matrix3<Scalar> inertia_;
   Matrix3<Scalar> orbit_;
   Scalar rate_;
-  std::array<Vector3<Scalar>, Terms> radial_;
-  std::array<Vector3<Scalar>, Terms> along_;
+  std::array<expansion::Padded<Scalar>, Terms> radial_;
+  std::array<expansion::Padded<Scalar>, Terms> along_;
   std::array<expansion::Columns<Scalar>, Terms> across_radial_;
   std::array<expansion::Columns<Scalar>, Terms> across_along_;
-  std::array<Vector<Scalar, 4>, Terms> padded_;            // the radial direction
   std::array<expansion::Columns<Scalar>, Terms> squares_;  // of bbᵀ
   int count_ = 0;
 };

@@ -143,7 +143,7 @@ def linear_part(body: Body, series: MotionSeries, frame: Array) -> LinearPart:
         gyroscopic = (momentum_norm + greatest_moment * rate_norm) / least_moment
         for i in range(FRAME_ORDER + 1):
             if i + j > FRAME_ORDER:
-                power = h ** (i + j + 1) / (i + j + 1)
+                power = h ** (i + j + 1) / (FRAME_ORDER + 2)
                 upper_rest += power * rate_norm * upper[i]
                 lower_rest += power * (gyroscopic * lower[i] + np.linalg.norm(stiffness[j]) * upper[i])
     bounds = series.acceleration

@@ -30,13 +30,14 @@ LEVI_CIVITA = np.array([so3.hat(-axis) for axis in np.eye(3)])  # a cross b = ei
 
 
 def norm(matrix: Array) -> float:
-    """(sum of the 32nd powers of the singular values)^(1/32), a little above the largest.
+    """A bound of the largest singular value by the mean and the deviation of the squares of all (Samuelson's inequality).
 
     The theory asks for a bound of the spectral norm. This one is the core's, and the sets depend on it.
     """
-    values = np.linalg.svd(matrix, compute_uv=False)
-    largest = float(values[0])
-    return largest * float(np.sum((values / largest) ** 32)) ** (1 / 32) if largest > 0.0 else 0.0
+    squares = np.linalg.svd(matrix, compute_uv=False) ** 2
+    mean = float(np.mean(squares))
+    variance = float(np.mean((squares - mean) ** 2)) + 64.0 * ROUNDING * mean**2  # and the rounding of both means
+    return float(np.sqrt(mean + np.sqrt((len(squares) - 1) * variance)))
 
 
 def sum_of_shapes(shapes: Sequence[Array]) -> Array:
