@@ -45,7 +45,8 @@ long double size_of(const Matrix6<double>& shape, const Criterion& criterion) {
 // prediction, or inside.
 struct Scene {
   Ellipsoid6 predicted;
-  std::array<Quadric<double, 6>, 4> quadrics;
+  std::array<HalfQuadric<double>, 4> halves;
+  std::array<Quadric<double, 6>, 4> quadrics;  // the same of all six coordinates
   LongVector6 truth;
 };
 
@@ -72,7 +73,7 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
     const Long3 measured = std::cos(angle) * b + std::sin(angle) * across;
     Quadric<double, 3> quadric;
     REQUIRE(cone(center, Direction<double>::within(e, measured.cast<double>(), r), quadric) == Status::ok);
-    scene.quadrics[static_cast<std::size_t>(k)] = extended(of_attitude(quadric));
+    scene.halves[static_cast<std::size_t>(k)] = of_attitude(quadric);
   }
   const Vector3<double> offset = (1 - 1e-12) * (kind % 5 < 2 ? random.unit_vector<3>() : random.in_ball<3>());
   Quadric<double, 3> quadric;
@@ -81,7 +82,10 @@ Scene make_scene(Random& random, double predicted_radius, double r, int kind) {
                  AngularVelocity<double>{rate + (scene.truth.tail<3>() + r * offset.cast<long double>()).cast<double>(),
                                          (1 + 1e-12) * r * r * Matrix3<double>::Identity()},
                  quadric) == Status::ok);
-  scene.quadrics[3] = extended(of_vector(quadric));
+  scene.halves[3] = of_vector(quadric);
+  for (std::size_t k = 0; k < 4; ++k) {
+    scene.quadrics[k] = extended(scene.halves[k]);
+  }
   return scene;
 }
 
@@ -217,6 +221,71 @@ TEST_CASE("fusion finds the smallest ellipsoid of the family") {
     }
   }
   MESSAGE("worst excess of the logarithm: " << static_cast<double>(worst));
+}
+
+TEST_CASE("quadrics of three coordinates are fused like the same of six") {
+  Random random(31);
+  for (int trial = 0; trial < 300; ++trial) {
+    const double r = random.log_uniform(1e-5, 0.3);
+    const Scene scene = make_scene(random, r * random.log_uniform(0.1, 1e3), r, trial);
+    for (const Criterion& criterion : {Criterion::volume(), Criterion::trace()}) {
+      for (const Ellipsoid6* predicted : {&scene.predicted, static_cast<const Ellipsoid6*>(nullptr)}) {
+        Fusion6 half;
+        Fusion6 whole;
+        const Status status = minimal_intersection(predicted, scene.quadrics.data(), 4, criterion, whole);
+        REQUIRE(minimal_intersection(predicted, scene.halves.data(), 4, criterion, half) == status);
+        if (status == Status::ok) {
+          CHECK(static_cast<double>(size_of(half.set.shape, criterion)) ==
+                doctest::Approx(static_cast<double>(size_of(whole.set.shape, criterion))).epsilon(3e-3));
+          CHECK(form(half.set, scene.truth) <= 1);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("of many that are alike the sharpest is found") {
+  Random random(32);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Scene scene = make_scene(random, 1.0, 0.1, trial);
+    const int count = 2 + trial % 9;
+    const double spread = trial % 2 == 0 ? 0.03 : 0.2;
+    std::vector<HalfQuadric<double>> alike;
+    for (int k = 0; k < count; ++k) {
+      const double radius = 0.1 * std::sqrt(1 + (k == 0 ? 0 : random.uniform(0.1, 1) * spread));
+      alike.push_back(of_attitude(
+          Quadric<double, 3>{Matrix3<double>::Identity() / (radius * radius), Vector3<double>::Zero(), 1.0}));
+    }
+    for (const Criterion& criterion : {Criterion::volume(), Criterion::trace()}) {
+      Fusion6 all;
+      Fusion6 one;
+      REQUIRE(minimal_intersection(&scene.predicted, alike.data(), alike.size(), criterion, all) == Status::ok);
+      REQUIRE(minimal_intersection(&scene.predicted, alike.data(), 1, criterion, one) == Status::ok);
+      CHECK(size_of(all.set.shape, criterion) - size_of(one.set.shape, criterion) <= 5e-3L);
+    }
+  }
+}
+
+TEST_CASE("the result is not larger than a prediction of strong correlations") {
+  for (const double correlation : {1 - 1e-6, 1 - 1e-9, 1 - 1e-11}) {
+    for (const double offset : {0.0, 100.0}) {
+      Ellipsoid6 predicted{Vector6<double>::Constant(offset), Matrix6<double>::Identity()};
+      predicted.shape.topRightCorner<3, 3>().diagonal().setConstant(correlation);
+      predicted.shape.bottomLeftCorner<3, 3>().diagonal().setConstant(correlation);
+      for (int k = 0; k < 20; ++k) {
+        const Ellipsoid<double, 3> known{Vector3<double>::Constant(offset),
+                                         (0.5 + 0.1 * k) * Matrix3<double>::Identity()};
+        Quadric<double, 3> quadric;
+        REQUIRE(to_quadric(known, quadric) == Status::ok);
+        const HalfQuadric<double> half = of_attitude(quadric);
+        Fusion6 result;
+        for (const Criterion& criterion : {Criterion::volume(), Criterion::trace()}) {
+          REQUIRE(minimal_intersection(&predicted, &half, 1, criterion, result) == Status::ok);
+          CHECK(size_of(result.set.shape, criterion) <= size_of(predicted.shape, criterion) + 1e-5L);
+        }
+      }
+    }
+  }
 }
 
 TEST_CASE("fusion of two ellipsoids is that of two sets") {
@@ -433,10 +502,12 @@ TEST_CASE("the gradient and the Hessian are those of F") {
     problem.weight = random.positive_definite<6>(10.0);
     problem.count = 5;
     problem.constraints[0].leading = false;
+    problem.constraints[0].rank = 6;
     problem.constraints[0].quadric = {Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0};
     for (std::size_t k = 0; k < 4; ++k) {
       const Quadric<double, 6>& q = scene.quadrics[k];
       problem.constraints[k + 1].leading = k < 3 && trial % 3 != 0;
+      problem.constraints[k + 1].rank = 3;
       problem.constraints[k + 1].part = {q.a.topLeftCorner<3, 3>(), q.g.head<3>(), q.c};
       problem.constraints[k + 1].quadric = q;
     }
@@ -453,6 +524,14 @@ TEST_CASE("the gradient and the Hessian are those of F") {
     problem.hessian(at, v, gradient, hessian.data());
     const double h = 1e-5;
     for (std::size_t j = 0; j < 5; ++j) {
+      const double trace = at.slack[j] - gradient[j];
+      const double curvature = hessian[j * Problem::most + j] - trace * trace / 6;
+      const double least = problem.least_curvature(j, at, v, gradient);
+      if (j == 0) {
+        CHECK(least == doctest::Approx(curvature));
+      } else if (problem.by_volume) {
+        CHECK(least <= curvature + 1e-9);
+      }
       const auto moved = [&](double by, Problem::Iterate& it, Problem::Multipliers& slope) {
         Problem::Multipliers other = mu;
         other[j] += by;

@@ -737,7 +737,7 @@ def test_fusions_are_near_the_best_of_their_family(criterion):
         assert update.margin >= min(quadrics.slack(q, fusion.error) for q in some) - 1e-9
         kind = "volume" if criterion == "volume" else "trace"
         if np.array_equal(found.shape, about.shape):
-            # n s_k(0) >= tr(A_k): no measurement makes F smaller from the prediction alone; or none by more than the search sees.
+            # n s_k(0) >= tr(A_k): no measurement makes F smaller from the prediction alone, or by next to nothing.
             only = np.array([6.0, *[0.0] * len(measured)])
             alone += quadrics.gradient(some, only, kind, weight).min() >= -1e-9
             assert_near_best(some, only, about.shape, kind, weight)

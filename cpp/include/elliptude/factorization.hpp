@@ -197,8 +197,8 @@ template <typename Scalar, int N>
   return square;
 }
 
-/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots,
-/// which wait for each other.
+/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots, each
+/// of which has to wait for the one before.
 template <typename Scalar, int N>
 struct RootFreeFactor {
   Matrix<Scalar, N> l;  ///< below the diagonal; the rest is undefined
@@ -577,11 +577,12 @@ template <typename Scalar, int Rows, int Columns>
   return gram;
 }
 
-/// An upper bound of the largest singular value of B with BᵀB = gram, above it by at most √((1 + √N)/2), and not at all where all
-/// are alike or all but one are zero: the largest eigenvalue is within √(N − 1) standard deviations of the mean of all (Samuelson's
+/// An upper bound of the largest singular value of B with BᵀB = gram, above it by at most √((1 + √N)/2), or √N where the fourth
+/// power of it is beyond the numbers' range, and only by rounding where all are alike or all but one are zero: the largest eigenvalue is within √(N − 1) standard deviations of the mean of all (Samuelson's
 /// inequality), and traces of the gram matrix and of its square give both.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
+  static_assert(N <= 6);  // rounding is counted for that
   using Value = scalar::Value<Scalar>;
   const Scalar trace = gram.trace();
   const Scalar mean = trace / Scalar(N);
@@ -592,7 +593,7 @@ template <typename Scalar, int N>
   }
   const Scalar variance = gram.squaredNorm() / Scalar(N) - square;
   const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * square;
-  const Scalar most = Scalar(N - 1) * ((variance > Scalar(0) ? variance : Scalar(0)) + rounding);
+  const Scalar most = Scalar(N - 1) * ((variance < Scalar(0) ? Scalar(0) : variance) + rounding);
   return scalar::sqrt(Scalar(mean + scalar::sqrt(most)));
 }
 

@@ -15,7 +15,8 @@ struct Quadric {
   Scalar c;
 };
 
-enum class Half { first, second };
+/// Which three of six coordinates: of [γ; δ] the first are the attitude's.
+enum class Half : std::uint8_t { first, second };
 
 /// A quadric of three of six coordinates, as most measurements are of one half of a state's error [γ; δ].
 template <typename Scalar>

@@ -204,8 +204,8 @@ class ManyQuadrics {
     }
   }
 
-  /// Of ∂²F/∂μₖ², less what it has along μ, of which ∇²F μ = tr(VA): about the least that it can be. The ball's is exact; one whose
-  /// A has the rank m has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m.
+  /// Of ∂²F/∂μₖ², less what it has along μ, for which ∇²F μ = tr(VA): the least that it can be for the volume, where an A of rank m
+  /// has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m, and an estimate for the trace. The ball's is exact.
   [[nodiscard]] Scalar least_curvature(std::size_t k, const Iterate& it, const Matrix<Scalar, N>& v,
                                        const Multipliers& gradient) const noexcept {
     const Scalar trace = it.slack[k] - gradient[k];
@@ -309,7 +309,7 @@ struct Coordinates {
 
 /// The quadric in u, relaxed by what rounding may do to it: for all u of the unit ball if that is one of the constraints, else for
 /// all u. (theory, section 16)
-/// \param columns the rows of the factor that are of the quadric's coordinates, as far as they are not zero.
+/// \param rows of the factor, those of the quadric's coordinates, without columns of zeros.
 template <typename Scalar, int M, int K>
 [[nodiscard]] Quadric<Scalar, K> relaxed(const Quadric<Scalar, M>& quadric, const Matrix<Scalar, M, K>& rows,
                                          const Vector<Scalar, M>& shift, const Vector<Scalar, M>& reach, bool in_ball,
@@ -460,6 +460,21 @@ template <typename Scalar, int N>
   return Status::unbounded;
 }
 
+/// Whether the first set is smaller than the second, by the criterion.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_smaller_set(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
+                                  const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::volume) {
+    return criterion.weight.cwiseProduct(first.shape).sum() < criterion.weight.cwiseProduct(second.shape).sum();
+  }
+  Matrix<Scalar, N> l1;
+  Matrix<Scalar, N> l2;
+  if (cholesky(first.shape, l1) != Status::ok || cholesky(second.shape, l2) != Status::ok) {
+    return false;
+  }
+  return l1.diagonal().prod() < l2.diagonal().prod();
+}
+
 /// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
 /// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
 /// the best is kept.
@@ -479,6 +494,7 @@ template <typename Scalar, int N>
   // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
   const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
   const Scalar half = scalar::constant<Scalar>(0.5L);
+  const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   const std::size_t count = problem.count;
   typename Problem::Iterate* now = &iterates[0];
   best = now;
@@ -525,8 +541,14 @@ template <typename Scalar, int N>
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
     }
     // What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has beside the
-    // direction of μ itself; but no more than μg of one that can only fall to zero.
+    // direction of μ itself; but no more than μg of one that can only fall to zero. Exchanges of constraints that are alike gain
+    // more: for these Σμg of those that would fall, as ∇Fᵀμ = 0.
     const Scalar accuracy = tolerance + it.rounding;
+    Scalar exchange(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      exchange += gradient[k] > Scalar(0) ? Scalar(it.multipliers[k] * gradient[k]) : Scalar(0);
+    }
+    const bool may_exchange = exchange > Scalar(2) * accuracy;
     const auto may_gain = [&](const auto& curvature) {
       Scalar gain(0);
       for (std::size_t k = 0; k < count; ++k) {
@@ -534,18 +556,19 @@ template <typename Scalar, int N>
         const Scalar raise = half * g * g;
         const Scalar removal = it.multipliers[k] * g;
         const Scalar second = curvature(k);
-        gain += g > Scalar(0) && removal * second < raise ? removal : Scalar(raise / second);
+        const Scalar change = second > Scalar(0) ? Scalar(raise / second) : infinite;
+        gain += g > Scalar(0) && removal < change ? removal : change;
       }
       return !(gain <= accuracy);
     };
-    if (!may_gain([&](std::size_t k) { return problem.least_curvature(k, it, v, gradient); })) {
+    if (!may_exchange && !may_gain([&](std::size_t k) { return problem.least_curvature(k, it, v, gradient); })) {
       break;
     }
     problem.hessian(it, v, gradient, hessian.data());
-    const bool alone = may_gain([&](std::size_t k) {
-      const Scalar trace = it.slack[k] - gradient[k];
-      return Scalar(hessian[k * Problem::most + k] - trace * trace / Scalar(N));
-    });
+    const bool worth_it = may_exchange || may_gain([&](std::size_t k) {
+                            const Scalar trace = it.slack[k] - gradient[k];
+                            return Scalar(hessian[k * Problem::most + k] - trace * trace / Scalar(N));
+                          });
     for (std::size_t k = 0; k < count; ++k) {
       hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
     }
@@ -583,7 +606,7 @@ template <typename Scalar, int N>
     for (std::size_t k = 0; k < count; ++k) {
       fall -= gradient[k] * move[k];
     }
-    if (fall <= accuracy && !alone) {
+    if (fall <= accuracy && !worth_it) {
       break;
     }
     const Scalar straight_primal = longest(it.multipliers, move, Scalar(1));
@@ -806,14 +829,11 @@ template <typename Scalar, int N, typename Given>
                         scalar::sqrt(Scalar(set.shape(i, i)));
     loss = lost > loss ? lost : loss;
   }
-  const Scalar enlargement = Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
-  set.shape.diagonal() *= Scalar(1) + enlargement;
+  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
   if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape)) {
     return problem.with_ball ? prediction_alone(margin) : Status::not_finite;
   }
-  // Of the prediction, u in the unit ball, the size is 0, or N log N.
-  const Scalar size_of_ball = problem.by_volume ? Scalar(0) : Scalar(Scalar(N) * scalar::log(Scalar(N)));
-  if (problem.with_ball && !(best.size + Scalar(N) * enlargement < size_of_ball)) {
+  if (problem.with_ball && !is_smaller_set(set, *predicted, criterion)) {
     return prediction_alone(margin);
   }
   const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / scale[k]); };

@@ -62,9 +62,9 @@ template <typename Scalar>
 using Padded = Vector<Scalar, 4>;
 
 /// The matrix of x ↦ x × s.
-template <typename Vector>
-[[nodiscard]] Columns<typename Vector::Scalar> across(const Vector& s) noexcept {
-  using Scalar = typename Vector::Scalar;
+template <typename Derived>
+[[nodiscard]] Columns<typename Derived::Scalar> across(const Eigen::MatrixBase<Derived>& s) noexcept {
+  using Scalar = typename Derived::Scalar;
   const Scalar zero(0);
   Columns<Scalar> matrix;
   matrix << zero, s(2), -s(1), -s(2), zero, s(0), s(1), -s(0), zero, zero, zero, zero;

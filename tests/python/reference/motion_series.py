@@ -30,7 +30,7 @@ LEVI_CIVITA = np.array([so3.hat(-axis) for axis in np.eye(3)])  # a cross b = ei
 
 
 def norm(matrix: Array) -> float:
-    """A bound of the largest singular value by the mean and the deviation of the squares of all (Samuelson's inequality).
+    """A bound of the largest singular value by mean and deviation of the squares of all (Samuelson's inequality).
 
     The theory asks for a bound of the spectral norm. This one is the core's, and the sets depend on it.
     """
