@@ -16,6 +16,8 @@ FRAMES = 240
 """Times at which the sphere is drawn."""
 
 _MERIDIANS, _RINGS = 36, 4
+_LARGEST = np.deg2rad(60.0)
+"""Of the errors of a set that is drawn: patches, flat between their rings, would cut through the globe if larger."""
 _INT16 = 32767
 _NOT_KNOWN = -32768
 
@@ -42,6 +44,7 @@ def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
         [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS) for i in range(3)],
         axis=1,
     )
+    patches[factor * run.largest_angles[rows] > _LARGEST] = np.nan
     marks = run.true_axes(factor)[rows].swapaxes(1, 2) if run.compared.any() else None
     return {
         "vertices": _RINGS * _MERIDIANS,

@@ -60,6 +60,16 @@ def test_the_patch_is_the_image_of_the_set(page):
     assert (tips[22] == -32768).all()
 
 
+def test_no_patch_cuts_through_the_globe():
+    run = make_run(3)
+    frames = report_sphere.sphere_frames(
+        dataclasses.replace(run, largest_angles=np.array([0.3, 1.2, 0.3])), np.arange(3)
+    )
+    numbers = np.frombuffer(base64.b64decode(frames["patches"]), "<i2").reshape(3, -1)
+    assert (numbers == -32768).all(axis=1).tolist() == [False, True, False]
+    assert ["too large" in label for label in frames["labels"]] == [False, True, False]
+
+
 def test_bands_have_gaps(page):
     band, error, *_ = data_of(page)["plots"]["bands"]["data"]
     assert band["x"].count(None) == 2
