@@ -239,12 +239,8 @@ class ManyQuadrics {
  private:
   /// The first M rows and columns.
   template <int M>
-  [[nodiscard]] static decltype(auto) corner(const Matrix<Scalar, N>& matrix) noexcept {
-    if constexpr (M == N) {
-      return (matrix);
-    } else {
-      return matrix.template topLeftCorner<M, M>();
-    }
+  [[nodiscard]] static Matrix<Scalar, M> corner(const Matrix<Scalar, N>& matrix) noexcept {
+    return matrix.template topLeftCorner<M, M>();
   }
   /// tr(A Z), of Z the corner that is as large as A.
   template <int M, int K>
