@@ -207,6 +207,7 @@ struct RootFreeFactor {
 
 namespace factorization {
 
+/// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p).
 template <int Column, typename Scalar, int N>
 [[nodiscard]] bool root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled,
                                      RootFreeFactor<Scalar, N>& factor) noexcept {
@@ -233,6 +234,7 @@ template <int Column, typename Scalar, int N>
   }
 }
 
+/// The columns of the inverse of a unit lower triangle from `Column` on.
 template <int Column, typename Scalar, int N>
 void unit_inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
   if constexpr (Column < N) {
@@ -577,9 +579,10 @@ template <typename Scalar, int Rows, int Columns>
   return gram;
 }
 
-/// An upper bound of the largest singular value of B with BᵀB = gram, above it by at most √((1 + √N)/2), or √N where the fourth
-/// power of it is beyond the numbers' range, and only by rounding where all are alike or all but one are zero: the largest eigenvalue is within √(N − 1) standard deviations of the mean of all (Samuelson's
-/// inequality), and traces of the gram matrix and of its square give both.
+/// An upper bound of the largest singular value of B with BᵀB = gram: the largest eigenvalue is within √(N − 1) standard deviations
+/// of the mean of all (Samuelson's inequality), and the traces of the gram matrix and of its square give both. Too large by at most
+/// √((1 + √N)/2), or √N where the fourth power of the result is beyond the numbers' range; only by rounding where all singular
+/// values are alike, or all but one are zero.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
   static_assert(N <= 6);  // rounding is counted for that
@@ -588,8 +591,8 @@ template <typename Scalar, int N>
   const Scalar mean = trace / Scalar(N);
   const Scalar square = mean * mean;
   if (!(square > Scalar(std::numeric_limits<Value>::min() / std::numeric_limits<Value>::epsilon()))) {
-    return scalar::sqrt(trace < Scalar(0) ? Scalar(-trace)
-                                          : trace);  // the squares are lost, and the trace bounds it too
+    // The squares are lost; the trace bounds it too.
+    return scalar::sqrt(trace < Scalar(0) ? Scalar(-trace) : trace);
   }
   const Scalar variance = gram.squaredNorm() / Scalar(N) - square;
   const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * square;
