@@ -124,7 +124,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return status;
       }
     }
-    set_.center.attitude = renormalized(set_.center.attitude);
+    if (!is_rotation(set_.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
+      set_.center.attitude = renormalized(set_.center.attitude);  // about the nearest rotation, which rounding turns
+      set_.shape = with_attitude_added(set_.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+    }
     knows_attitude_ = true;
     knows_vector_ = false;
     rests_on_drops_ = false;
@@ -176,10 +179,6 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (set != nullptr) {
       if (const Status status = start(*set); status != Status::ok) {
         return status;
-      }
-      const Scalar changed = (set->center.attitude - set_.center.attitude).cwiseAbs().maxCoeff();
-      if (changed <= Scalar(8) * Scalar(scalar::epsilon<Scalar>)) {
-        set_ = *set;  // `start` has changed the last bits alone
       }
     } else if (vector != nullptr) {
       if (const Status status = validate(*vector); status != Status::ok) {

@@ -23,7 +23,8 @@ using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
 namespace tube {
 
 /// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume: shares
-/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`).
+/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`). Entries of the
+/// shapes may be wrong by a rounding or two of themselves.
 template <typename Scalar, int N, std::size_t Count>
 [[nodiscard]] Status sum(const Matrix<Scalar, N>& shape, const std::array<Matrix<Scalar, N>, Count>& others,
                          Matrix<Scalar, N>& result) noexcept {
@@ -53,7 +54,8 @@ template <typename Scalar, int N, std::size_t Count>
       }
     }
   }
-  result = (Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * total;
+  total.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+  result = total;
   return Status::ok;
 }
 
@@ -200,8 +202,8 @@ class GuaranteedRigidBodyFlow {
     }
     const Matrix3<Scalar> inverse = body_.inertia_inverse();
     result.center = -inverse * input.wheel_momentum;
-    result.shape = ((Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * momentum * momentum) *
-                   inverse.lazyProduct(inverse);
+    result.shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
+    result.shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
     return Status::ok;
   }
 
@@ -332,12 +334,8 @@ class GuaranteedGyroFlow {
     const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
     const Vector3<Scalar> turn = h * rate;
     const Matrix3<Scalar> f = exp(turn);
-    Matrix6<Scalar> transition = Matrix6<Scalar>::Identity();
-    transition.template topLeftCorner<3, 3>() = f.transpose();
-    transition.template topRightCorner<3, 3>() = -h * right_jacobian(turn);
-    const Matrix6<Scalar> moved = transition.lazyProduct(ellipsoid.shape);
-    Matrix6<Scalar> shape = moved.lazyProduct(transition.transpose());
-    shape = (half * (shape + shape.transpose())).eval();
+    const Matrix6<Scalar> shape =
+        congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
 
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
@@ -359,7 +357,13 @@ class GuaranteedGyroFlow {
 
     // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
     Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
-                  half * h * h * drift + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+                  half * h * h * drift;
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
+    // more as a is not nothing (theory, section 17.8).
+    const Scalar slip =
+        rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
+    ball +=
+        slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
     std::array<Matrix6<Scalar>, 3> others;
     for (Matrix6<Scalar>& term : others) {
       term.setZero();
@@ -372,6 +376,8 @@ class GuaranteedGyroFlow {
       const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
       const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
       others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
+      others[0].diagonal().template head<3>().array() +=
+          rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
     }
     // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
     if (drift > Scalar(0)) {
@@ -383,7 +389,7 @@ class GuaranteedGyroFlow {
       others[1].template bottomRightCorner<3, 3>() = d;
       ball += half * half * h * h * h * speed * drift;
     }
-    others[2] = tube::attitude_ball(ball);
+    others[2] = tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
     Matrix6<Scalar> sum;
     if (const Status status = tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
       return status;
