@@ -402,6 +402,35 @@ class GuaranteedGyroFlow {
     return Status::ok;
   }
 
+  /// The attitude alone, of a bias that may be anywhere in its bound at every time: what it does to the rate is bounded as the
+  /// noise is, and nothing is said of where it is afterwards. (theory, section 16.7)
+  /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
+  /// \return what `predict` says.
+  [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
+                                        const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar epsilon(scalar::epsilon<Scalar>);
+    GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.noise = (Scalar(1) + Scalar(16) * epsilon) * sum_of_shapes(uncertainty_.noise, bias.shape);
+    flow.uncertainty_.drift.setZero();
+    Input given = input;
+    if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
+      given.increment += duration * tube::radius(bias.shape) * (Scalar(1) + Scalar(16) * epsilon);
+    }
+    GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
+    set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
+    set.shape.diagonal().template tail<3>().setConstant(epsilon * epsilon);  // a set is not flat
+    GibbsEllipsoid<State> predicted;
+    if (const Status status = flow.predict(time, duration, given, set, predicted); status != Status::ok) {
+      return status;
+    }
+    predicted.shape.template bottomLeftCorner<3, 3>().setZero();
+    predicted.shape.template topRightCorner<3, 3>().setZero();
+    predicted.shape.template bottomRightCorner<3, 3>() = bias.shape;
+    result = predicted;
+    return Status::ok;
+  }
+
   /// The bias without the attitude: it drifts.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,

@@ -366,8 +366,9 @@ template <typename Scalar>
 ///
 ///     (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ).
 ///
-/// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement; `unbounded` if its bound
-/// reaches half turns, or C̃ is a half turn from the center.
+/// With a bound that reaches half turns, or about a center to which C̃ is a half turn but for half the digits, it says nothing:
+/// A = 0, g = 0, c = 1.
+/// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement.
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
                                 Quadric<Scalar, 3>& quadric) noexcept {
@@ -381,23 +382,25 @@ template <typename Scalar>
   if (!is_symmetric(measured.bound)) {
     return Status::not_symmetric;
   }
-  SymmetricEigen<Scalar, 3> eigen;
-  if (const Status status = symmetric_eigen(measured.bound, eigen); status != Status::ok) {
-    return status;
-  }
-  const Scalar angle = scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-                       (Scalar(1) + Scalar(16) * epsilon);
-  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
-    return Status::unbounded;
-  }
   Matrix3<Scalar> m;
-  if (const Status status = inverse_positive_definite(measured.bound, m); status != Status::ok) {
+  if (const Status status = cholesky(measured.bound, m); status != Status::ok) {
     return status;
   }
+  // Largest angle; a bound of less than rounding is used as if it were wider by that.
+  Matrix3<Scalar> bound = measured.bound;
+  bound.diagonal().array() += epsilon * epsilon;
+  SymmetricEigen<Scalar, 3> eigen;
+  const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_positive_definite(bound, m) == Status::ok;
+  const Scalar angle = bounded
+                           ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
+                                    (Scalar(1) + Scalar(16) * epsilon))
+                           : Scalar(4);
   // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
-  if (!scalar::all_finite(gamma)) {
-    return Status::unbounded;
+  const Scalar farthest = Scalar(1) / scalar::sqrt(epsilon);
+  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L)) || !(gamma.norm() < farthest)) {
+    quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
+    return Status::ok;
   }
   // The measured center rounds by a few ε, which the shortest semi-axis has to cover.
   const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));
