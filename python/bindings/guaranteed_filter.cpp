@@ -97,7 +97,8 @@ control_torque : (3,) array_like, optional
 wheel_momentum : (3,) array_like, optional
     Angular momentum of wheels relative to the body, N m s, body axes, constant over the interval.
 gyro : (3,) array_like
-    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow.
+    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow. NaN where
+    nothing was measured: of that interval the flow's `largest_rate` alone is known.
 increment : float, optional
     Bound of the angle that the errors v of the gyro make together over this interval, rad, where a better one is known than
     the duration times the noise.
@@ -200,7 +201,7 @@ attitude_bound : float, (n,) or (3, 3) array_like
     As for directions.
 gyro : (n, 3) array_like
     For a GuaranteedGyroFlow: gyro[k] is the rate of the interval from times[k] to times[k + 1], as the flow's `interval_rate`
-    says; times[0] must be `self.time`.
+    says, NaN where nothing was measured; times[0] must be `self.time`.
 increment : float or (n,) array_like, optional
     As in `predict`, of the same intervals as gyro; NaN where none is known.
 control_torque, wheel_momentum : (3,) or (n, 3) array_like, optional

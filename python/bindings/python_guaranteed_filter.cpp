@@ -52,6 +52,16 @@ struct Inputs {
   Vector3<double> wheel_momentum = Vector3<double>::Zero();
   Vector3<double> gyro = Vector3<double>::Zero();
   double increment = -1;  // none
+  bool is_measured = true;
+
+  /// Of a gyro: all NaN where it was not measured.
+  void set_gyro(const Vector3<double>& rate, const std::string& name) {
+    is_measured = !rate.array().isNaN().all();
+    gyro = rate;
+    if (is_measured && !scalar::all_finite(gyro)) {
+      value_error(name + " must be finite, or all NaN where nothing was measured");
+    }
+  }
 };
 
 template <typename Filter>
@@ -59,7 +69,7 @@ template <typename Filter>
   if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
     return {inputs.control_torque, inputs.wheel_momentum};
   } else {
-    return {inputs.gyro, inputs.increment};
+    return {inputs.gyro, inputs.increment, inputs.is_measured};
   }
 }
 
@@ -300,7 +310,9 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
   };
   read(control_torque, "control_torque", inputs.control_torque);
   read(wheel_momentum, "wheel_momentum", inputs.wheel_momentum);
-  read(gyro, "gyro", inputs.gyro);
+  if (!gyro.is_none()) {
+    inputs.set_gyro(Items(gyro, "gyro", {3}, Items::Require::anything, Items::Batch::none).vector<3>(0), "gyro");
+  }
   if (!increment.is_none()) {
     inputs.increment = single(increment, "increment", {}).number(0);
     if (!(inputs.increment >= 0)) {
@@ -377,7 +389,7 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   const std::optional<LogInput> increments = log_input(increment, "increment", {}, rows, Items::Require::anything);
   std::optional<Items> rates;
   if (has_gyro()) {
-    rates.emplace(single(gyro, "gyro", {rows, 3}));
+    rates.emplace(gyro, "gyro", Shape{rows, 3}, Items::Require::anything, Items::Batch::none);
     if (time[0][0] != this->time()) {
       value_error("times[0] must be the filter's time, " + text(this->time()) +
                   " s, for a GuaranteedGyroFlow: gyro[k] is the rate from times[k] on; it is " + text(time[0][0]) +
@@ -412,7 +424,8 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
       Inputs inputs;
       const Index before = std::max<Index>(i - 1, 0);  // a gyro's row is of the interval that it begins
       if (rates) {
-        inputs.gyro = Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before);
+        inputs.set_gyro(Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before),
+                        "gyro[" + std::to_string(before) + "]");
       }
       if (increments && !(*increments->row(before) != *increments->row(before))) {
         inputs.increment = *increments->row(before);

@@ -368,6 +368,8 @@ class GuaranteedGyroFlow:
         scale: float = 0.0,
         angular_acceleration: float = 0.0,
         interval_rate: str = "mean_of_ends",
+        longest_interval: float | None = None,
+        largest_rate: float | None = None,
     ) -> None: ...
     @property
     def noise(self) -> _Floats: ...
@@ -379,6 +381,10 @@ class GuaranteedGyroFlow:
     def angular_acceleration(self) -> float: ...
     @property
     def interval_rate(self) -> str: ...
+    @property
+    def longest_interval(self) -> float | None: ...
+    @property
+    def largest_rate(self) -> float | None: ...
 
 class GuaranteedFilter:
     def __init__(

@@ -122,6 +122,8 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
         typer.echo(
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
+    for line in summary["gaps"]["said"]:
+        typer.echo(f"  {line}")
     if summary["heading"] == "from the first row":
         typer.echo("  nothing tells the heading: it counts from the first row")
     for name, part in summary["sizes"].items():

@@ -20,6 +20,8 @@ def _flow_to_dict(flow: _Flow) -> dict[str, Any]:
             "scale": flow.scale,
             "angular_acceleration": flow.angular_acceleration,
             "interval_rate": flow.interval_rate,
+            "longest_interval": flow.longest_interval,
+            "largest_rate": flow.largest_rate,
         }
     return {
         "kind": "guaranteed_rigid_body",
@@ -40,6 +42,8 @@ def _flow_from_dict(fields: dict[str, Any]) -> _Flow:
                 scale=fields["scale"],
                 angular_acceleration=fields["angular_acceleration"],
                 interval_rate=fields["interval_rate"],
+                longest_interval=fields.get("longest_interval"),  # older ones have neither
+                largest_rate=fields.get("largest_rate"),
             )
         case "guaranteed_rigid_body":
             return _core.GuaranteedRigidBodyFlow(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude import tables
+from elliptude import gaps, tables
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.containment import compare
@@ -123,6 +123,7 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
         "dropped_measurements": int(run.log.dropped.sum()),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
         "void": list(run.rows.void),
+        "gaps": gaps.summarize(run.gaps, run.rows.gyro),
     }
 
 

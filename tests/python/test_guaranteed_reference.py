@@ -460,14 +460,53 @@ def test_the_rate_without_an_attitude(kind):
 INTERVAL_RATES = ["first_sample", "mean_of_ends", "mean"]
 
 
-def core_gyro_flow(uncertainty, interval_rate):
+def core_gyro_flow(uncertainty, interval_rate, longest_interval=None):
     return el.GuaranteedGyroFlow(
         uncertainty.noise,
         uncertainty.drift,
         scale=uncertainty.scale,
         angular_acceleration=uncertainty.angular_acceleration,
         interval_rate=interval_rate,
+        longest_interval=longest_interval,
+        largest_rate=uncertainty.largest_rate,
     )
+
+
+def test_intervals_that_no_bound_of_a_gyro_speaks_of():
+    unbounded = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        size = 10 ** rng.uniform(-4, 0.5)
+        begin = GibbsSet(rotation(rng), rng.standard_normal(3), size**2 * random_shape(rng, 6, 1e-2, 1.0))
+        drift = (0.05 * size) ** 2 * random_shape(rng, 3) * (seed % 3 > 0)
+        uncertainty = GyroUncertainty(drift=drift, largest_rate=None if seed % 10 == 0 else 10 ** rng.uniform(-1, 0.5))
+        duration, rate = 10 ** rng.uniform(-2, 0), rng.standard_normal(3)
+        filter_ = el.GuaranteedFilter(
+            core_gyro_flow(uncertainty, "mean_of_ends", longest_interval=1e-3),
+            el.StateEllipsoid(begin.attitude, begin.vector, begin.shape, chart="gibbs"),
+        )
+        filter_.predict(duration, gyro=rate if seed % 2 else np.full(3, np.nan))
+        try:
+            expected = guaranteed_flow.predict_unmeasured(begin, duration, uncertainty)
+        except Unbounded:
+            assert filter_.ellipsoid is None
+            unbounded += 1
+            continue
+        assert_same_set(filter_.ellipsoid, expected)
+    assert 5 < unbounded < 30
+
+
+def test_how_far_any_turn_moves_a_gibbs_vector():
+    """(17.10): the composition of any two rotations, and equality about one axis."""
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        first, turn = rng.uniform(0.01, 1.5), rng.uniform(0.01, 1.5)
+        axis, gamma = direction(rng), 2.0 * math.tan(0.5 * first) * direction(rng)
+        bound = 2.0 * (math.tan(0.5 * (first + turn)) - math.tan(0.5 * first))
+        for about in (axis, gamma / np.linalg.norm(gamma)):
+            moved = 2.0 * so3.cayley_inverse(so3.cayley(0.5 * gamma) @ so3.exp(turn * about)) - gamma
+            assert np.linalg.norm(moved) <= bound * (1 + 1e-12)
+        assert np.linalg.norm(moved) == pytest.approx(bound, rel=1e-10)
 
 
 @pytest.mark.parametrize("interval_rate", INTERVAL_RATES)

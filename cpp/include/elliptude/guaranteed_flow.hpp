@@ -272,6 +272,10 @@ struct GyroUncertainty {
   /// for an error which is one linear map of the rate throughout the interval.
   Scalar scale = Scalar(0);
   Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
+  /// The longest interval, s, that a rate and all of the above speak of; negative for any. Of a longer one, such as where samples
+  /// were lost, nothing is known but the next number.
+  Scalar longest_interval = Scalar(-1);
+  Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative where none is known
 };
 
 /// A body of which nothing is known but what its gyro says, at every time between its samples.
@@ -290,13 +294,15 @@ class GuaranteedGyroFlow {
     /// Bound of the angle that the errors v of the samples make together over this interval, rad, where a better one is known
     /// than the duration times the noise; negative for none.
     Scalar increment = Scalar(-1);
+    bool is_measured = true;  ///< false: there is no rate of this interval, as if it were too long to be spoken of
   };
 
   /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
   /// `not_positive_definite`.
   [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
                                    GuaranteedGyroFlow& flow) noexcept {
-    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration)) {
+    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration) ||
+        !scalar::isfinite(uncertainty.longest_interval) || !scalar::isfinite(uncertainty.largest_rate)) {
       return Status::not_finite;
     }
     if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0))) {
@@ -317,8 +323,8 @@ class GuaranteedGyroFlow {
   /// may reach half turns within the interval.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
-    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity) ||
-        !scalar::isfinite(input.increment)) {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) ||
+        (input.is_measured && (!scalar::all_finite(input.angular_velocity) || !scalar::isfinite(input.increment)))) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {
@@ -327,6 +333,9 @@ class GuaranteedGyroFlow {
     if (duration == Scalar(0)) {
       result = ellipsoid;
       return Status::ok;
+    }
+    if (!speaks_of(duration, input)) {
+      return predict_unmeasured(duration, ellipsoid, result);
     }
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar& h = duration;
@@ -409,17 +418,18 @@ class GuaranteedGyroFlow {
   [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
                                         const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
                                         GibbsEllipsoid<State>& result) const noexcept {
-    const Scalar epsilon(scalar::epsilon<Scalar>);
     GuaranteedGyroFlow flow = *this;
-    flow.uncertainty_.noise = (Scalar(1) + Scalar(16) * epsilon) * sum_of_shapes(uncertainty_.noise, bias.shape);
+    flow.uncertainty_.noise = sum_of_shapes(uncertainty_.noise, bias.shape);
+    flow.uncertainty_.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
     flow.uncertainty_.drift.setZero();
     Input given = input;
     if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
-      given.increment += duration * tube::radius(bias.shape) * (Scalar(1) + Scalar(16) * epsilon);
+      given.increment += rounding::enlarged(Scalar(duration * tube::radius(bias.shape)), rounding::product);
     }
     GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
     set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
-    set.shape.diagonal().template tail<3>().setConstant(epsilon * epsilon);  // a set is not flat
+    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) *
+                                                        rounding::share<Scalar>(1));  // a set is not flat
     GibbsEllipsoid<State> predicted;
     if (const Status status = flow.predict(time, duration, given, set, predicted); status != Status::ok) {
       return status;
@@ -429,6 +439,12 @@ class GuaranteedGyroFlow {
     predicted.shape.template bottomRightCorner<3, 3>() = bias.shape;
     result = predicted;
     return Status::ok;
+  }
+
+  /// Whether anything but `largest_rate` is known of an interval.
+  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
+    const Scalar& longest = uncertainty_.longest_interval;
+    return input.is_measured && (longest < Scalar(0) || duration <= longest);
   }
 
   /// The bias without the attitude: it drifts.
@@ -454,6 +470,40 @@ class GuaranteedGyroFlow {
   }
 
  private:
+  /// Over an interval of which nothing is known but that the body turns by no more than an angle, about any axis: the center
+  /// stays, and the errors move by at most what (17.10) says. (theory, section 17.6)
+  /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_unmeasured(const Scalar& duration, const GibbsEllipsoid<State>& ellipsoid,
+                                          GibbsEllipsoid<State>& result) const noexcept {
+    if (!(uncertainty_.largest_rate >= Scalar(0))) {
+      return Status::unbounded;
+    }
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    const Scalar half_angle = scalar::atan2(Scalar(half * before), Scalar(1));
+    const Scalar half_turn = half * uncertainty_.largest_rate * duration;
+    if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    // The cosines lose no more than tan 1.5 = 14 times what their arguments do.
+    const Scalar moved =
+        Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
+    std::array<Matrix6<Scalar>, 2> others;
+    others[0] = tube::attitude_ball(Scalar((Scalar(1) + Scalar(256) * Scalar(scalar::epsilon<Scalar>)) * moved));
+    others[1].setZero();
+    others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
+    Matrix6<Scalar> sum;
+    if (const Status status = tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = ellipsoid.center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
   GyroUncertainty<Scalar> uncertainty_;
   IntervalRate interval_rate_;
 };
