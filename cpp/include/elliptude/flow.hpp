@@ -20,14 +20,6 @@ struct Prediction {
   Matrix6<StateScalar<State>> transition;  ///< A^f (paper, eq. flow)
 };
 
-/// A P Aᵀ (paper, eq. Pkpf), exactly symmetric.
-template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> transformed_shape(const Matrix6<Scalar>& a, const Matrix6<Scalar>& shape) noexcept {
-  const Matrix6<Scalar> half = a.lazyProduct(shape);
-  const Matrix6<Scalar> whole = half.lazyProduct(a.transpose());
-  return scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
-}
-
 /// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid.
 template <typename Scalar, typename Potential>
 class RigidBodyFlow {
