@@ -218,8 +218,8 @@ Raises
 InconsistentMeasurement
     With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
     the call.
-ValueError
-    If an argument is not finite or out of its range, with the row.
+RowError
+    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
 )");
 }
 

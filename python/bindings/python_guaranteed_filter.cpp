@@ -73,42 +73,38 @@ template <typename Filter>
   }
 }
 
-[[nodiscard]] std::string at_row(Index row) { return row < 0 ? "" : " at row " + std::to_string(row); }
-
-/// \param row of a log, or −1.
 template <typename Filter>
-void predict_to(Filter& filter, double time, const Inputs& inputs, Index row) {
+void predict_to(Filter& filter, double time, const Inputs& inputs) {
   const Status status = filter.predict(time, input_of<Filter>(inputs));
   if (status == Status::ok) {
     return;
   }
   if (status == Status::out_of_range) {
     value_error("time must not go backwards, and by no more than " + std::to_string(GuaranteedBodyFlow::most_steps) +
-                " steps forwards, but is " + text(time) + " s" + at_row(row) + " after " + text(filter.time()) + " s");
+                " steps forwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
   }
   if (status == Status::step_too_long) {
-    value_error("step of the flow is too long" + at_row(row) + ": the angular velocity is " +
+    value_error("step of the flow is too long: the angular velocity is " +
                 text(vector_part(filter.ellipsoid().center).norm()) + " rad/s at " + text(filter.time()) +
                 " s, and the motion in a step must be given by a short series; take a shorter step");
   }
-  raise(status, "predict" + at_row(row));
+  raise(status, "predict");
 }
 
-[[noreturn]] void raise_inconsistent(const std::string& sensor, double time, Index row, double margin) {
+[[noreturn]] void raise_inconsistent(const std::string& sensor, double time, double margin) {
   throw InconsistentSets((sensor.empty() ? "the measurements" : "the measurement of " + sensor) + std::string(" at ") +
-                             text(time) + " s" + at_row(row) + (sensor.empty() ? " contradict" : " contradicts") +
+                             text(time) + " s" + (sensor.empty() ? " contradict" : " contradicts") +
                              " the prediction or each other: no state satisfies all bounds (margin " + text(margin) +
                              "); some bound is wrong",
                          margin, time, sensor);
 }
 
 template <typename Filter>
-[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names,
-                                            Index row) {
+[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names) {
   const auto& settings = filter.settings();
   if (settings.policy == Policy::relaxed && settings.most_wrong > 0 && measured.count() > most_with_wrong_ones) {
     value_error("policy 'relaxed' is for at most " + std::to_string(most_with_wrong_ones) +
-                " measurements at a time, but there are " + std::to_string(measured.count()) + at_row(row));
+                " measurements at a time, but there are " + std::to_string(measured.count()));
   }
   GuaranteedUpdate<double> update;
   const Status status = filter.update(measured.core(), update);
@@ -120,9 +116,9 @@ template <typename Filter>
                              : measured.angular_velocity ? names.directions()
                                                          : names.directions() + 1);
     }
-    raise_inconsistent(sensor, filter.time(), row, update.margin);
+    raise_inconsistent(sensor, filter.time(), update.margin);
   }
-  raise_unless_ok(status, "update" + at_row(row));
+  raise_unless_ok(status, "update");
   return update;
 }
 
@@ -320,7 +316,7 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
     }
   }
   const py::gil_scoped_release release;
-  std::visit([&](auto& filter) { predict_to(filter, end, inputs, -1); }, filter_);
+  std::visit([&](auto& filter) { predict_to(filter, end, inputs); }, filter_);
 }
 
 py::object PythonGuaranteedFilter::update(const py::object& directions, const py::object& reference,
@@ -338,7 +334,7 @@ py::object PythonGuaranteedFilter::update(const py::object& directions, const py
   const SensorNames names(sensors, m, measured.angular_velocity.has_value(), measured.attitude.has_value());
   return std::visit(
       [&](auto& filter) {
-        const GuaranteedUpdate<double> update = fuse(filter, measured, names, -1);
+        const GuaranteedUpdate<double> update = fuse(filter, measured, names);
         py::list dropped;
         measured.for_each(update.dropped, m, [&](Index column) { dropped.append(names.object_of(column)); });
         return updated(update, py::tuple(dropped));
@@ -359,7 +355,7 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
           return filter.update(given.measurement<decltype(dimension)::value>(), update);
         });
         if (status == Status::empty_intersection) {
-          raise_inconsistent("linear measurement", filter.time(), -1, update.margin);
+          raise_inconsistent("linear measurement", filter.time(), update.margin);
         }
         raise_unless_ok(status, "update_linear");
         return updated(update, py::tuple());
@@ -411,10 +407,12 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   bool* dropped_data = dropped.mutable_data();
 
   AnyFilter working = filter_;
+  Index row = 0;  // that the loop is at
   const auto go = [&](auto& filter) {
     const py::gil_scoped_release release;
     Measured measured;
     for (Index i = 0; i < rows; ++i) {
+      row = i;
       if (i % 256 == 255) {
         const py::gil_scoped_acquire acquire;
         if (PyErr_CheckSignals() != 0) {
@@ -444,14 +442,14 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
         value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
                     " s after " + text(filter.time()) + " s");
       }
-      predict_to(filter, time[0][i], inputs, i);
+      predict_to(filter, time[0][i], inputs);
 
       log.read(i, measured);
       GuaranteedUpdate<double> update;
       update.margin = nan;
       updated_data[i] = measured.any();
       if (measured.any()) {
-        update = fuse(filter, measured, names, i);
+        update = fuse(filter, measured, names);
       }
       std::fill_n(dropped_data + i * (m + 2), m + 2, false);
       measured.for_each(update.dropped, m, [&](Index column) { dropped_data[i * (m + 2) + column] = true; });
@@ -472,9 +470,12 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   };
   try {
     std::visit(go, working);
-  } catch (const InconsistentSets&) {
+  } catch (InconsistentSets& error) {
     filter_ = working;  // as it was predicted to the row: the user may go on from there
+    error.set_row(row);
     throw;
+  } catch (const py::value_error& error) {
+    throw RowFault(error.what(), row);
   }
   filter_ = working;
   return py::module_::import("elliptude.results")

@@ -138,7 +138,7 @@ def dropped_columns(run: GuaranteedRun) -> dict[str, Column]:
     entries.sort(key=lambda entry: entry[0])
     return {
         "time_s": np.array([run.log.times[row] for row, *_ in entries], dtype=np.float64),
-        "place": [run.measured.place_in_file(row) for row, *_ in entries],
+        "place": run.measured.places_in_file([row for row, *_ in entries]),
         "sensor": [sensor for _, sensor, *_ in entries],
         "contradicts": [why for _, _, why, *_ in entries],
         "margin": np.array([margin for *_, margin, _ in entries], dtype=np.float64),
