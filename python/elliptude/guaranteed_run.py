@@ -282,7 +282,13 @@ def _run_from_anchors(
             if turns.anchors[k] != turns.anchors[k - 1]:
                 anchor = here
             here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-            here._resume(anchor.ellipsoid, anchor._vector, anchor._rests_on_drops, anchor._agreeing_updates)
+            here._resume(
+                anchor.ellipsoid,
+                anchor._vector,
+                anchor._rests_on_drops,
+                anchor._agreeing_updates,
+                anchor._disputed_updates,
+            )
             here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
             here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
         if result.updated[k]:
