@@ -73,6 +73,9 @@ template <typename Filter>
   }
 }
 
+/// The largest angular velocity or bias that a filter keeps.
+[[nodiscard]] std::string beyond_domain() { return text(FilterDomain<double>::largest()) + " rad/s"; }
+
 template <typename Filter>
 void predict_to(Filter& filter, double time, const Inputs& inputs) {
   const Status status = filter.predict(time, input_of<Filter>(inputs));
@@ -117,6 +120,11 @@ template <typename Filter>
                                                          : names.directions() + 1);
     }
     raise_inconsistent(sensor, filter.time(), update.margin);
+  }
+  if (status == Status::out_of_range && measured.angular_velocity) {
+    value_error("angular_velocity and rate_bound must be at most " + beyond_domain() + ", but are " +
+                text(measured.angular_velocity->value.norm()) + " and " +
+                text(std::sqrt(measured.angular_velocity->bound.trace())) + " rad/s");
   }
   raise_unless_ok(status, "update");
   return update;
@@ -191,10 +199,17 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
     if (status == Status::not_positive_definite) {
       value_error("start must have a positive definite shape: a guaranteed set is not flat");
     }
+    if (status == Status::out_of_range) {
+      value_error("start must have a vector and half-widths of at most " + beyond_domain());
+    }
     raise_unless_ok(status, "start");
   }
   if (vector_bound_) {
-    raise_unless_ok(filter.bound_vector(*vector_bound_), "vector_bound");
+    const Status status = filter.bound_vector(*vector_bound_);
+    if (status == Status::out_of_range) {
+      value_error("vector_bound must have a center and half-widths of at most " + beyond_domain());
+    }
+    raise_unless_ok(status, "vector_bound");
   }
   filter_ = filter;
 }
@@ -233,7 +248,7 @@ py::object PythonGuaranteedFilter::vector() const {
 }
 
 void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector,
-                                    bool rests_on_drops, int agreeing_updates) {
+                                    bool rests_on_drops, int agreeing_updates, int disputed_updates) {
   std::optional<Ellipsoid<double, 3>> known;
   if (!vector.is_none()) {
     known = vector_bound_of(vector);
@@ -245,9 +260,15 @@ void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& elli
     using Set = typename std::decay_t<decltype(filter)>::Set;
     using State = typename std::decay_t<decltype(filter)>::State;
     const std::optional<Set> set = ellipsoid ? std::optional<Set>(ellipsoid->as<State, GibbsChart>()) : std::nullopt;
-    return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr, rests_on_drops, agreeing_updates);
+    return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr,
+                         Trust(rests_on_drops, agreeing_updates, disputed_updates));
   };
-  raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates");
+  raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates, disputed_updates");
+}
+
+void PythonGuaranteedFilter::forget() {
+  const std::unique_lock lock = exclusive(*mutex_);
+  std::visit([](auto& filter) { filter.forget(); }, filter_);
 }
 
 // --- what it does ------------------------------------------------------------------------------------------------------

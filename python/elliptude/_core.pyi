@@ -431,13 +431,17 @@ class GuaranteedFilter:
     def _vector(self) -> tuple[_Floats, _Floats] | None: ...
     @property
     def _rests_on_drops(self) -> bool: ...
+    @property
+    def _disputed_updates(self) -> int: ...
     def _resume(
         self,
         ellipsoid: StateEllipsoid | None,
         vector: tuple[ArrayLike, ArrayLike] | None,
         rests_on_drops: bool,
         agreeing_updates: int,
+        disputed_updates: int = 0,
     ) -> None: ...
+    def forget(self) -> None: ...
     def predict(
         self,
         time: float,

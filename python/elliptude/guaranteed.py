@@ -81,6 +81,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             "vector": _pair_to_lists(self._vector),
             "rests_on_drops": self._rests_on_drops,
             "agreeing_updates": self._agreeing_updates,
+            "disputed_updates": self._disputed_updates,
         }
 
     @classmethod
@@ -102,6 +103,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             None if vector is None else tuple(vector),
             fields["rests_on_drops"],
             fields["agreeing_updates"],
+            fields.get("disputed_updates", 0),  # not in what older versions stored
         )
         return stored
 
@@ -123,4 +125,6 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             vector_bound=other.vector_bound,
             estimate_vector=other.estimate_vector,
         )
-        self._resume(other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates)
+        self._resume(
+            other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates, other._disputed_updates
+        )

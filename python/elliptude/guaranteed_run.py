@@ -314,7 +314,13 @@ def _run_from_anchors(
             if turns.anchors[k] != turns.anchors[k - 1]:
                 anchor = here
             here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-            here._resume(anchor.ellipsoid, anchor._vector, anchor._rests_on_drops, anchor._agreeing_updates)
+            here._resume(
+                anchor.ellipsoid,
+                anchor._vector,
+                anchor._rests_on_drops,
+                anchor._agreeing_updates,
+                anchor._disputed_updates,
+            )
             if turns.over_gap[k]:
                 here.predict(angles[k], gyro=np.full(3, np.nan))
             else:

@@ -403,7 +403,7 @@ template <typename Scalar>
   Matrix3<Scalar> bound = measured.bound;
   bound.diagonal().array() += epsilon * epsilon;
   SymmetricEigen<Scalar, 3> eigen;
-  const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_positive_definite(bound, m) == Status::ok;
+  const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
   const Scalar angle = bounded
                            ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
                                     (Scalar(1) + Scalar(16) * epsilon))

@@ -65,7 +65,8 @@ template <typename Scalar, int N>
   return slack(quadric, y) >= Scalar(0);
 }
 
-/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂.
+/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. A is a little less and c a little more, so that no point of the
+/// ellipsoid is lost by rounding: for |yᵢ| ≤ |x̂ᵢ| + √Pᵢᵢ, as it is in there, g and c err by less than 4Nε |x̂|ᵀ|A||y|.
 /// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
@@ -79,11 +80,14 @@ template <typename Scalar, int N>
     return Status::not_symmetric;
   }
   Quadric<Scalar, N> result;
-  if (const Status status = inverse_positive_definite(ellipsoid.shape, result.a); status != Status::ok) {
+  if (const Status status = inverse_from_below(ellipsoid.shape, result.a); status != Status::ok) {
     return status;
   }
   result.g = -result.a.lazyProduct(ellipsoid.center);
-  result.c = Scalar(1) + result.g.dot(ellipsoid.center);
+  const Vector<Scalar, N> offset = ellipsoid.center.cwiseAbs();
+  const Vector<Scalar, N> reach = offset + Vector<Scalar, N>(ellipsoid.shape.diagonal().cwiseSqrt());
+  const Scalar lost = offset.dot(result.a.cwiseAbs().lazyProduct(reach));
+  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + Scalar(4 * N) * Scalar(scalar::epsilon<Scalar>) * lost;
   quadric = result;
   return Status::ok;
 }

@@ -24,42 +24,18 @@ template <typename Scalar>
       status != Status::ok) {
     return status;
   }
+  // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in `inverse_from_below`.
+  const Scalar kappa_squared = inverse.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();
+  const Scalar lost = rounding::share<Scalar>(48) * (Scalar(1) + kappa_squared) * (Scalar(1) + eigen.values(0));
   const Matrix6<Scalar> axes = l.lazyProduct(eigen.vectors);
-  const Matrix6<Scalar> scaled = axes * eigen.values.cwiseMax(Scalar(1)).asDiagonal();
+  const Vector6<Scalar> widths = eigen.values.cwiseMax(Scalar(1)).array() + lost;
+  const Matrix6<Scalar> scaled = axes * widths.asDiagonal();
   Matrix6<Scalar> shape = scaled.lazyProduct(axes.transpose());
   const Vector6<Scalar> offset = scalar::constant<Scalar>(0.5L) * (second.center - first.center);
   shape = enlarged(shape, Matrix6<Scalar>(offset * offset.transpose()));
   both.center = first.center + offset;
-  both.shape =
-      (scalar::constant<Scalar>(0.5L) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * (shape + shape.transpose());
-  return Status::ok;
-}
-
-/// An ellipsoid as a quadric that holds all of it that is in the prediction, rounding included: with u = L⁻¹(x − x̂) the computed
-/// inverse of L is (I + E) L⁻¹, ‖E‖ ≤ Nε κ, κ = ‖|L⁻¹||L|‖.
-/// \return `not_positive_definite` also where κ leaves no digits.
-template <typename Scalar, int N>
-[[nodiscard]] Status rounded_quadric(const Ellipsoid<Scalar, N>& ellipsoid, const Ellipsoid<Scalar, N>& predicted,
-                                     Quadric<Scalar, N>& quadric) noexcept {
-  const Scalar epsilon(scalar::epsilon<Scalar>);
-  Matrix<Scalar, N> raised = ellipsoid.shape;
-  raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * epsilon;
-  Matrix<Scalar, N> l;
-  if (const Status status = cholesky(raised, l); status != Status::ok) {
-    return status;
-  }
-  const Matrix<Scalar, N> inverse = lower_inverse(l);
-  const Scalar kappa = inverse.cwiseAbs().lazyProduct(l.cwiseAbs()).norm();
-  const Scalar share = Scalar(8 * N) * epsilon * kappa * kappa;
-  if (!(share < Scalar(1))) {
-    return Status::not_positive_definite;
-  }
-  quadric.a = (Scalar(1) - share) * square_of_lower(inverse);
-  quadric.g = -quadric.a.lazyProduct(ellipsoid.center);
-  const Vector<Scalar, N> reach = ellipsoid.center.cwiseAbs() + predicted.center.cwiseAbs() +
-                                  Vector<Scalar, N>(predicted.shape.diagonal().cwiseSqrt());
-  quadric.c = Scalar(1) + quadric.g.dot(ellipsoid.center) +
-              Scalar(16 * N) * epsilon * (Scalar(1) + reach.dot(quadric.a.cwiseAbs().lazyProduct(reach)));
+  both.shape = scalar::constant<Scalar>(0.5L) * (shape + shape.transpose());
+  both.shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
   return Status::ok;
 }
 
@@ -72,7 +48,7 @@ template <typename Scalar, int N>
                                                      const SizeCriterion<Scalar, N>& criterion, bool& alone) noexcept {
   Quadric<Scalar, N> quadric;
   QuadricFusion<Scalar, N> fusion;
-  alone = rounded_quadric(other, predicted, quadric) != Status::ok ||
+  alone = to_quadric(other, quadric) != Status::ok ||
           minimal_intersection(&predicted, &quadric, 1, criterion, fusion) != Status::ok || fusion.prediction_alone;
   return alone ? predicted : fusion.set;
 }
