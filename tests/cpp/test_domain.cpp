@@ -43,7 +43,8 @@ Case draw(Random& random, int count) {
     c.bounds(i) = equal ? size : std::fmin(any_magnitude(random), 3.0);
     const RealVector b = random.unit_vector<3>().cast<Real>().normalized();
     const RealVector axis = b.cross(RealVector(random.unit_vector<3>().cast<Real>())).normalized();
-    const Real angle = c.bounds(i) < 1e-15 ? 0 : Real(c.bounds(i)) * (random.uniform(0, 1) < 0.5 ? 1 : Real(random.uniform(0, 1)));
+    const Real angle =
+        c.bounds(i) < 1e-15 ? 0 : Real(c.bounds(i)) * (random.uniform(0, 1) < 0.5 ? 1 : Real(random.uniform(0, 1)));
     const RealVector e = c.truth * b;
     const RealVector measured = std::cos(angle) * b + std::sin(angle) * axis.cross(b);
     // Lengths that keep all of the digits.
@@ -200,8 +201,8 @@ TEST_CASE("first-order sets of any magnitude and spread are sets or are refused"
       REQUIRE(RigidBody<double>::make(Matrix3<double>(Vector3<double>(1, 2, 2.5).asDiagonal()), body) == Status::ok);
       const Matrix3<double> torque = trial % 4 < 2 ? Matrix3<double>(b.topLeftCorner<3, 3>()) : Matrix3<double>::Zero();
       if (RigidBodyFlow<double, FreeBody<double>>::make(body, {}, 0.1, 2, torque, flow) == Status::ok) {
-        const StateEllipsoid<RigidBodyState<double>> before{{Matrix3<double>::Identity(), Vector3<double>(0.1, 0.2, 0.3)},
-                                                            a};
+        const StateEllipsoid<RigidBodyState<double>> before{
+            {Matrix3<double>::Identity(), Vector3<double>(0.1, 0.2, 0.3)}, a};
         Prediction<RigidBodyState<double>> after;
         const Status status = flow.predict(0, 0.3, {}, before, criterion, after);
         check_answer(status, inside, {Vector6<double>::Zero(), after.ellipsoid.shape});
