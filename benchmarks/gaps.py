@@ -30,6 +30,8 @@ _FINE_S = 0.001
 # µT, ENU.
 FIELD = np.array([0.0, 19.0, -44.0])
 GRAVITY = 9.807
+# m/s²; the largest.
+ACCELERATION = 2.0
 SENSORS = ("gyr", "acc", "mag")
 
 
@@ -85,6 +87,7 @@ def simulate(
     # The place: within half a metre, below 3 m/s.
     place = moving[:, None] * _waves(draws, fine, 3, 0.06)
     accelerations = np.gradient(np.gradient(place, _FINE_S, axis=0), _FINE_S, axis=0)
+    accelerations *= min(1.0, ACCELERATION / float(np.linalg.norm(accelerations, axis=1).max()))
     forces = attitudes.inv().apply(accelerations + np.array([0.0, 0.0, GRAVITY]))
     fields = attitudes.inv().apply(FIELD)
     bias = np.deg2rad(0.5) * _unit(draws)
@@ -156,7 +159,10 @@ def tables(simulated: Simulated, *, own_stamps: bool = False) -> dict[str, Any]:
     if "mag" in simulated.values:
         found["directions"].append(sensor("mag", name="field", kind="magnetometer", unit="uT"))
     if own_stamps:
-        # Nothing proposes a start where the sensors never have the same stamp.
+        # A user's to state: nothing proposes a start where sensors never have the same stamp, and of an acceleration a
+        # recording without a reference shows the part along gravity alone.
+        bound = {"kind": "acceleration", "acceleration_m_per_s2": ACCELERATION, "gravity_error_m_per_s2": 0.027}
+        found["directions"][0]["bound_from"] = bound
         start = (simulated.attitudes_at(np.zeros(1)) * Rotation.from_rotvec([0.05, -0.03, 0.02]))[0]
         quaternion = start.as_quat(canonical=True, scalar_first=True).tolist()
         found["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": quaternion, "P_diagonal": [0.01] * 6}

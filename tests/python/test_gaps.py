@@ -63,7 +63,7 @@ def test_commands(simulation, tmp_path, spans):
     simulation.write(simulated, path)
     (tmp_path / "map.toml").write_text(tomlkit.dumps(simulation.tables(simulated)))
     config, out = tmp_path / "config.toml", tmp_path / "out"
-    done = run("bounds", path, "--config", tmp_path / "map.toml", "--out", config)
+    done = run("bounds", path, tmp_path / "map.toml", "--out", config)
     assert done.exit_code == 0, done.output
     text = config.read_text()
     assert "longest_interval_s = 0.015 # 1.5 times the usual interval" in text
@@ -71,13 +71,13 @@ def test_commands(simulation, tmp_path, spans):
     done = run("estimate", path, "--config", config, "--out", out, "--report", tmp_path / "report.html")
     assert done.exit_code == 0, done.output
     assert f"{len(spans)} gap" in done.output
-    for begin, length in spans[-5:]:
-        assert f"{length:.3g}"[:3] in done.output
-        assert f" s from {begin:.0f}"[:8] in done.output
     summary = json.loads((out / "summary.json").read_text())["gaps"]
     assert summary["count"] == len(spans)
     assert [round(one["time_s"]) for one in summary["listed"]] == [round(begin) for begin, _ in spans]
-    assert summary["total_s"] == pytest.approx(sum(length for _, length in spans), abs=0.02 * len(spans))
+    # From the last sample before to the first one after.
+    lengths = [one["duration_s"] for one in summary["listed"]]
+    np.testing.assert_allclose(lengths, [length + 0.01 for _, length in spans], atol=0.011)
+    assert all(line in done.output for line in summary["said"])
     assert summary["forgotten"] == len(spans)
     (found, _) = read_run(out)
     assert list(found.gaps) == summary["said"]
@@ -129,9 +129,10 @@ def test_a_gap_is_no_straight_line(flow, stated):
         assert np.isnan(second.before)
         assert set(estimated.results.claims[61:]) == {"none"}
     if flow["noise_deg_per_s"] < 1.0:
-        # What was done before: a line through the gap, with an unconditional claim.
+        # What was done before: a line through the gap, which the direction contradicts.
         line = configured(flow | {"longest_interval_s": 10.0}, estimator={"mode": "guaranteed", "criterion": "trace"})
-        assert outside(estimation.estimate(log, line)) > 50
+        with pytest.raises(elliptude.InconsistentMeasurement):
+            estimation.estimate(log, line)
 
 
 def test_a_turn_at_the_largest_rate_is_on_the_edge():
@@ -162,7 +163,6 @@ def test_a_turn_at_the_largest_rate_is_on_the_edge():
 def test_a_gyro_with_stamps_of_its_own_loses_samples(tmp_path):
     """The other sensors' rows go on in the gap; between its samples the rate would be on a line."""
     times = np.arange(0.0, 10.0, 0.02)
-    rate = 0.8 * np.sin(3.0 * times)
     angle = 0.8 / 3.0 * (1.0 - np.cos(3.0 * times))
     turns = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0])
     gyro_times = times + 0.005
@@ -299,9 +299,8 @@ def test_a_rest_ends_at_a_gap():
     arrays = (times[keep], made_up.angular_velocities[keep], forces[keep], fields[keep])
     ruled = apply_rule(hand_held(), *arrays)
     assert times[ruled.rest_at_start.stop - 1] <= 2.2
-    expected = apply_rule(
-        hand_held(), made_up.times, made_up.angular_velocities, made_up.specific_forces, made_up.fields
-    )
+    whole = (times, made_up.angular_velocities, made_up.specific_forces, made_up.fields)
+    expected = apply_rule(hand_held(), *whole)
     np.testing.assert_allclose(ruled.field_reference, expected.field_reference, atol=0.01)
     proposed = proposals.propose(proposals.Recording(*arrays))
     begin, end = proposed.rests[0]
