@@ -82,6 +82,10 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
   if (status == Status::ok) {
     return;
   }
+  if (status == Status::out_of_range && time >= filter.time() && !Filter::measures_rate) {
+    value_error("gyro" + at_row(row) + " makes a turn of " + text(inputs.gyro.norm() * (time - filter.time())) +
+                " rad, of which nothing is left to be known; is its unit rad/s?");
+  }
   if (status == Status::out_of_range) {
     value_error("time must not go backwards, and by no more than " + std::to_string(GuaranteedBodyFlow::most_steps) +
                 " steps forwards, but is " + text(time) + " s after " + text(filter.time()) + " s");

@@ -50,7 +50,7 @@ def test_a_set_that_cannot_be_predicted_is_forgotten_by_the_user() -> None:
     filter_ = body_filter()
     updated(filter_, 0.0, RATE + 1e4)
     before = filter_.to_dict()
-    with pytest.raises(ValueError, match="step|predict"):
+    with pytest.raises(ValueError, match=r"predict|step of the flow"):
         filter_.predict(0.1)
     assert filter_.to_dict() == before
     filter_.forget()

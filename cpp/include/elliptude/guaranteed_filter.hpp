@@ -189,7 +189,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
   /// the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another can be: a wrong rate
   /// may be one that no step is short enough for.
-  /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's.
+  /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
+  /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     const Scalar duration = time - time_;
     if (known_.has_attitude) {
@@ -393,6 +394,11 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
 
   [[nodiscard]] Status predicted_set(const Scalar& duration, const Input& input, Set& predicted) const noexcept {
     if constexpr (!measures_rate) {
+      const Vector3<Scalar> turn = duration * input.angular_velocity;
+      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) &&
+          !(turn.cwiseAbs().maxCoeff() <= FilterDomain<Scalar>::largest())) {
+        return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+      }
       if (!settings_.estimates_vector && known_.has_vector_bound) {
         return flow_.predict_attitude(time_, duration, input, known_.vector_bound, known_.set, predicted);
       }
