@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <elliptude/guaranteed_flow.hpp>
+#include <elliptude/quadric.hpp>
 
 #include "random.hpp"
 #include "tracked.hpp"
@@ -222,5 +223,35 @@ TEST_CASE("a thin set in float: an ideal gyro's prediction holds every truth and
       CHECK(refused == 0);
       CHECK(worst <= 1);
     }
+  }
+}
+
+TEST_CASE("an ellipsoid as a quadric loses no point however thin it is") {
+  using Real = long double;
+  using RealMatrix = Matrix3<Real>;
+  using RealVector = Vector3<Real>;
+  Random random(8);
+  for (const double thin : {1.0, 1e-2, 1e-4, 1e-6}) {
+    Real least = 1;
+    for (int i = 0; i < 300; ++i) {
+      const Matrix3d shape = random.symmetric<3>(
+          Vector3d(1, std::pow(random.log_uniform(thin, 1), 2), std::pow(thin, 2)) * random.log_uniform(1e-6, 1e6));
+      const double size = std::sqrt(shape.trace());
+      const Ellipsoid<double, 3> ellipsoid{i % 3 == 0 ? Vector3d::Zero() : Vector3d(size * random.normal_matrix<3>()),
+                                           shape};
+      Quadric<double, 3> quadric;
+      REQUIRE(to_quadric(ellipsoid, quadric) == Status::ok);
+      const RealMatrix root = RealMatrix(shape.cast<Real>()).llt().matrixL();
+      const Eigen::SelfAdjointEigenSolver<RealMatrix> axes(RealMatrix(root.transpose() * root));
+      for (int k = 0; k < 6; ++k) {  // the ends of the axes, and anywhere
+        const RealVector u = k < 3 ? RealVector(axes.eigenvectors().col(k)) : random.unit_vector<3>().cast<Real>();
+        const RealVector y = ellipsoid.center.cast<Real>() + root * u;
+        const RealMatrix a = quadric.a.cast<Real>();
+        least = std::fmin(least, static_cast<Real>(quadric.c) - y.dot(a * y) - 2 * y.dot(quadric.g.cast<Real>()));
+      }
+    }
+    INFO("thin/wide " << thin);
+    CHECK(static_cast<double>(least) > 0);
+    CHECK(static_cast<double>(least) < 0.02);
   }
 }
