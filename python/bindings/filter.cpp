@@ -46,6 +46,7 @@ class PythonFilter {
       raise_unless_ok(BodyFlow::make(settings.body, HeldPotential{&*settings.potential, failure_.get()}, settings.step,
                                      settings.order, settings.unknown_torque, core),
                       "flow");
+      raise_unless_ok(core.set_most_steps(settings.most_steps), "most_steps");
       make<BodyFilter<PaperEstimator>, BodyFilter<FirstOrderEstimator>>(core, size, start, ellipsoid);
     } else if (py::isinstance<GyroFlowSettings>(flow_)) {
       const auto& settings = flow_.cast<const GyroFlowSettings&>();
@@ -242,8 +243,13 @@ class PythonFilter {
     const Status status = filter.predict(time, typename Filter::Input{input});
     failure_->rethrow();
     if (status == Status::out_of_range) {
-      value_error("time must not go backwards, and by no more than " + std::to_string(BodyFlow::most_steps) +
-                  " steps forwards, but is " + text(time) + " s" + where + " after " + text(filter.time()) + " s");
+      value_error("time must not go backwards, but is " + text(time) + " s" + where + " after " + text(filter.time()) +
+                  " s");
+    }
+    if constexpr (has_rate<Filter>) {
+      if (status == Status::too_many_steps) {
+        raise_too_many_steps(time, filter.time(), filter.flow().most_steps(), where);
+      }
     }
     if (status == Status::unbounded) {
       value_error("the set has grown beyond all numbers" + where + " by " + text(time) +

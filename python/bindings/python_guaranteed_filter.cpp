@@ -73,8 +73,13 @@ void predict_to(Filter& filter, double time, const Inputs& inputs, Index row) {
     return;
   }
   if (status == Status::out_of_range) {
-    value_error("time must not go backwards, and by no more than " + std::to_string(GuaranteedBodyFlow::most_steps) +
-                " steps forwards, but is " + text(time) + " s" + at_row(row) + " after " + text(filter.time()) + " s");
+    value_error("time must not go backwards, but is " + text(time) + " s" + at_row(row) + " after " +
+                text(filter.time()) + " s");
+  }
+  if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
+    if (status == Status::too_many_steps) {
+      raise_too_many_steps(time, filter.time(), filter.flow().most_steps(), at_row(row));
+    }
   }
   if (status == Status::step_too_long) {
     value_error("step of the flow is too long" + at_row(row) + ": the angular velocity is " +

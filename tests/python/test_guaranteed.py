@@ -838,7 +838,7 @@ def changed(values: object, place: object, value: float) -> np.ndarray:
     ("call", "error", "message"),
     [
         (lambda f, m, g: f.predict(-1.0), ValueError, "time must not go backwards"),
-        (lambda f, m, g: f.predict(1e9), ValueError, "no more than 100000000 steps forwards"),
+        (lambda f, m, g: f.predict(1e9), ValueError, "takes more than most_steps = 1000000 steps"),
         (lambda f, m, g: f.predict(np.nan), ValueError, "time must be finite"),
         (lambda f, m, g: f.predict(1.0, control_torque=[0, np.inf, 0]), ValueError, "control_torque must be finite"),
         (lambda f, m, g: f.predict(1.0, wheel_momentum=[0, 0]), ValueError, "wheel_momentum must have the shape"),
