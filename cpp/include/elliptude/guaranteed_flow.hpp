@@ -12,6 +12,7 @@
 /// the second for when nothing is known of the attitude.
 
 #include "elliptude/error_tube.hpp"
+#include "elliptude/interruption.hpp"
 #include "elliptude/state.hpp"
 
 namespace elliptude {
@@ -84,8 +85,6 @@ class GuaranteedRigidBodyFlow {
  public:
   using State = RigidBodyState<Scalar>;
   using Input = BodyInput<Scalar>;
-  /// More steps than this in one prediction are refused: the time is then more likely wrong than meant.
-  static constexpr long most_steps = 100'000'000;
 
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
   ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
@@ -119,23 +118,37 @@ class GuaranteedRigidBodyFlow {
     flow.uncertainty_ = uncertainty;
     flow.torque_bounds_ = torque_bounds;
     flow.acceleration_bounds_ = acceleration_bounds;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
     return Status::ok;
   }
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
 
-  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration or one of more than
-  /// `most_steps` steps; `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the
-  /// set is too large, or the step too long for it, for the prediction to say anything.
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// Where the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
+  /// `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the set is too large, or
+  /// the step too long for it, for the prediction to say anything; `interrupted`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
         !scalar::all_finite(input.wheel_momentum)) {
       return Status::not_finite;
     }
-    const Scalar longest = longest_step_ * Scalar(static_cast<scalar::Value<Scalar>>(most_steps));
-    if (!(duration >= Scalar(0)) || !(duration <= longest)) {
+    if (!(duration >= Scalar(0))) {
       return Status::out_of_range;
     }
     if (duration == Scalar(0)) {
@@ -145,26 +158,18 @@ class GuaranteedRigidBodyFlow {
     using std::ceil;
     // A step longer by rounding than the longest is not worth another one.
     const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
-    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
-    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
-
-    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
-    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
-    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
-    Course longest_tubes;
-    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
-    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
-    if (steps > 1 && (status == Status::unbounded ||
-                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
-      Course shorter_tubes;
-      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
-      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
-        result = shorter_tubes.end;
-        return Status::ok;
-      }
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
     }
-    if (status == Status::ok) {
-      result = longest_tubes.end;
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    const Status status = divided(time, duration, steps, input, ellipsoid, result);
+    long finer = steps;
+    for (int retry = 0; retry < 2 && status == Status::unbounded && finer <= most_steps_ / 3; ++retry) {
+      finer *= 3;
+      const Status again = divided(time, duration, finer, input, ellipsoid, result);
+      if (again == Status::ok || again == Status::interrupted) {
+        return again;
+      }
     }
     return status;
   }
@@ -195,13 +200,14 @@ class GuaranteedRigidBodyFlow {
         duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
                     tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
-    if (!scalar::isfinite(momentum)) {
-      return Status::not_finite;
-    }
     const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    const Matrix3<Scalar> shape = ((Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * momentum * momentum) *
+                                  inverse.lazyProduct(inverse);
+    if (!scalar::all_finite(shape) || !is_in_domain(shape)) {
+      return Status::beyond_domain;
+    }
     result.center = -inverse * input.wheel_momentum;
-    result.shape = ((Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * momentum * momentum) *
-                   inverse.lazyProduct(inverse);
+    result.shape = shape;
     return Status::ok;
   }
 
@@ -211,6 +217,31 @@ class GuaranteedRigidBodyFlow {
     Scalar size;                  // of the set at the end: √det P
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
   };
+
+  /// The prediction in so many steps.
+  [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
+    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
+    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    Course longest_tubes;
+    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
+    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded ||
+                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
+      Course shorter_tubes;
+      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
+      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
+        result = shorter_tubes.end;
+        return Status::ok;
+      }
+    }
+    if (status == Status::ok) {
+      result = longest_tubes.end;
+    }
+    return status;
+  }
 
   /// A tube after another, each until its errors have moved by more than `longest`.
   [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
@@ -227,6 +258,9 @@ class GuaranteedRigidBodyFlow {
     }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
       if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
         return status;
@@ -259,6 +293,8 @@ class GuaranteedRigidBodyFlow {
   BodyUncertainty<Scalar> uncertainty_;
   TorqueBounds<Scalar> torque_bounds_;        // of M
   TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
 };
 
 /// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.

@@ -47,7 +47,7 @@ struct LinearMeasurement {
   Matrix<Scalar, Rows> bound;
 };
 
-/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `not_symmetric`,
+/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `beyond_domain`, `not_symmetric`,
 /// `not_positive_definite` of the bound, which must have no zero width.
 template <typename Scalar>
 [[nodiscard]] Status validate(const Direction<Scalar>& direction) noexcept {
@@ -61,15 +61,21 @@ template <typename Scalar>
   if (!(direction.weight > Scalar(0))) {
     return Status::out_of_range;
   }
+  if (!is_in_domain(direction.bound)) {
+    return Status::beyond_domain;
+  }
   Matrix3<Scalar> factor;
   return is_symmetric(direction.bound) ? cholesky(direction.bound, factor) : Status::not_symmetric;
 }
 
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+/// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar>
 [[nodiscard]] Status validate(const AngularVelocity<Scalar>& angular_velocity) noexcept {
   if (!scalar::all_finite(angular_velocity.value) || !scalar::all_finite(angular_velocity.bound)) {
     return Status::not_finite;
+  }
+  if (!is_in_domain(angular_velocity.bound)) {
+    return Status::beyond_domain;
   }
   Matrix3<Scalar> factor;
   return is_symmetric(angular_velocity.bound) ? cholesky(angular_velocity.bound, factor) : Status::not_symmetric;
@@ -93,14 +99,18 @@ class MeasuredDirections {
       return Status::attitude_undetermined;
     }
     MeasuredDirections result;
-    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    Scalar largest(0);  // the weights count as shares of it
     for (std::size_t i = 0; i < count; ++i) {
       if (const Status status = validate(directions[i]); status != Status::ok) {
         return status;
       }
+      largest = directions[i].weight > largest ? directions[i].weight : largest;
+    }
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
       const Vector3<Scalar> e = scalar::unit(directions[i].reference);
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      profile += (directions[i].weight * e) * b.transpose();
+      profile += (Scalar(directions[i].weight / largest) * e) * b.transpose();
     }
     Scalar condition;
     if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
@@ -114,7 +124,7 @@ class MeasuredDirections {
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
       const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
       const Matrix3<Scalar> sensitivity =
-          (-directions[i].weight) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
+          Scalar(-directions[i].weight / largest) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
       const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
       result.terms_[i] = scalar::constant<Scalar>(0.5L) * (term + term.transpose());
     }
@@ -247,13 +257,16 @@ template <typename Scalar>
 }
 
 /// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+/// \return `not_finite`, `not_symmetric`; `beyond_domain`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar, int Rows>
 [[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
                               Matrix<Scalar, Rows, 6>& h) noexcept {
   if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
       !scalar::all_finite(measurement.bound)) {
     return Status::not_finite;
+  }
+  if (!is_in_domain(measurement.bound)) {
+    return Status::beyond_domain;
   }
   if (!is_symmetric(measurement.bound)) {
     return Status::not_symmetric;

@@ -66,11 +66,14 @@ template <typename Scalar, int N>
 }
 
 /// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂.
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite`, also of a flat one.
+/// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
   if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
+  }
+  if (!is_in_domain(ellipsoid.shape)) {
+    return Status::beyond_domain;
   }
   if (!is_symmetric(ellipsoid.shape)) {
     return Status::not_symmetric;
@@ -118,7 +121,8 @@ template <typename Scalar, int M, int N>
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it.
+/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
+/// nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   if (const Status status = validate(quadric); status != Status::ok) {
@@ -133,8 +137,14 @@ template <typename Scalar, int N>
   if (!(level >= Scalar(0))) {
     return Status::empty_intersection;
   }
+  const Matrix<Scalar, N> shape = level * inverse;
+  Matrix<Scalar, N> factor;
+  if (!scalar::all_finite(center) || !is_in_domain(shape) ||
+      (level > Scalar(0) && cholesky(shape, factor) != Status::ok)) {
+    return Status::beyond_domain;
+  }
   ellipsoid.center = center;
-  ellipsoid.shape = level * inverse;
+  ellipsoid.shape = shape;
   return Status::ok;
 }
 
