@@ -52,7 +52,7 @@ FILTERS = {
 def test_a_long_prediction_can_be_stopped(name, whole_log):
     filter_ = FILTERS[name]()
     before = filter_.to_dict()
-    # Were it not for the last line: a prediction that goes on to its end is followed by the handler just as well.
+    # The handler's error follows a prediction that goes on to its end just as well, but that one is then in the filter.
     with pytest.raises(StopError):
         filter_.run([0.0, 0.9]) if whole_log else filter_.predict(0.9)
     assert filter_.to_dict() == before
