@@ -248,6 +248,7 @@ class RigidBodyFlow:
         step: float,
         order: int = 2,
         unknown_torque: ArrayLike | None = None,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -259,6 +260,8 @@ class RigidBodyFlow:
     def order(self) -> int: ...
     @property
     def unknown_torque(self) -> _Floats: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GyroFlow:
@@ -346,6 +349,7 @@ class GuaranteedRigidBodyFlow:
         step: float,
         unknown_torque: ArrayLike | None = None,
         inertia_error: float = 0.0,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -357,6 +361,8 @@ class GuaranteedRigidBodyFlow:
     def unknown_torque(self) -> _Floats: ...
     @property
     def inertia_error(self) -> float: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GuaranteedGyroFlow:

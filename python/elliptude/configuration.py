@@ -131,6 +131,8 @@ class RigidBodyFlow(Model):
     # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
     # body, N m s, body axes, each row until its time.
     inertia_error_kg_m2: NotNegative = 0.0
+    # Over more steps a prediction is refused: the time is then more likely wrong than meant.
+    most_steps: Annotated[int, Field(ge=1)] = 1_000_000
     wheel_momentum_columns: Columns | None = None
 
     @model_validator(mode="after")
@@ -148,6 +150,7 @@ class RigidBodyFlow(Model):
             step=self.step_s,
             unknown_torque=self.unknown_torque_n_m or None,
             inertia_error=self.inertia_error_kg_m2,
+            most_steps=self.most_steps,
         )
 
     def build(self) -> elliptude.RigidBodyFlow:
@@ -157,7 +160,12 @@ class RigidBodyFlow(Model):
         potential = self.potential.build(body)
         unknown_torque = self.unknown_torque_n_m or None
         return elliptude.RigidBodyFlow(
-            body, potential, step=self.step_s, order=self.order, unknown_torque=unknown_torque
+            body,
+            potential,
+            step=self.step_s,
+            order=self.order,
+            unknown_torque=unknown_torque,
+            most_steps=self.most_steps,
         )
 
 
