@@ -83,9 +83,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     filter.flow_ = flow;
     filter.settings_ = settings;
     filter.time_ = time;
-    filter.known_ = {};
-    filter.trust_ = {};
-    filter.claim_ = Claim::none;
+    filter.known_.has_vector_bound = false;
+    filter.forget();
     return Status::ok;
   }
 
