@@ -194,7 +194,7 @@ def measure(of: Plant, motion: Motion, errors: Errors) -> Measured:
         rates = motion.rates.copy()
         rates[:, 0] = np.nan
         rates[:, 1:] -= rate_bound * errors.rates
-    return Measured(directions, rates)
+    return Measured(directions, rates.astype(np.float64))
 
 
 def _true_directions(of: Plant, motion: Motion) -> FloatArray:

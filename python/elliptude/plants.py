@@ -113,7 +113,8 @@ class RigidBodyPlant:
         e, moments = self.eccentricity, np.linalg.eigvalsh(self.scenario.inertia_matrix)
         nearness = (1.0 - e) ** -3
         eccentric = np.linspace(0.0, 2.0 * math.pi, 2001)
-        true = 2.0 * np.arctan2(math.sqrt(1.0 + e) * np.sin(eccentric / 2.0), math.sqrt(1.0 - e) * np.cos(eccentric / 2.0))
+        half = 0.5 * eccentric
+        true = 2.0 * np.arctan2(math.sqrt(1.0 + e) * np.sin(half), math.sqrt(1.0 - e) * np.cos(half))
         chord = 2.0 * np.sin(0.5 * np.abs(true - (eccentric - e * np.sin(eccentric)))).max()
         difference = moments[2] - moments[0]
         # A grid does not meet the maximum of the chord, but comes within its square of the spacing.
@@ -160,8 +161,9 @@ class GyroPlant:
         accelerations, drifts = np.moveaxis(INSIDE * errors.inputs, 2, 0)
         times = _times(self, errors)
         if self.angular_acceleration == 0.0:
-            attitudes = _turned(attitudes, starts.rates, times)
-            rates = np.repeat(starts.rates[:, None], len(times), axis=1)
+            # The sample, not the rate, is a number of 53 digits: a gyro without errors has none in the last one either.
+            rate = (starts.rates + biases).astype(_LONG) - biases
+            attitudes, rates = _turned(attitudes, rate, times), np.repeat(rate[:, None], len(times), axis=1)
         else:
             attitudes, rates = _core._true_rotation(
                 times, attitudes, starts.rates, self.angular_acceleration * accelerations
@@ -209,9 +211,9 @@ def _times(of: Plant, errors: Errors) -> FloatArray:
     return times
 
 
-def _turned(attitudes: FloatArray, rates: FloatArray, times: FloatArray) -> FloatArray:
-    """C exp(S(t ω)) at all times, by Rodrigues' formula in extended precision: right to the last digit, however many turns."""
-    speeds = np.sqrt(np.sum(rates.astype(_LONG) ** 2, axis=1))
+def _turned(attitudes: FloatArray, rates: Any, times: FloatArray) -> FloatArray:
+    """C exp(S(t ω)) at all times, by Rodrigues' formula in long double: to the last digit, however many turns."""
+    speeds = np.sqrt(np.sum(rates**2, axis=1))
     axes = rates / np.where(speeds > 0.0, speeds, _LONG(1.0))[:, None]
     angles = (speeds[:, None] * times)[..., None, None]
     cross = np.zeros((len(rates), 3, 3), _LONG)

@@ -42,7 +42,8 @@ class Trial:
     @property
     def vectors(self) -> FloatArray:
         """The true rates or biases, rad/s, shape (U + 1, 3)."""
-        return self.motion.vectors[self.number]
+        vectors: FloatArray = self.motion.vectors[self.number]
+        return vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ def _honest(trial: Trial, draws: np.random.Generator) -> Told:
 
 
 def _bounded_vector(trial: Trial, told: Told, draws: np.random.Generator) -> Told:
-    """With a bound of the vector that holds, up to three times as large as need be; a gyro's may then start from nothing."""
+    """With a bound of the vector that holds, up to three times too large; a gyro may then start from nothing."""
     largest = float(np.linalg.norm(trial.vectors, axis=1).max()) + 1e-12
     options = told.options | {"vector_bound": largest * draws.uniform(1.0, 3.0)}
     if trial.of.has_gyro and draws.random() < 0.5:
@@ -140,8 +141,9 @@ def _lie(trial: Trial, told: Told, row: int, sensor: int, draws: np.random.Gener
     towards = simulation.on_sphere(draws, ())
     if sensor == count:
         told.rates[row] += size * towards
-        true = trial.motion.rates[number, at] + (trial.vectors[at] if of.has_gyro else 0.0)
-        told.lies[row, sensor] = not np.linalg.norm(told.rates[row] - true) <= of.rate_bound
+        true = trial.motion.rates[number, at].astype(np.float64) + (trial.vectors[at] if of.has_gyro else 0.0)
+        with np.errstate(over="ignore"):
+            told.lies[row, sensor] = not np.linalg.norm(told.rates[row] - true) <= of.rate_bound
         return
     true = of.reference[sensor] @ trial.motion.attitudes[number, at]
     if size < math.pi:
@@ -307,11 +309,17 @@ def _eccentric(of: Plant, draws: np.random.Generator) -> Plant:
 
 
 def _exact(of: Plant, draws: np.random.Generator) -> Plant:
-    """A gyro without errors that turns at a constant rate, or a body whose torque is known; truths to the last digit."""
+    """A gyro without errors at a constant rate, or a body whose torque is known, with truths to the last digit."""
     if isinstance(of, GyroPlant):
         return replace(of, rate_bound=0.0, noise=0.0, drift=0.0, angular_acceleration=0.0)
     assert isinstance(of, RigidBodyPlant)
     return replace(of, precise=True, unknown_torque=0.0)
+
+
+def _exact_and_short(of: Plant, draws: np.random.Generator) -> Plant:
+    """As `_exact`, a gyro with intervals of 1 ms to 0.1 s."""
+    of = _exact(of, draws)
+    return replace(of, interval=10.0 ** draws.uniform(-3.0, -1.0)) if isinstance(of, GyroPlant) else of
 
 
 def _many_turns(of: Plant, draws: np.random.Generator) -> Plant:
@@ -339,7 +347,7 @@ def _no_drift(of: Plant, draws: np.random.Generator) -> Plant:
 
 @dataclass(frozen=True, eq=False)
 class ThinStarts(Starts):
-    """First sets {Ĉ R(γ), x̂ + δ} in the Gibbs chart, of which P is exact and its root is that of P, not P of the root."""
+    """First sets {Ĉ R(γ), x̂ + δ} in the Gibbs chart; their roots are those of P as it is in doubles."""
 
     told_shapes: FloatArray
     shares: FloatArray
@@ -356,22 +364,31 @@ class ThinStarts(Starts):
         offsets = np.einsum("tij,tj->ti", self.roots, (INSIDE * self.shares)[:, None] * errors.start)
         gibbs = offsets[:, :3]
         length = np.linalg.norm(gibbs, axis=1, keepdims=True)
-        vectors = np.where(length > 0.0, 2.0 * np.arctan(0.5 * length) / np.where(length > 0.0, length, 1.0), 1.0) * gibbs
+        vectors = gibbs * np.divide(2.0 * np.arctan(0.5 * length), length, out=np.ones_like(length), where=length > 0.0)
         return self.attitudes @ Rotation.from_rotvec(vectors).as_matrix(), self.vectors + offsets[:, 3:]
 
 
-def _thin_starts(of: Plant, starts: Starts, widest: FloatArray, thinnest: FloatArray, draws: np.random.Generator) -> Starts:
-    """As widest as given, at least one axis thinner by the given ratio, axes of any direction, in all six numbers or by threes."""
+def _thin_starts(
+    of: Plant, starts: Starts, widest: FloatArray, ratios: FloatArray, draws: np.random.Generator
+) -> Starts:
+    """As wide as given, one axis thinner by the given ratio, the others between them.
+
+    Axes have any direction in all six numbers, or in the attitude's three; the vector is then known far better, so
+    that it does not widen the attitude.
+    """
     count = len(starts.vectors)
     shapes, roots, shares = np.empty((count, 6, 6)), np.empty((count, 6, 6)), np.empty(count)
     for trial in range(count):
-        ratio = thinnest[trial]
+        ratio, in_six = ratios[trial], draws.random() < 0.5
         while True:
-            lengths = widest[trial] * ratio ** draws.permutation([0.0, 1.0, *draws.random(4)])
             axes = np.zeros((6, 6))
-            if draws.random() < 0.5:
+            if in_six:
+                lengths = widest[trial] * ratio ** draws.permutation([0.0, 1.0, *draws.random(4)])
                 axes[:], _ = np.linalg.qr(draws.standard_normal((6, 6)))
             else:
+                of_attitude = widest[trial] * ratio ** draws.permutation([0.0, 1.0, draws.random()])
+                of_vector = 1e-3 * of_attitude.min() * draws.uniform(0.5, 1.0, 3)
+                lengths = np.concatenate([of_attitude, of_vector])
                 axes[:3, :3], axes[3:, 3:] = (np.linalg.qr(draws.standard_normal((3, 3)))[0] for _ in range(2))
             root = axes * lengths
             shape = root @ root.T
@@ -381,7 +398,7 @@ def _thin_starts(of: Plant, starts: Starts, widest: FloatArray, thinnest: FloatA
                 break
             ratio *= 1.1  # rounding has made it indefinite
         shapes[trial], roots[trial] = shape, np.array(exact, np.float64)
-        shares[trial] = max(0.0, 1.0 - 3e-15 / lengths.min())
+        shares[trial] = max(0.0, 1.0 - 3e-15 / min(lengths[:3].min(), lengths.min() * 1e3))
     return ThinStarts(
         attitudes=starts.attitudes,
         vectors=starts.vectors,
@@ -413,7 +430,7 @@ KINDS = {
     "thin": Kind(
         "first sets of which one axis is 1e-3 to 1e-8 of another, seldom measured",
         _seldom_measured,
-        plant=_exact,
+        plant=_exact_and_short,
         starts=_thin,
         scenarios=("free", "gyro", "orbit", "pendulum"),
     ),
@@ -437,7 +454,10 @@ KINDS = {
         scenarios=("disturbed", "free", "orbit"),
     ),
     "potentials": Kind(
-        "gravity and its gradient at once, as a sum of potentials", _honest, plant=_two_potentials, scenarios=("pendulum",)
+        "gravity and its gradient at once, as a sum of potentials",
+        _honest,
+        plant=_two_potentials,
+        scenarios=("pendulum",),
     ),
     "eccentric": Kind(
         "an eccentric orbit that the filter takes for a circle, with what it makes as an unknown torque",

@@ -28,6 +28,7 @@ COUNTS = (
     "conditional",
     "without_set",
     "escapes",
+    "overclaimed",
     "refused",
     "failed",
     "misled",
@@ -67,7 +68,7 @@ class _Runner:
 
     def __init__(self, of: Plant, flow: Any, told: Told) -> None:
         self.of, self.flow, self.told = of, flow, told
-        self.times: FloatArray = of.interval * told.rows
+        self.times: FloatArray = of.interval * told.rows.astype(np.float64)
         count, sensors = told.lies.shape
         self.outcome = Outcome(
             attitudes=np.full((count, 3, 3), np.nan),
@@ -236,13 +237,13 @@ def rests_on_lies(of: Plant, told: Told, outcome: Outcome) -> tuple[NDArray[np.b
             now = True
         sample = row
         kept = measured_lies[row] & ~outcome.dropped[row]
-        has_kept = np.count_nonzero(kept) > told.most_lies or (told.most_lies == 0 and bool(kept.any()))
+        has_kept = np.count_nonzero(kept) > told.most_lies
         if told.most_lies:
             refused[row] = bool((outcome.dropped[row] & ~measured_lies[row]).any()) or (
                 outcome.contradicted[row] and not outcome.dropped[row].any()
             )
         elif not now and not has_kept:
-            # Three lies and more cost all measurements of an update, by design, and without a set nobody knows who lies.
+            # Three lies cost all measurements of an update, by design, and without a set nobody knows who lies.
             lied = np.count_nonzero(measured_lies[row])
             true_dropped = bool((outcome.dropped[row] & ~measured_lies[row]).any())
             refused[row] = (outcome.contradicted[row] and lied == 0) or (
@@ -255,10 +256,45 @@ def rests_on_lies(of: Plant, told: Told, outcome: Outcome) -> tuple[NDArray[np.b
     return resting, refused
 
 
+def overclaimed(told: Told, outcome: Outcome) -> NDArray[np.bool_]:
+    """Where a claim is unconditional although something was dropped less than `regain_after` updates before.
+
+    Parameters
+    ----------
+    told : Told
+    outcome : Outcome
+
+    Returns
+    -------
+    (R,) array of bool
+    """
+    result = np.zeros(len(told.rows), bool)
+    if told.most_lies:
+        return result
+    regain_after, agreeing = int(told.options.get("regain_after", 10)), None
+    for row in range(1, len(result)):
+        if outcome.claims[row] == TOO_LATE or outcome.refused[row]:
+            continue
+        if outcome.forgotten[row]:
+            agreeing = None
+        if outcome.contradicted[row]:
+            agreeing = 0
+        elif agreeing is not None and _has_measurement(told, row):
+            agreeing += 1
+        if outcome.claims[row] == UNCONDITIONAL and agreeing is not None:
+            result[row] = agreeing < regain_after
+            agreeing = None if agreeing >= regain_after else agreeing
+    return result
+
+
+def _has_measurement(told: Told, row: int) -> bool:
+    return bool(np.isfinite(told.directions[row]).any() or np.isfinite(told.rates[row]).any())
+
+
 def recovery(told: Told, outcome: Outcome, inside: NDArray[np.bool_]) -> tuple[int | None, bool]:
     """After how many updates from the first contradiction a liar did no more harm, and whether that was too many.
 
-    The first contradiction is the first from the last lie on. None if there is none, or if the log is too short to tell.
+    The first contradiction is that from the last lie on. None if there is none, or if the log is too short to tell.
 
     Parameters
     ----------
@@ -353,6 +389,7 @@ class Tally:
             "conditional": there & (outcome.claims == CONDITIONAL),
             "without_set": there & (outcome.claims == NO_SET),
             "escapes": escaped,
+            "overclaimed": overclaimed(told, outcome) & there,
             "refused": refused & there,
             "failed": there & (outcome.claims == FAILED),
             "misled": misled,
@@ -376,4 +413,5 @@ class Tally:
         worst = self.worst
         if worst is not None and np.isinf(worst["form"]):
             worst = worst | {"form": float(np.finfo(float).max)}
-        return self.counts | {"slowest": self.slowest, "worst": worst, "histogram": self.histogram.tolist()}
+        figures = {"slowest": self.slowest, "worst": worst, "histogram": self.histogram.tolist()}
+        return self.counts | figures | {"sizes": {"updates": 0}}

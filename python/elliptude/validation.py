@@ -43,6 +43,8 @@ SETTLED_UPDATE = 6
 """Sizes are means from this update on."""
 
 _COUNTS = ("updates", "escapes", "refused", "without_set", "failed", "predictions", "used")
+# Of trials of other kinds than honest ones, too.
+_ALL_COUNTS = tuple(dict.fromkeys((*_COUNTS, *trials.COUNTS)))
 _SIZES = ("trace", "volume_radius", "largest_angle_rad")
 
 
@@ -397,14 +399,16 @@ def summarize(arguments: Arguments, done: Mapping[str, Mapping[str, Any]]) -> di
     cases = [asdict(case) | combine(by_case[case.name]) for case in arguments.cases]
     every = [chunk for case in arguments.cases for chunk in by_case[case.name]]
     settings = {key: value for key, value in arguments.to_dict().items() if key != "cases"}
-    total = {name: sum(chunk[name] for chunk in every) for name in _COUNTS}
+    total = {name: sum(chunk.get(name, 0) for chunk in every) for name in _ALL_COUNTS}
     total["worst_form"] = max((case["worst"]["form"] for case in cases if case["worst"]), default=None)
     return settings | {"total": total, "cases": cases, "form_edges": FORM_EDGES[:-1].tolist()}
 
 
 def combine(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Counts, worst form and mean sizes of chunks, or of cases that were combined before."""
-    counts: dict[str, Any] = {name: sum(part[name] for part in parts) for name in _COUNTS}
+    counts: dict[str, Any] = {name: sum(part[name] for part in parts) for name in _ALL_COUNTS if name in parts[0]}
+    if "slowest" in parts[0]:
+        counts["slowest"] = max(part["slowest"] for part in parts)
     worsts = [part["worst"] for part in parts if part["worst"] is not None]
     histogram = np.sum([part["histogram"] for part in parts], axis=0).tolist()
     return counts | {
