@@ -320,11 +320,9 @@ def recovery(told: Told, outcome: Outcome, inside: NDArray[np.bool_]) -> tuple[i
     bad = np.flatnonzero(~good[first:])
     updates = 0 if len(bad) == 0 else int(bad[-1]) + 1
     allowed = 2 * int(told.options.get("regain_after", 10))
-    if updates <= allowed:
+    if updates <= allowed and good[-1]:
         return updates, False
-    if first + allowed >= len(good):
-        return None, False
-    return None, True
+    return None, first + allowed < len(good)
 
 
 def try_kind(case: Case, count: int, updates: int, draws: np.random.Generator) -> dict[str, Any]:
