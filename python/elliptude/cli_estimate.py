@@ -59,6 +59,13 @@ def estimate(
         typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
     ] = None,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
+    ignore_implausible: Annotated[
+        bool,
+        typer.Option(
+            "--ignore-implausible",
+            help="Go on where sensors contradict one another as with a wrong unit, order or axis; the results say so.",
+        ),
+    ] = False,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -69,6 +76,8 @@ def estimate(
     names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
     configuration = read_configuration(config)
+    if ignore_implausible:
+        configuration = configuration.model_copy(update={"implausible": "ignore"})
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
@@ -96,10 +105,15 @@ def estimate(
 
 def _say(log: Path, summary: dict[str, Any]) -> None:
     """The summary's essence."""
+    for one in summary["implausible"]:
+        typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
+    for one in summary["suspicious_statements"]:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     if summary["mode"] == "guaranteed":
         _say_of_guaranteed(log, summary)
     else:
         typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    _say_up(summary)
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
@@ -111,10 +125,18 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
         )
 
 
+def _say_up(summary: dict[str, Any]) -> None:
+    """Which way up the body was taken to be, which nobody but a person can check."""
+    if summary["up_at_rest"] is not None:
+        typer.echo(f"  {summary['up_at_rest']['in_words']}")
+
+
 def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
     claims = summary["claim_share_of_rows"]
     shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
     typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    for hint in summary["why_no_set"]:
+        typer.secho(f"  no set at any row: {hint}", fg=typer.colors.YELLOW)
     for sensor, rows in summary["contradicted_rows"].items():
         what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
         typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
@@ -138,11 +160,12 @@ def _estimate_pieces(
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
-    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
+    heard = plausibility.Heard()
+    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
     estimator = PieceEstimator(configuration)
     summary, thinned = Summary(), Thinned()
     try:
-        with writing_columns(out / table, "results") as write:
+        with writing_columns(out / table, "results", heard.notes) as write:
             for results in estimator.run(pieces):
                 # It takes a third of a second, and the core is at work on the next piece.
                 importlib.import_module("elliptude.figures")
@@ -161,6 +184,7 @@ def _estimate_pieces(
         vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
+        heard=heard,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

@@ -7,12 +7,14 @@ Nothing is concluded from logs that do not turn.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from elliptude.axes_check import look_at_axes
+from elliptude.body_at_rest import UpAtRest, up_in_log
 from elliptude.configuration import Configuration
 from elliptude.files import FileError
 from elliptude.logs import Log, joined
@@ -54,46 +56,35 @@ class Finding:
         return f"{self.sensor}: {self.message}" if self.sensor else self.message
 
 
-def require_plausible(log: Log, configuration: Configuration, name: str) -> None:
-    """Raise FileError where `contradictions` finds an error.
+@dataclass
+class Heard:
+    """What a look at a log says beside what is wrong, for whoever reads the results."""
 
-    Parameters
-    ----------
-    log : Log
-    configuration : Configuration
-        Its key ``implausible`` may say to ignore it.
-    name : str
-        Of the log, for the message.
-
-    Raises
-    ------
-    FileError
-        With all that was found.
-    """
-    if configuration.implausible == "refuse":
-        _require_plausible(log, configuration, name)
+    ignored: list[str] = field(default_factory=list)
+    """Errors that ``implausible = "ignore"`` goes on regardless of."""
+    notes: list[str] = field(default_factory=list)
+    """The same as notes in a table."""
+    up: UpAtRest | None = None
+    """What was up in the first rest."""
 
 
-def _require_plausible(log: Log, configuration: Configuration, name: str) -> bool:
-    """Whether the log has moved enough to tell."""
-    findings, is_told = _look(log, configuration)
-    errors = [str(finding) for finding in findings if finding.severity == "error"]
-    if errors:
-        raise FileError(f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore'")
-    return is_told
+def plausible_pieces(
+    pieces: Iterable[Log], configuration: Configuration, name: str, heard: Heard | None = None
+) -> Iterator[Log]:
+    """Pass the pieces of a log on, after `contradictions` has looked at them.
 
-
-def plausible_pieces(pieces: Iterable[Log], configuration: Configuration, name: str) -> Iterator[Log]:
-    """Pass the pieces of a log on, after `require_plausible` has looked at them.
-
-    A stated unit or order holds for the whole log. So it is looked at in blocks, each before any of its rows is passed
-    on, until one has moved enough to tell; a log of one block is looked at as a whole.
+    A stated unit, order or axis holds for the whole log. So it is looked at in blocks, each before any of its rows is
+    passed on, until one has moved enough to tell; a log of one block is looked at as a whole.
 
     Parameters
     ----------
     pieces : iterable of Log
-    configuration, name
-        As `require_plausible`.
+    configuration : Configuration
+        Its key ``implausible`` may say to go on regardless.
+    name : str
+        Of the log, for messages.
+    heard : Heard, optional
+        Takes what is found.
 
     Yields
     ------
@@ -103,22 +94,39 @@ def plausible_pieces(pieces: Iterable[Log], configuration: Configuration, name: 
     Raises
     ------
     FileError
-        As `require_plausible`.
+        With all the errors that were found, unless they are to be ignored.
     """
     waiting: list[Log] = []
-    is_told = configuration.implausible == "ignore"
+    heard = Heard() if heard is None else heard
+    is_told = False
     for piece in pieces:
         if is_told:
             yield piece
             continue
         waiting.append(piece)
         if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
-            is_told = _require_plausible(joined(waiting), configuration, name)
+            is_told = _require_plausible(joined(waiting), configuration, name, heard)
             yield from waiting
             waiting = []
     if waiting:
-        _require_plausible(joined(waiting), configuration, name)
+        _require_plausible(joined(waiting), configuration, name, heard)
         yield from waiting
+
+
+def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
+    """Whether the log has moved enough to tell, or nothing more is to be said."""
+    heard.up = heard.up or up_in_log(log, configuration)
+    findings, is_told = _look(log, configuration)
+    errors = [str(finding) for finding in findings if finding.severity == "error"]
+    if not errors:
+        return is_told
+    if configuration.implausible == "refuse":
+        raise FileError(
+            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore', or --ignore-implausible"
+        )
+    heard.ignored += errors
+    heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
+    return True
 
 
 def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
@@ -141,13 +149,20 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     turns = _Turns(log)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
+    is_confirmed = "confirmed" in by_direction
     # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
-    if "confirmed" in by_direction:
+    if is_confirmed:
         found = [replace(finding, severity="warning") for finding in found]
+    axes = look_at_axes(log, configuration)
+    if axes.wrong:
+        # What is sure, and says what would be right, goes before what a slope makes one suspect.
+        named = {wrong.sensor for wrong in axes.wrong}
+        found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
+        found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
     if not any(finding.severity == "error" for finding in found):
         attitude = _reference_attitude(log, turns, configuration)
         found += [attitude] if attitude is not None else []
-    return found, "confirmed" in by_direction
+    return found, is_confirmed and axes.is_told
 
 
 class _Turns:

@@ -69,6 +69,10 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         del summary["left_out"]["dropped"]
     if run.listed is not None:
         summary["left_out"]["own bound"] = sum(why == "own_bound" for why in run.listed.contradicts)
+    if run.implausible:
+        summary["implausible"] = list(run.implausible)
+    if run.up_at_rest is not None:
+        summary["up_at_rest"] = run.up_at_rest
     if run.void:
         summary["left_out_from_beginning_to_end"] = list(run.void)
     if run.tilt_bounds is not None:
@@ -214,7 +218,11 @@ def _summary_table(summary: dict[str, Any]) -> str:
     lines += [(names[what], f"{number}") for what, number in summary["left_out"].items()]
     if "left_out_from_beginning_to_end" in summary:
         lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
+    if "up_at_rest" in summary:
+        lines.append(("up", summary["up_at_rest"]))
     cells = [(escape(name), escape(text)) for name, text in lines]
+    for one in reversed(summary.get("implausible", [])):
+        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
     if summary["compared_with"] is None:
         cells.append(("compared with", "nothing: there is no reference"))
     else:

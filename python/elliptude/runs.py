@@ -138,6 +138,10 @@ class Run:
     """Sensors that were left out from beginning to end because they contradict their own bounds."""
     heading_from_start: bool = False
     """Whether the heading counts from the first row, because nothing told it."""
+    implausible: tuple[str, ...] = ()
+    """What in the log contradicted the configuration, and was gone on with regardless."""
+    up_at_rest: str | None = None
+    """Which body axis was up at rest, in words."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -322,6 +326,8 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
         void=summary.void,
         heading_from_start=summary.heading_from_start,
+        implausible=summary.implausible,
+        up_at_rest=summary.up_at_rest,
     )
     return run, summary.label
 
@@ -343,6 +349,8 @@ class _Summary(NamedTuple):
     truth_error_deg: float = 0.0
     void: tuple[str, ...] = ()
     heading_from_start: bool = False
+    implausible: tuple[str, ...] = ()
+    up_at_rest: str | None = None
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -354,11 +362,14 @@ def _read_summary(path: Path) -> _Summary:
     if not isinstance(read, dict):
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    implausible, up = read.get("implausible"), read.get("up_at_rest")
     return _Summary(
         label if isinstance(label, str) else "truth",
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",
+        tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
+        str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
     )
 
 

@@ -4,15 +4,17 @@ Shares and errors are over the rows with an update, as what holds between them i
 """
 
 import platform
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import guaranteed_results, tables
+from elliptude import guaranteed_results, suspicions, tables
 from elliptude.configuration import Configuration
 from elliptude.guaranteed_run import GuaranteedRun
+from elliptude.plausibility import Heard
 from elliptude.results import FloatArray
 from elliptude.tables import Results
 
@@ -70,6 +72,7 @@ class Summary:
         vector_is_compared: bool,
         elapsed: float,
         guaranteed: GuaranteedRun | None = None,
+        heard: Heard | None = None,
     ) -> dict[str, Any]:
         """For ``summary.json``; None for what is not known.
 
@@ -82,11 +85,14 @@ class Summary:
             What the filter took, s.
         guaranteed : GuaranteedRun, optional
             What the results are of, in the guaranteed mode.
+        heard : Heard, optional
+            What a look at the log said.
 
         Returns
         -------
         dict
         """
+        heard = Heard() if heard is None else heard
         vector = "gyro_bias" if self._vector == "bias" else "angular_velocity"
         is_estimated = configuration.estimates_vector
         means = self._half_widths / max(self._updates, 1)
@@ -105,6 +111,9 @@ class Summary:
             "mean_half_width_attitude_deg": means[:3].tolist() if self._updates else None,
             f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
             "largest_angle_deg": self._largest.to_dict(),
+            "implausible": list(heard.ignored),
+            "suspicious_statements": [str(one) for one in suspicions.of_configuration(configuration)],
+            "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,
         }
         if self._is_compared:
