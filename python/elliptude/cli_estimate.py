@@ -117,11 +117,11 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
-    if summary["compared_with"] is not None and summary["inside_share_of_updates"] is not None:
+    if summary["compared_with"] is not None and summary["inside_share_of_rows"] is not None:
         error = summary["attitude_error_deg"]["mean"]
-        inside = 100.0 * summary["inside_share_of_updates"]
+        inside = 100.0 * summary["inside_share_of_rows"]
         typer.echo(
-            f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of updates"
+            f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
         )
 
 

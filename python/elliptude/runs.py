@@ -224,16 +224,39 @@ class Run:
         Returns
         -------
         Run
-            With errors and forms of the attitude; NaN where there is no reference.
+            With errors and forms of the attitude; NaN where there is no reference. Where the heading counts from the
+            first row, so does the reference's, as in what `elliptude estimate` compares.
+
+        Raises
+        ------
+        FileError
+            If the heading counts from the first row and that has no reference.
         """
         errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
         rows, true = attitudes_at(reference, self.times, np.flatnonzero(self.known), largest_gap)
         if len(rows):
+            if self.heading_from_start:
+                true = self._counted_from_start(rows, true)
             relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
             forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
         return replace(self, errors=errors, forms=forms, reference_error=reference_error)
+
+    def _counted_from_start(self, rows: NDArray[np.intp], true: Rotation) -> Rotation:
+        """References turned so that the first one differs from the first estimate by a tilt alone, section 18.6."""
+        if rows[0] != np.flatnonzero(self.known)[0]:
+            raise FileError(
+                f"the heading counts from the first row, at {self.times[0]:.6f} s, and the reference has nothing there"
+            )
+        estimated = Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)
+        up, true_up = (one.inv().apply([0.0, 0.0, 1.0]) for one in (estimated, true[0]))
+        axis = np.cross(true_up, up)
+        sine = float(np.linalg.norm(axis))
+        tilt = Rotation.identity()
+        if sine > 0.0:
+            tilt = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis)
+        return estimated * tilt * true[0].inv() * true
 
     def magnification(self, rows: NDArray[np.intp]) -> int:
         """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""

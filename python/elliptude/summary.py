@@ -1,6 +1,7 @@
 """Figures of an estimation for ``summary.json``, gathered piece by piece: plain numbers, in degrees.
 
-Shares and errors are over the rows with an update, as what holds between them is the update's carried on.
+Shares and widths are over the rows with an update, as what holds between them is the update's carried on. The mean and
+the largest attitude error are over all rows with a set and a known truth, as `elliptude compare` has them.
 """
 
 import platform
@@ -57,7 +58,9 @@ class Summary:
         if results.errors is None or results.forms is None:
             return
         self._is_compared = True
-        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), rows, settled)
+        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        has_set = np.flatnonzero(np.isfinite(results.largest_angles))
+        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), has_set, settled)
         self._rates.add(np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1)), rows, settled)
         self._inside_updates.add(results.forms[rows])
         self._inside_rows.add(results.forms)
