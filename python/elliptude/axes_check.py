@@ -119,6 +119,8 @@ def _wider_rule(rule: Rule) -> Rule:
     """The rule, no bound of it less than for a sensor in the hand; such as one that was proposed from a recording."""
     usual, stated = bound_rules.hand_held().model_dump(), rule.model_dump(include=set(Rule.model_fields))
     for name, table in usual.items():
+        if not isinstance(table, dict):
+            continue
         if stated[name] is None:
             stated[name] = table
         for key, value in table.items():

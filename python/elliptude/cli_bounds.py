@@ -413,6 +413,9 @@ def _write(path: Path, proposed: Proposal, margin: float, log: Path) -> None:
         "the hand, as marked, and what it shows in part alone is not less than that.",
     ):
         document.add(tomlkit.comment(line))
+    document.add(tomlkit.nl())
+    document.add("bounds_from_recording", log.name)
+    document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
     for name, section in sections(rule_tables(proposed, margin)).items():
         document.add(tomlkit.nl())
         document.add(name, section)

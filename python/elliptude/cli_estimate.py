@@ -36,7 +36,7 @@ from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
-from elliptude.results import FloatArray
+from elliptude.results import IF_PROPOSED_BOUNDS_HOLD, FloatArray
 from elliptude.runs import read_run
 from elliptude.summary import SETTLED_UPDATE, Summary
 from elliptude.tables import Results, write_columns, writing_columns
@@ -133,8 +133,17 @@ def _say_up(summary: dict[str, Any]) -> None:
 
 def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
     claims = summary["claim_share_of_rows"]
-    shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
-    typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    recording = summary["bounds_from_recording"]
+    if recording is None:
+        shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    else:
+        shares = ", ".join(f"{100.0 * share:.4g} % {IF_PROPOSED_BOUNDS_HOLD[name]}" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; {shares}")
+        typer.echo(
+            f"  the bounds are proposals from {recording}, so that the sets are no guarantee: once there is a reason "
+            "for each bound, delete bounds_from_recording in the configuration"
+        )
     for hint in summary["why_no_set"]:
         typer.secho(f"  no set at any row: {hint}", fg=typer.colors.YELLOW)
     for sensor, rows in summary["contradicted_rows"].items():

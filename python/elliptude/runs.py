@@ -140,6 +140,8 @@ class Run:
     """Whether the heading counts from the first row, because nothing told it."""
     implausible: tuple[str, ...] = ()
     """What in the log contradicted the configuration, and was gone on with regardless."""
+    bounds_from_recording: str | None = None
+    """Which recording the bounds are proposals from; None where there is a reason for them."""
     up_at_rest: str | None = None
     """Which body axis was up at rest, in words."""
 
@@ -350,6 +352,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         void=summary.void,
         heading_from_start=summary.heading_from_start,
         implausible=summary.implausible,
+        bounds_from_recording=summary.bounds_from_recording,
         up_at_rest=summary.up_at_rest,
     )
     return run, summary.label
@@ -373,6 +376,7 @@ class _Summary(NamedTuple):
     void: tuple[str, ...] = ()
     heading_from_start: bool = False
     implausible: tuple[str, ...] = ()
+    bounds_from_recording: str | None = None
     up_at_rest: str | None = None
 
 
@@ -385,13 +389,14 @@ def _read_summary(path: Path) -> _Summary:
     if not isinstance(read, dict):
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
-    implausible, up = read.get("implausible"), read.get("up_at_rest")
+    implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",
         tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
+        recording if isinstance(recording, str) else None,
         str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
     )
 

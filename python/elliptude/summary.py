@@ -114,6 +114,7 @@ class Summary:
             "mean_half_width_attitude_deg": means[:3].tolist() if self._updates else None,
             f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
             "largest_angle_deg": self._largest.to_dict(),
+            "bounds_from_recording": configuration.proposed_from,
             "implausible": list(heard.ignored),
             "suspicious_statements": [str(one) for one in suspicions.of_configuration(configuration)],
             "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
