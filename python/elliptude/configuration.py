@@ -365,6 +365,8 @@ class Configuration(Model):
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
+    # Which recording the bounds are proposals from; gone once there is a reason for each.
+    bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
     rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
     # The guaranteed mode starts from nothing if it is left out.
@@ -453,6 +455,12 @@ class Configuration(Model):
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         return self
+
+    @property
+    def proposed_from(self) -> str | None:
+        """The recording that the bounds are proposals from, here or in the file of a rule."""
+        of_rule = None if self.rule is None else self.rule.rule().bounds_from_recording
+        return self.bounds_from_recording or of_rule
 
     @property
     def truth_error(self) -> float:
