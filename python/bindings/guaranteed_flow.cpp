@@ -51,9 +51,14 @@ namespace {
   return {flow, std::move(reference), longest_step, uncertainty};
 }
 
+/// None where it is not stated.
+[[nodiscard]] py::object if_stated(double value) { return value < 0 ? py::object(py::none()) : py::float_(value); }
+
 [[nodiscard]] GuaranteedGyroFlowSettings make_gyro_flow(const py::object& noise, const py::object& drift,
                                                         const py::object& scale, const py::object& angular_acceleration,
-                                                        const std::string& interval_rate) {
+                                                        const std::string& interval_rate,
+                                                        const py::object& longest_interval,
+                                                        const py::object& largest_rate) {
   using Flow = GuaranteedGyroFlow<double>;
   using IntervalRate = Flow::IntervalRate;
   GyroUncertainty<double> uncertainty;
@@ -61,6 +66,12 @@ namespace {
   uncertainty.drift = one_bound(drift, "drift", true);
   uncertainty.scale = positive_or_zero(scale, "scale", "of the rate");
   uncertainty.angular_acceleration = positive_or_zero(angular_acceleration, "angular_acceleration", "rad/s²");
+  if (!longest_interval.is_none()) {
+    uncertainty.longest_interval = positive_or_zero(longest_interval, "longest_interval", "s");
+  }
+  if (!largest_rate.is_none()) {
+    uncertainty.largest_rate = positive_or_zero(largest_rate, "largest_rate", "rad/s");
+  }
   IntervalRate rate{};
   if (interval_rate == "mean_of_ends") {
     rate = IntervalRate::mean_of_ends;
@@ -134,7 +145,7 @@ ValueError
 
   py::class_<GuaranteedGyroFlowSettings>(
       module, "GuaranteedGyroFlow",
-      R"(GuaranteedGyroFlow(noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends')
+      R"(GuaranteedGyroFlow(noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends', longest_interval=None, largest_rate=None)
 --
 
 How a body moves of which nothing is known but what its gyro says: sample = ω + bias + v, the bias in the state.
@@ -152,6 +163,12 @@ angular_acceleration : float
 interval_rate : {'mean_of_ends', 'first_sample', 'mean'}
     What the rate given for an interval is: the mean of the samples at its ends, the sample at its beginning, or the mean over
     the interval, from a gyro that integrates.
+longest_interval : float, optional
+    The longest interval that a rate and the bounds above speak of, s; any, if omitted. Of a longer one, or of one whose rate is
+    NaN, nothing is known but `largest_rate`.
+largest_rate : float, optional
+    Largest length of ω at every time, rad/s: over an interval that nothing speaks of the set grows by this times the duration.
+    If omitted, or if that reaches half turns, the attitude is forgotten.
 
 Raises
 ------
@@ -159,7 +176,8 @@ ValueError
     If an argument is not finite or out of its range.
 )")
       .def(py::init(&make_gyro_flow), "noise"_a, "drift"_a = 0.0, py::kw_only(), "scale"_a = 0.0,
-           "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends")
+           "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends", "longest_interval"_a = py::none(),
+           "largest_rate"_a = py::none())
       .def_property_readonly(
           "noise", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.noise); },
           "Shape of the noise's ellipsoid, (rad/s)², shape (3, 3); read-only.")
@@ -175,13 +193,24 @@ ValueError
           "Largest length of dω/dt, rad/s².")
       .def_readonly("interval_rate", &GuaranteedGyroFlowSettings::interval_rate,
                     "What the rate given for an interval is.")
+      .def_property_readonly(
+          "longest_interval",
+          [](const GuaranteedGyroFlowSettings& self) { return if_stated(self.uncertainty.longest_interval); },
+          "The longest interval that a rate and its bounds speak of, s; None for any.")
+      .def_property_readonly(
+          "largest_rate",
+          [](const GuaranteedGyroFlowSettings& self) { return if_stated(self.uncertainty.largest_rate); },
+          "Largest length of ω, rad/s; None where it is not known.")
       .def(py::pickle(
           [](const GuaranteedGyroFlowSettings& self) {
             return py::make_tuple(to_array(self.uncertainty.noise), to_array(self.uncertainty.drift),
-                                  self.uncertainty.scale, self.uncertainty.angular_acceleration, self.interval_rate);
+                                  self.uncertainty.scale, self.uncertainty.angular_acceleration, self.interval_rate,
+                                  if_stated(self.uncertainty.longest_interval),
+                                  if_stated(self.uncertainty.largest_rate));
           },
           [](const py::tuple& state) {
-            return make_gyro_flow(state[0], state[1], state[2], state[3], state[4].cast<std::string>());
+            return make_gyro_flow(state[0], state[1], state[2], state[3], state[4].cast<std::string>(), state[5],
+                                  state[6]);
           }));
 }
 

@@ -368,6 +368,8 @@ class GuaranteedGyroFlow:
         scale: float = 0.0,
         angular_acceleration: float = 0.0,
         interval_rate: str = "mean_of_ends",
+        longest_interval: float | None = None,
+        largest_rate: float | None = None,
     ) -> None: ...
     @property
     def noise(self) -> _Floats: ...
@@ -379,6 +381,10 @@ class GuaranteedGyroFlow:
     def angular_acceleration(self) -> float: ...
     @property
     def interval_rate(self) -> str: ...
+    @property
+    def longest_interval(self) -> float | None: ...
+    @property
+    def largest_rate(self) -> float | None: ...
 
 class GuaranteedFilter:
     def __init__(
@@ -425,13 +431,17 @@ class GuaranteedFilter:
     def _vector(self) -> tuple[_Floats, _Floats] | None: ...
     @property
     def _rests_on_drops(self) -> bool: ...
+    @property
+    def _disputed_updates(self) -> int: ...
     def _resume(
         self,
         ellipsoid: StateEllipsoid | None,
         vector: tuple[ArrayLike, ArrayLike] | None,
         rests_on_drops: bool,
         agreeing_updates: int,
+        disputed_updates: int = 0,
     ) -> None: ...
+    def forget(self) -> None: ...
     def predict(
         self,
         time: float,

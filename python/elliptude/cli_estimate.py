@@ -18,7 +18,7 @@ import typer
 from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from elliptude import (
@@ -122,6 +122,8 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
         typer.echo(
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
+    for line in summary["gaps"]["said"]:
+        typer.echo(f"  {line}")
     if summary["heading"] == "from the first row":
         typer.echo("  nothing tells the heading: it counts from the first row")
     for name, part in summary["sizes"].items():
@@ -140,16 +142,19 @@ def _estimate_pieces(
     task = progress.add_task("Reading", total=None)
     pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
     estimator = PieceEstimator(configuration)
+    at_once = configuration.estimator.mode == "guaranteed"
+    if at_once:
+        pieces = _counted(pieces, progress, task)
     summary, thinned = Summary(), Thinned()
     try:
         with writing_columns(out / table, "results") as write:
             for results in estimator.run(pieces):
+                progress.update(task, advance=0 if at_once else len(results.times), description="Estimating")
                 # It takes a third of a second, and the core is at work on the next piece.
                 importlib.import_module("elliptude.figures")
                 write(results.columns())
                 summary.add(results)
                 thinned.add(results)
-                progress.update(task, advance=len(results.times), description="Estimating")
             progress.update(task, description="Writing")
             (out / _SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # sets that do not meet among them
@@ -163,6 +168,14 @@ def _estimate_pieces(
         guaranteed=estimator.guaranteed,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
+
+
+def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:
+    """The pieces of a log whose rows are all read before the first of them is worked on: said when it is so."""
+    for piece in pieces:
+        progress.update(task, advance=len(piece.times))
+        yield piece
+    progress.update(task, description="Estimating")
 
 
 def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:

@@ -182,6 +182,10 @@ class GyroFlow(Timed):
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     # How fast the rate changes between samples, where that is not part of the noise.
     angular_acceleration_deg_per_s2: NotNegative = 0.0
+    # The longest interval between samples that all of this speaks of; 1.5 times the usual one if left out. Of a longer
+    # one nothing is known but how fast the body turns at most, and without that its attitude is forgotten.
+    longest_interval_s: Positive | None = None
+    largest_rate_deg_per_s: Positive | None = None
     # What the noise integrates to over any window; predictions span windows so long, each from an anchor.
     increment_deg: Positive | None = None
     anchor_s: Positive | None = None
@@ -209,6 +213,8 @@ class GyroFlow(Timed):
             drift=math.radians(self.drift_deg_per_s2),
             scale_error=self.scale_error,
             increment=math.inf if self.increment_deg is None else math.radians(self.increment_deg),
+            longest_interval=math.inf if self.longest_interval_s is None else self.longest_interval_s,
+            largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
         )
 
     def build(self) -> elliptude.GyroFlow:

@@ -75,8 +75,11 @@ class LogFile(Protocol):
     def place(self, column: str, row: int) -> str:
         """Where a cell is, for a message: "line 812, column 9 (sun_bx)". ``row`` counts from 0 in its stream."""
 
-    def place_of_row(self, row: int) -> str:
-        """Where a row is, for a message: "line 812"; empty where a row of one stream is none of the others."""
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
+        """Where rows are, for messages: "line 812"; empty where a row of one stream is none of the others.
+
+        The file is read no more than once, however many rows these are.
+        """
 
 
 class Table(LogFile, Protocol):
@@ -233,9 +236,9 @@ class ParquetTable:
         """See `LogFile`."""
         return f"row {row + 1}, column {column!r}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        return f"row {row + 1}"
+        return [f"row {row + 1}" for row in rows]
 
     def _require_numbers(self, names: Sequence[str]) -> None:
         for name in names:
@@ -328,12 +331,16 @@ class CsvTable:
 
     def place(self, column: str, row: int) -> str:
         """See `LogFile`."""
-        return f"{self.place_of_row(row)}, column {self.columns.index(column) + 1} ({column})"
+        return f"{self.places_of_rows([row])[0]}, column {self.columns.index(column) + 1} ({column})"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        line, _ = next(islice(self._rows(), row, None))
-        return f"line {line}"
+        wanted = sorted(set(rows))
+        lines: dict[int, int] = {}
+        read = self._rows()
+        for row, before in zip(wanted, [-1, *wanted], strict=False):
+            lines[row], _ = next(islice(read, row - before - 1, None))
+        return [f"line {lines[row]}" for row in rows]
 
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():
@@ -444,6 +451,6 @@ class NpzFile:
         """See `LogFile`."""
         return f"row {row + 1}, column {column!r}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        return f"row {row + 1}"
+        return [f"row {row + 1}" for row in rows]

@@ -63,6 +63,7 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
             what: sum(spell.measurements for spell in spells if spell.what == what) for what in ("dropped", "refused")
         },
         "heading_from_start": run.heading_from_start,
+        "gaps": list(run.gaps),
         "compared_with": label if compared.any() else None,
     }
     if run.dropped is None and run.listed is None:
@@ -206,6 +207,7 @@ def _summary_table(summary: dict[str, Any]) -> str:
         lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
     if summary["heading_from_start"]:
         lines.append(("heading", "counts from the first row, as nothing told it"))
+    lines += [("" if i else "gaps in the gyro", line) for i, line in enumerate(summary["gaps"])]
     names = {
         "dropped": "measurements dropped",
         "refused": "measurements refused",

@@ -138,6 +138,8 @@ class Run:
     """Sensors that were left out from beginning to end because they contradict their own bounds."""
     heading_from_start: bool = False
     """Whether the heading counts from the first row, because nothing told it."""
+    gaps: tuple[str, ...] = ()
+    """Lines about gaps in the gyro, and what they cost."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -322,6 +324,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
         void=summary.void,
         heading_from_start=summary.heading_from_start,
+        gaps=summary.gaps,
     )
     return run, summary.label
 
@@ -343,6 +346,7 @@ class _Summary(NamedTuple):
     truth_error_deg: float = 0.0
     void: tuple[str, ...] = ()
     heading_from_start: bool = False
+    gaps: tuple[str, ...] = ()
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -354,11 +358,14 @@ def _read_summary(path: Path) -> _Summary:
     if not isinstance(read, dict):
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    gaps = read.get("gaps")
+    said = gaps.get("said") if isinstance(gaps, dict) else None
     return _Summary(
         label if isinstance(label, str) else "truth",
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",
+        tuple(str(line) for line in said) if isinstance(said, list) else (),
     )
 
 

@@ -526,7 +526,7 @@ def test_a_contradiction_names_row_time_sensor_and_margin() -> None:
     for sensor in range(case.measurements.directions.shape[1]):
         filter_ = el.GuaranteedFilter(case.flow, case.start, time=times[0])
         with pytest.raises(
-            el.InconsistentMeasurement, match=rf"direction {sensor} at .* s at row 9 .*margin -"
+            el.InconsistentMeasurement, match=rf"^row 9: .*direction {sensor} at .* s .*margin -"
         ) as caught:
             filter_.run(**flipped(case, 9, sensor))
         assert caught.value.sensor == f"direction {sensor}"
