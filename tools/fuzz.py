@@ -1,6 +1,6 @@
 """Runs the fuzz targets, each for a while, from the inputs that are kept in tests/fuzz/corpus, and says what was found.
 
-    tools/fuzz.py BUILD [--seconds 600] [--keep] [TARGET ...]
+    tools/fuzz.py BUILD [TARGET ...] [--seconds 600] [--jobs 2] [--keep]
 
 BUILD is the folder of a CMake build with ELLIPTUDE_FUZZ. A kept corpus is a text file: one input a line, in hexadecimal
 digits, and after `#` why it is there. What is found is left in BUILD/fuzz and printed as such a line, to be kept. With
@@ -8,9 +8,11 @@ digits, and after `#` why it is there. What is found is left in BUILD/fuzz and p
 """
 
 import argparse
+import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -59,12 +61,14 @@ def run(target: str, command: list[str], folder: Path, seconds: int) -> bool:
     executed = re.findall(r"stat::number_of_executed_units: *(\d+)", text)
     covered = re.findall(r"cov: (\d+)", text)
     outcome = "no finding" if status == 0 else "FINDING"
-    print(f"{target}: {executed[-1] if executed else '?'} executions, {covered[-1] if covered else '?'} edges: {outcome}")
+    said = [
+        f"{target}: {executed[-1] if executed else '?'} executions, {covered[-1] if covered else '?'} edges: {outcome}"
+    ]
     if status != 0:
-        print(*re.findall(r"ORACLE BROKEN.*|runtime error.*|SUMMARY.*|.*Error: .*", text)[-5:], sep="\n")
+        said += re.findall(r"ORACLE BROKEN.*|runtime error.*|SUMMARY.*|.*Error: .*|.*OracleBroken: .*", text)[-5:]
         for path in sorted(set(found.iterdir()) - before):
-            print(f"to be kept in {CORPUS / f'{target}.txt'}:\n{path.read_bytes().hex()} # found: what?")
-    sys.stdout.flush()
+            said += [f"to be kept in {CORPUS / f'{target}.txt'}:", f"{path.read_bytes().hex()} # found: what?"]
+    print("\n".join(said), flush=True)
     return status == 0
 
 
@@ -93,18 +97,22 @@ def main() -> int:
     parser.add_argument("targets", nargs="*", help="all, unless some are named")
     parser.add_argument("--seconds", type=int, default=600, help="for each target")
     parser.add_argument("--keep", action="store_true", help="write the corpora anew")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many targets at a time")
     options = parser.parse_args()
     there_are = commands(options.build)
     unknown = set(options.targets) - set(there_are)
     if unknown or not there_are:
         parser.error(f"no target {', '.join(sorted(unknown))}; there are {', '.join(there_are) or 'none'}")
-    clean = True
-    for target in options.targets or there_are:
+
+    def whole(target: str) -> bool:
         folder = options.build / "fuzz" / target
-        clean = run(target, there_are[target], folder, options.seconds) and clean
+        clean = run(target, there_are[target], folder, options.seconds)
         if options.keep:
             keep(target, there_are[target], folder)
-    return 0 if clean else 1
+        return clean
+
+    with ThreadPoolExecutor(options.jobs) as pool:
+        return 0 if all(list(pool.map(whole, options.targets or there_are))) else 1
 
 
 if __name__ == "__main__":

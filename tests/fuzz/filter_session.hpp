@@ -9,10 +9,6 @@
 
 namespace elliptude::fuzz {
 
-/// After anything whatever, a filter under these policies has within 2 × `regain_after` good updates from the first
-/// contradiction on a set that rests on nothing dropped and holds the truth.
-inline constexpr bool recovery_is_promised = false;
-
 template <typename World>
 class FilterSession {
  public:
@@ -21,7 +17,7 @@ class FilterSession {
   static constexpr bool measures_rate = Filter::measures_rate;
 
   explicit FilterSession(Bytes bytes) : bytes_(bytes), world_(bytes_) {
-    typename Filter::Settings settings;
+    typename Filter::Settings& settings = settings_;
     settings.criterion = bytes_.criterion();
     settings.policy = static_cast<Policy>(bytes_.choice(4));
     settings.most_wrong = settings.policy == Policy::relaxed ? bytes_.choice(3) : 0;
@@ -63,8 +59,8 @@ class FilterSession {
           }
       }
     }
-    if (honest_ || (recovery_is_promised && recovers())) {
-      return;
+    if (!honest_ && (settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart)) {
+      recover();
     }
   }
 
@@ -73,8 +69,24 @@ class FilterSession {
   void bound_vector() {
     if constexpr (!measures_rate) {
       const double width = 10 * (0.1 + static_cast<double>(world_.vector().norm()));
-      require(filter_.bound_vector({Eigen::Vector3d::Zero(), width * width * Eigen::Matrix3d::Identity()}) == Status::ok,
-              "a valid bound", "bound_vector");
+      require(
+          filter_.bound_vector({Eigen::Vector3d::Zero(), width * width * Eigen::Matrix3d::Identity()}) == Status::ok,
+          "a valid bound", "bound_vector");
+    }
+  }
+
+  /// The truth is in the set, which is of two where the bias is not estimated.
+  void require_truth(const char* what) {
+    const Set& set = filter_.ellipsoid();
+    if (settings_.estimates_vector) {
+      require_inside(world_, set, what);
+      return;
+    }
+    const RealVector gamma = gibbs_error(set.center.attitude, world_.attitude());
+    const RealVector error = world_.vector() - vector_part(set.center).template cast<Real>();
+    if (outside_by<3>(set.shape.template topLeftCorner<3, 3>(), gamma) > 0 ||
+        outside_by<3>(set.shape.template bottomRightCorner<3, 3>(), error) > 0) {
+      broken("the truth is inside", what);
     }
   }
 
@@ -85,7 +97,7 @@ class FilterSession {
       require(filter_.claim() != Claim::none, "a set comes with a claim", what);
       if (honest_) {
         require(filter_.claim() == Claim::unconditional && !filter_.rests_on_drops(), "nothing true is dropped", what);
-        require_inside(world_, filter_.ellipsoid(), what);
+        require_truth(what);
       }
     } else {
       require(filter_.claim() == Claim::none, "no set means no claim", what);
@@ -111,8 +123,8 @@ class FilterSession {
     measurements_ = {directions_.data(), directions_.size(), nullptr, nullptr};
     if (measures_rate && bytes_.choice(3) != 0) {
       rate_.bound = bytes_.shape<3>(1e-6, 0.1);
-      rate_.value =
-          RealVector(world_.vector() - (1 - Real(1e-9)) * point_of<3>(rate_.bound, bytes_.in_ball<3>())).template cast<double>();
+      rate_.value = RealVector(world_.vector() - (1 - Real(1e-9)) * point_of<3>(rate_.bound, bytes_.in_ball<3>()))
+                        .template cast<double>();
       measurements_.angular_velocity = &rate_;
     }
     if (bytes_.choice(4) == 1) {
@@ -129,7 +141,7 @@ class FilterSession {
     if (!world_.is_moderate(duration)) {
       return false;
     }
-    const typename World::Flow::Input input = world_.advance(bytes_, duration);
+    const typename World::Flow::Input input = world_.advance(bytes_, world_.time + duration);
     const Snapshot before(filter_);
     if (const Status status = filter_.predict(world_.time, input); status != Status::ok) {
       require(before.unchanged(), "nothing changed otherwise", "a prediction");
@@ -154,7 +166,8 @@ class FilterSession {
     }
     if (honest_) {
       require(status == Status::ok, "what is true is not refused", message(status));
-      require(report.dropped == 0 || (claim == Claim::none && !filter_.knows_attitude()), "nothing true is dropped", what);
+      require(report.dropped == 0 || (claim == Claim::none && !filter_.knows_attitude()), "nothing true is dropped",
+              what);
     }
     check(what);
   }
@@ -192,7 +205,8 @@ class FilterSession {
     honest_ = false;
     measure(bytes_.choice(4));
     for (int change = 1 + bytes_.choice(3); change > 0; --change) {
-      const std::size_t i = directions_.empty() ? 0 : static_cast<std::size_t>(bytes_.choice(static_cast<int>(directions_.size())));
+      const std::size_t i =
+          directions_.empty() ? 0 : static_cast<std::size_t>(bytes_.choice(static_cast<int>(directions_.size())));
       switch (directions_.empty() ? 4 + bytes_.choice(4) : bytes_.choice(8)) {
         case 0:
           directions_[i].reference = bytes_.numbers<3, 1>();
@@ -233,8 +247,9 @@ class FilterSession {
         break;
       case 1: {
         Set set;
-        set.center = {bytes_.choice(2) == 0 ? Eigen::Matrix3d(bytes_.rotation().template cast<double>()) : bytes_.numbers<3, 3>(),
-                      bytes_.numbers<3, 1>()};
+        set.center = {
+            bytes_.choice(2) == 0 ? Eigen::Matrix3d(bytes_.rotation().template cast<double>()) : bytes_.numbers<3, 3>(),
+            bytes_.numbers<3, 1>()};
         set.shape = bytes_.any_shape<6>();
         status = bytes_.choice(2) == 0 ? filter_.start(set) : filter_.resume(&set, nullptr, false, bytes_.choice(3));
         break;
@@ -259,13 +274,58 @@ class FilterSession {
     check("a linear update of anything");
   }
 
-  /// Good cycles with sharp directions: the claim must come back, and stay.
-  [[nodiscard]] bool recovers() {
-    return true;
+  /// Good cycles, in each of which the measurements alone bound a set: 2 × `regain_after` of them after the first that
+  /// contradicts the claim is unconditional, with the truth inside, and both stay so. (theory, section 16.8)
+  void recover() {
+    if (!(std::abs(filter_.time()) < 1e6)) {
+      return;  // where a second more is none
+    }
+    if constexpr (measures_rate) {
+      require(filter_.bound_vector({Eigen::Vector3d::Zero(), 1e6 * Eigen::Matrix3d::Identity()}) == Status::ok,
+              "a valid bound", "bound_vector");
+    } else {
+      bound_vector();
+    }
+    world_.time = filter_.time();
+    const int n = settings_.regain_after;
+    int since = filter_.rests_on_drops() || !filter_.knows_attitude() ? 0 : -1;
+    for (int cycle = 0; cycle < 5 * n + 2; ++cycle) {
+      if (!world_.is_moderate(0.05)) {
+        return;
+      }
+      const typename World::Flow::Input input = world_.advance(bytes_, filter_.time() + 0.05);
+      if (const Status status = filter_.predict(world_.time, input); status != Status::ok) {
+        broken("a filter goes on after anything", message(status));
+      }
+      directions_.clear();
+      for (int i = 0; i < 3; ++i) {
+        directions_.push_back(
+            honest_direction(bytes_, world_.attitude(), Eigen::Vector3d::Unit(i), 1e-4 * Eigen::Matrix3d::Identity()));
+      }
+      measurements_ = {directions_.data(), directions_.size(), nullptr, nullptr};
+      if constexpr (measures_rate) {
+        rate_.bound = 1e-4 * Eigen::Matrix3d::Identity();
+        rate_.value = world_.vector().template cast<double>();
+        measurements_.angular_velocity = &rate_;
+      }
+      GuaranteedUpdate<double> report;
+      if (const Status status = filter_.update(measurements_, report); status != Status::ok) {
+        broken("a filter goes on after anything", message(status));
+      }
+      check("a good cycle");
+      const bool contradicts = report.dropped != 0 || report.contradicting != 0;
+      since = since >= 0 ? since + 1 : (contradicts ? 0 : -1);
+      if (since > 2 * n) {
+        require(!contradicts && filter_.claim() == Claim::unconditional, "recovery in 2 regain_after updates",
+                "the claim");
+        require_truth("recovery in 2 regain_after updates");
+      }
+    }
   }
 
   Bytes bytes_;
   World world_;
+  typename Filter::Settings settings_;
   Filter filter_;
   bool honest_ = true;  // whether all that the filter was told is true
   std::vector<Direction<double>> directions_;

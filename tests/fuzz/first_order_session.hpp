@@ -26,7 +26,8 @@ template <typename Filter>
 void one_call(Bytes& bytes, Filter& filter, double most_duration) {
   constexpr bool measures_rate = std::is_same_v<typename Filter::State, RigidBodyState<double>>;
   const auto any_direction = [&]() {
-    Direction<double> direction = {Eigen::Vector3d::UnitX(), bytes.unit_vector().template cast<double>(), Eigen::Matrix3d::Identity(), 1.0};
+    Direction<double> direction = {Eigen::Vector3d::UnitX(), bytes.unit_vector().template cast<double>(),
+                                   Eigen::Matrix3d::Identity(), 1.0};
     const int kind = bytes.choice(6);
     if (kind == 0) {
       direction.reference = bytes.numbers<3, 1>();

@@ -65,12 +65,13 @@ void flow_session(Bytes bytes) {
   Ellipsoid<double, 3> vector{vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
   const int most = 1 + bytes.choice(4);
   for (int step = 0; step < most; ++step) {
-    const double duration = bytes.between(1e-4, 1);
+    const double time = world.time;
+    const double end = time + bytes.between(1e-4, 1);
+    const double duration = end - time;
     if (!world.is_moderate(duration)) {
       return;
     }
-    const double time = world.time;
-    const typename World::Flow::Input input = world.advance(bytes, duration);
+    const typename World::Flow::Input input = world.advance(bytes, end);
     typename World::Set next = set;
     const Snapshot before(next);
     if (const Status status = flow.predict_vector(time, duration, input, vector, vector); status == Status::ok) {

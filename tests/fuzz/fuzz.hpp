@@ -282,8 +282,8 @@ Real outside_by(const Eigen::Matrix<double, N, N>& p, const Eigen::Matrix<Real, 
   const Eigen::Matrix<Real, N, N> l = factor.matrixL();
   const Eigen::Matrix<Real, N, 1> u = l.template triangularView<Eigen::Lower>().solve(inverse.cwiseProduct(x));
   const Real least = l.diagonal().minCoeff();
-  const Eigen::Matrix<Real, N, N> narrow = l.template triangularView<Eigen::Lower>().solve(
-      Eigen::Matrix<Real, N, N>(inverse.asDiagonal()));
+  const Eigen::Matrix<Real, N, N> narrow =
+      l.template triangularView<Eigen::Lower>().solve(Eigen::Matrix<Real, N, N>(inverse.asDiagonal()));
   const Real rounding = 256 * std::numeric_limits<Real>::epsilon() / (least * least) + 2 * digits * narrow.norm();
   const Real excess = u.squaredNorm() - 1 - rounding * (1 + u.squaredNorm());
   return excess <= 0 ? Real(0) : excess;  // NaN stays

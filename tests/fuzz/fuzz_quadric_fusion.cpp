@@ -51,7 +51,8 @@ Quadric<double, N> honest_quadric(Bytes& bytes, const RealN<N>& point) {
   }
   Real magnitude;
   const Real value = value_at<N>(quadric, point, magnitude);
-  const Real slack = bytes.choice(2) == 0 ? Real(0) : static_cast<Real>(scale) * std::abs(static_cast<Real>(bytes.unit()));
+  const Real slack =
+      bytes.choice(2) == 0 ? Real(0) : static_cast<Real>(scale) * std::abs(static_cast<Real>(bytes.unit()));
   quadric.c = std::nextafter(static_cast<double>(value + slack), std::numeric_limits<double>::infinity());
   return quadric;
 }
@@ -59,7 +60,8 @@ Quadric<double, N> honest_quadric(Bytes& bytes, const RealN<N>& point) {
 template <int N>
 void require_contains(const Ellipsoid<double, N>& set, const RealN<N>& point, Real allowed, const char* what) {
   const RealN<N> error = point - set.center.template cast<Real>();
-  const Real digits = 4 * std::numeric_limits<Real>::epsilon() * (1 + point.norm() + set.center.template cast<Real>().norm());
+  const Real digits =
+      4 * std::numeric_limits<Real>::epsilon() * (1 + point.norm() + set.center.template cast<Real>().norm());
   if (const Real excess = outside_by<N>(set.shape, error, digits); !(excess <= allowed)) {
     std::fprintf(stderr, "form %.9Lg\n", 1 + excess);
     show("point", point);
@@ -90,16 +92,15 @@ Real log_determinant(const Eigen::Matrix<double, N, N>& p) {
 /// \tparam Each `Quadric<double, N>` or, of six coordinates, `HalfQuadric<double>`.
 template <int N, typename Each>
 void many(Bytes& bytes) {
-  Ellipsoid<double, N> predicted{Eigen::Matrix<double, N, 1>::Zero(),
-                                 bytes.any_sized_shape<N>(1e-8, 10)};
+  Ellipsoid<double, N> predicted{Eigen::Matrix<double, N, 1>::Zero(), bytes.any_sized_shape<N>(1e-8, 10)};
   if (bytes.choice(3) == 0) {
     for (int i = 0; i < N; ++i) {
       predicted.center(i) = bytes.unit();
     }
   }
   bool honest = is_shape<N>(predicted.shape);
-  const RealN<N> point = predicted.center.template cast<Real>() +
-                         (1 - Real(1e-15)) * point_of<N>(predicted.shape, bytes.in_ball<N>());
+  const RealN<N> point =
+      predicted.center.template cast<Real>() + (1 - Real(1e-15)) * point_of<N>(predicted.shape, bytes.in_ball<N>());
   const bool with_prediction = bytes.choice(4) != 0;
   const int count = bytes.choice(9);
   std::array<Each, 8> quadrics;
@@ -107,8 +108,8 @@ void many(Bytes& bytes) {
     Each& quadric = quadrics[static_cast<std::size_t>(i)];
     if constexpr (std::is_same_v<Each, HalfQuadric<double>>) {
       quadric.half = bytes.choice(2) == 0 ? Half::first : Half::second;
-      quadric.quadric = honest_quadric<3>(bytes, quadric.half == Half::first ? RealN<3>(point.template head<3>())
-                                                                             : RealN<3>(point.template tail<3>()));
+      quadric.quadric = honest_quadric<3>(
+          bytes, quadric.half == Half::first ? RealN<3>(point.template head<3>()) : RealN<3>(point.template tail<3>()));
       if (bytes.choice(8) == 0) {
         honest = false;
         quadric.quadric = {bytes.any_shape<3>(), bytes.numbers<3, 1>(), bytes.number()};
@@ -186,19 +187,21 @@ void two(Bytes& bytes) {
                                      : minimal_intersection(first, second, criterion, result);
   if (status != Status::ok) {
     require(before.unchanged(), "nothing changed otherwise", "two sets");
-    require(!honest || (status != Status::empty_intersection && status != Status::not_finite), "what is true is not refused",
-            message(status));
+    require(!honest || (status != Status::empty_intersection && status != Status::not_finite),
+            "what is true is not refused", message(status));
     return;
   }
   require(validate(result.set) == Status::ok, "ok means finite and not negative", "two sets");
   require(result.share >= 0 && result.share <= 1, "a share is one", "two sets");
   if (honest) {
     require(is_shape<N>(result.set.shape), "ok means finite and positive definite", "two sets");
-    const Eigen::Matrix<double, N, N> sharp = with_quadric ? quadric.a : Eigen::Matrix<double, N, N>(second.shape.inverse());
+    const Eigen::Matrix<double, N, N> sharp =
+        with_quadric ? quadric.a : Eigen::Matrix<double, N, N>(second.shape.inverse());
     const double sharpness = sharp.norm() * (first.shape.trace() + second.shape.trace()) +
                              first.shape.inverse().norm() * (first.shape.trace() + second.shape.trace());
     const Real rounding = 256 * static_cast<Real>(std::numeric_limits<double>::epsilon() * sharpness);
-    require_contains<N>(result.set, point, 10 * digits + rounding, with_quadric ? "an ellipsoid and a quadric" : "two ellipsoids");
+    require_contains<N>(result.set, point, 10 * digits + rounding,
+                        with_quadric ? "an ellipsoid and a quadric" : "two ellipsoids");
   }
   double margin = 0.25;
   const Status overlap = overlap_margin(first, second, margin);

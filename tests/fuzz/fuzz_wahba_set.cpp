@@ -35,9 +35,9 @@ void judge(const Case& c, Status status, const WahbaSet<double>& set, bool uncha
   require(rotation_error(set.attitude) < 1e-12, "the center is a rotation", what);
   require_valid(set.error, what);
   if (c.honest) {
-    const RealVector error =
-        (std::is_same_v<Chart, GibbsChart> ? gibbs_error(set.attitude, c.truth) : exponential_error(set.attitude, c.truth)) -
-        set.error.center.cast<Real>();
+    const RealVector error = (std::is_same_v<Chart, GibbsChart> ? gibbs_error(set.attitude, c.truth)
+                                                                : exponential_error(set.attitude, c.truth)) -
+                             set.error.center.cast<Real>();
     if (const Real excess = outside_by<3>(set.error.shape, error); !(excess <= 0)) {
       std::fprintf(stderr, "form %.9Lg\n", 1 + excess);
       show("reference", c.reference);
@@ -89,7 +89,8 @@ void session(Bytes bytes) {
     const RealVector across = b.cross(bytes.unit_vector());
     const Real angle = static_cast<Real>(c.bounds(i) * bytes.unit());
     const RealVector seen = across.norm() > 0 ? RealVector(real_exp(RealVector(angle * across.normalized())) * b) : b;
-    c.body.col(i) = (seen * (bytes.choice(3) == 0 ? static_cast<Real>(bytes.between(1e-150, 1e150)) : 1)).cast<double>();
+    c.body.col(i) =
+        (seen * (bytes.choice(3) == 0 ? static_cast<Real>(bytes.between(1e-150, 1e150)) : 1)).cast<double>();
     c.weights(i) = weights == 0   ? 1.0
                    : weights == 1 ? bytes.between(1e-3, 1e3)
                    : weights == 2 ? bytes.between(1e-300, 1e300)

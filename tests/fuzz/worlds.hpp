@@ -54,7 +54,9 @@ struct BodyWorld {
 
   [[nodiscard]] Flow flow() const {
     Flow result;
-    require(Flow::make(body, potential, longest_step, uncertainty, result) == Status::ok, "a valid flow", "body");
+    require(Flow::make(body, potential, longest_step, uncertainty, result) == Status::ok &&
+                result.set_most_steps(1000) == Status::ok,
+            "a valid flow", "body");
     return result;
   }
   [[nodiscard]] FirstOrderFlow first_order_flow(int order) const {
@@ -68,8 +70,9 @@ struct BodyWorld {
   [[nodiscard]] const RealMatrix& attitude() const { return truth.attitude; }
   void place(const RealMatrix& attitude, const RealVector& vector) { truth = {attitude, vector}; }
 
-  /// Moves the truth, and says what is known of what moved it.
-  [[nodiscard]] Flow::Input advance(Bytes& bytes, double duration) {
+  /// Moves the truth to a later time, and says what is known of what moved it.
+  [[nodiscard]] Flow::Input advance(Bytes& bytes, double end) {
+    const double duration = end - time;
     Flow::Input input;
     if (bytes.choice(3) == 1) {
       const double size = body.principal_moments()(2);
@@ -88,7 +91,7 @@ struct BodyWorld {
     const int intervals = 1 + static_cast<int>(turn * 2);
     truth = testing::independent_flow(inertia, torque, truth, static_cast<Real>(time), static_cast<Real>(duration),
                                       intervals, input.wheel_momentum.cast<Real>());
-    time += duration;
+    time = end;
     return input;
   }
   /// More steps take longer, and show no more.
@@ -99,7 +102,8 @@ struct BodyWorld {
   }
 
   [[nodiscard]] static Flow::Input any_input(Bytes& bytes) {
-    return {bytes.numbers<3, 1>(), bytes.choice(2) == 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : bytes.numbers<3, 1>()};
+    return {bytes.numbers<3, 1>(),
+            bytes.choice(2) == 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : bytes.numbers<3, 1>()};
   }
 };
 
@@ -133,6 +137,10 @@ struct GyroWorld {
       uncertainty.angular_acceleration = bytes.between(1e-3, 10);
     }
     interval_rate = static_cast<IntervalRate>(bytes.choice(3));
+    if (bytes.choice(4) == 1) {
+      uncertainty.longest_interval = bytes.between(1e-3, 1);
+      uncertainty.largest_rate = bytes.between(1e-3, 10);
+    }
   }
 
   [[nodiscard]] Flow flow() const {
@@ -154,7 +162,8 @@ struct GyroWorld {
   }
 
   /// Chooses what the gyro shows, then errors within their bounds, and moves the truth as it then must have moved.
-  [[nodiscard]] Flow::Input advance(Bytes& bytes, double duration) {
+  [[nodiscard]] Flow::Input advance(Bytes& bytes, double end) {
+    const double duration = end - time;
     const double size = bytes.between(1e-3, 10);
     Flow::Input input;
     input.angular_velocity = size * bytes.units<3>();
@@ -169,8 +178,16 @@ struct GyroWorld {
       drift = inside * point_of<3>(uncertainty.drift, bytes.in_ball<3>());
     }
     const Real h = static_cast<Real>(duration);
+    time = end;
     if (bytes.choice(4) == 0) {
       input.increment = static_cast<double>(h * error.norm()) * (1 + 1e-12);
+    }
+    if (uncertainty.longest_interval >= 0 && duration > uncertainty.longest_interval) {
+      // A gap: what the gyro shows says nothing, and the body turns as fast as it may.
+      const Real fastest = inside * static_cast<Real>(uncertainty.largest_rate) / 2;
+      const RealVector first = fastest * bytes.in_ball<3>();
+      move(h, first, RealVector(fastest * bytes.in_ball<3>()), drift);
+      return input;
     }
     const bool at_start = interval_rate == IntervalRate::first_sample;
     const RealVector rate = shown - error - (at_start ? bias : RealVector(bias + (h / 2) * drift));
@@ -192,9 +209,7 @@ struct GyroWorld {
         b.setZero();
       }
     }
-    truth = nearest_rotation(truth * real_exp(RealVector(h * a)) * real_exp(RealVector(h * b)));
-    bias += h * drift;
-    time += duration;
+    move(h, a, b, drift);
     return input;
   }
   [[nodiscard]] static bool is_moderate(double duration) { return duration < 100; }
@@ -208,6 +223,11 @@ struct GyroWorld {
   }
 
  private:
+  void move(Real h, const RealVector& a, const RealVector& b, const RealVector& drift) {
+    truth = nearest_rotation(truth * real_exp(RealVector(h * a)) * real_exp(RealVector(h * b)));
+    bias += h * drift;
+  }
+
   /// The mean of exp(−S(v s)) over 0 ≤ s ≤ 1, by its series: ‖v‖ is at most about 10 where it matters.
   [[nodiscard]] static RealMatrix mean_turn(const RealVector& v) {
     RealMatrix s;

@@ -1,7 +1,6 @@
 """Formats of logs: their columns, every number as it is in the file, and what is said of files that are at fault."""
 
 import sys
-
 import zipfile
 
 import numpy as np
@@ -115,7 +114,7 @@ def test_npz_of_another_compression(tmp_path):
     content = bytearray((tmp_path / "log.npz").read_bytes())
     content[content.index(b"PK\x01\x02") + 10] = 2
     (tmp_path / "log.npz").write_bytes(content)
-    with pytest.raises(FileError, match="not an NPZ file: .*compression"):
+    with pytest.raises(FileError, match=r"not an NPZ file: .*compression"):
         open_log(tmp_path / "log.npz")
 
 
