@@ -49,6 +49,14 @@ test-python: $(VENV)/package ## The Python tests alone
 .PHONY: requirements
 requirements: $(VENV)/dev $(VENV)/compare ## Install all that any test needs, so that none is skipped
 
+FUZZ_SECONDS ?= 600
+FUZZ_PRESET ?= fuzz
+.PHONY: fuzz
+fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/fuzz ## Fuzz the core and the readers of files, each target for FUZZ_SECONDS (600)
+	cmake --preset $(FUZZ_PRESET)
+	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
+	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) --seconds $(FUZZ_SECONDS)
+
 .PHONY: demo
 demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
 	.venv/bin/elliptude demo --out build/demo
@@ -102,6 +110,10 @@ $(VENV)/dev: $(VENV)/requirements
 
 $(VENV)/compare: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py compare)
+	touch $@
+
+$(VENV)/fuzz: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py fuzz)
 	touch $@
 
 $(VENV)/package: $(VENV)/requirements $(PACKAGE_SOURCES)

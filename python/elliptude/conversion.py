@@ -19,7 +19,7 @@ from elliptude.bound_rules import field_at_start
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.logs import Log
-from elliptude.readers import Cells, LogFile, open_log
+from elliptude.readers import Cells, LogFile, open_log, require_columns
 from elliptude.results import FloatArray
 
 SUFFIXES = (".csv", ".parquet", ".npz")
@@ -57,7 +57,10 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     chosen = streams if stream is None else [stream]
     if len(chosen) > 1 and Path(target).suffix != ".npz":
         raise FileError(f"{source}: more than one stream ({', '.join(chosen)}); --stream says which, or write .npz")
-    numbers = [name for name in file.columns if file.holds_numbers(name)]
+    # Of two columns with one name one would be lost; commas at the end of each line are not meant to be any.
+    named = [name for name in file.columns if name or file.columns.count(name) == 1]
+    numbers = [name for name in named if file.holds_numbers(name)]
+    require_columns(file, numbers)
     columns = [[name for name in numbers if file.stream(name) == one] for one in chosen]
     with replacing(target) as temporary, _writer(target, temporary, "") as write:
         count = sum(_copy(file, some, write) for some in columns if some)
