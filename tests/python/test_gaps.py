@@ -319,6 +319,31 @@ def test_no_window_that_bounds_are_proposed_from_reaches_over_a_gap():
     assert found.unexplained.maximum < np.deg2rad(0.1)
 
 
+def test_modes_of_first_order_say_what_they_bridge():
+    log = gyro_log(2, 400)
+    first_order = {
+        "estimator": {"mode": "first_order", "when_sets_do_not_meet": "skip"},
+        "start": {"kind": "first_measurement", "bias_bound_deg_per_s": 0.1},
+    }
+    configuration = configured({"noise_deg_per_s": 0.1}, **first_order)
+    whole = estimation.estimate(log, configuration)
+    assert estimation.summarize(whole, configuration)["gaps"]["said"] == []
+    log = without(log, (3.0, 4.2), (6.0, 6.4))
+    estimator = estimation.PieceEstimator(configuration)
+    keep = [log.since(0), log.since(70)]
+    arrays = ("times", "directions", "references", "rates", "true_attitudes")
+    keep[0] = dataclasses.replace(log, **{name: getattr(log, name)[:70] for name in arrays})
+    list(estimator.run(keep))
+    for found in (estimator.bridged.summarize(), estimation.estimate(log, configuration).bridged.summarize()):
+        assert found["count"] == 2
+        assert found["total_s"] == pytest.approx(1.6)
+        assert found["longest_interval_s"] == pytest.approx(0.075)
+        (line,) = found["said"]
+        assert line.startswith(
+            "2 gaps in the gyro, longer than 0.075 s (1.6 s in all, the longest 1.2 s from 3.0000 s on)"
+        )
+
+
 def test_summary_without_gaps():
     summary = gaps.summarize((), GyroBounds(0.1, longest_interval=0.01))
     assert (summary["count"], summary["said"], summary["largest_rate_deg_per_s"]) == (0, [], None)
