@@ -38,13 +38,15 @@ most_wrong : {0, 1, 2}
     For 'relaxed', of at most eight measurements.
 regain_after : int
     After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the measurements
-    of that moment alone, if they bound one.
+    of that moment alone, if they bound one. As many updates after a contradiction that others have followed the past is given
+    up for such a set, too, which remains conditional until so many have agreed. Disturbances should not last as long.
 vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of these, optional
     The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
     about a center.
 estimate_vector : bool
     Of a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
-    sets, fused by themselves, are smaller.
+    sets, predicted and fused by themselves, are smaller. The shape then holds two sets, the attitude's and the bound of the
+    bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers.
 
 Raises
 ------
@@ -80,13 +82,23 @@ ValueError
       .def_property_readonly("_agreeing_updates", &Filter::agreeing_updates)
       .def_property_readonly("_vector", &Filter::vector)
       .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)
-      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a)
+      .def_property_readonly("_disputed_updates", &Filter::disputed_updates)
+      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a,
+           "disputed_updates"_a = 0)
+      .def("forget", &Filter::forget, R"(forget(self)
+--
+
+Forgets all but `vector_bound`: the next measurements that determine an attitude start the filter again.
+
+So one goes on under the policy 'raise' after what is known has turned out to be wrong, or cannot be predicted.
+)")
       .def("predict", &Filter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "wheel_momentum"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
            R"(predict(self, time, *, control_torque=None, wheel_momentum=None, gyro=None, increment=None)
 --
 
-Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten.
+Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten. So it is, except under the
+policy 'raise', if this set cannot be predicted where another can be: one about a wrong rate, say.
 
 Parameters
 ----------
@@ -218,8 +230,8 @@ Raises
 InconsistentMeasurement
     With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
     the call.
-ValueError
-    If an argument is not finite or out of its range, with the row.
+RowError
+    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
 )");
 }
 

@@ -83,11 +83,12 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     if rows.contradictions and configuration.estimator.policy == "raise":
         first = rows.contradictions[0]
         raise elliptude.InconsistentMeasurement(
-            f"{first.sensor!r} at row {first.row} contradicts its own bounds by {first.excess:.3g} {first.unit}; some "
-            "bound is wrong (estimator.policy says what to do then)",
+            f"{first.sensor!r} contradicts its own bounds by {first.excess:.3g} {first.unit}; some bound is wrong "
+            "(estimator.policy says what to do then)",
             -first.excess,
             float(log.times[first.row]),
             first.sensor,
+            first.row,
         )
     start, starts_heading = _start(log, configuration, rows)
     anchor = _anchor_duration(configuration)
@@ -313,7 +314,13 @@ def _run_from_anchors(
             if turns.anchors[k] != turns.anchors[k - 1]:
                 anchor = here
             here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-            here._resume(anchor.ellipsoid, anchor._vector, anchor._rests_on_drops, anchor._agreeing_updates)
+            here._resume(
+                anchor.ellipsoid,
+                anchor._vector,
+                anchor._rests_on_drops,
+                anchor._agreeing_updates,
+                anchor._disputed_updates,
+            )
             if turns.over_gap[k]:
                 here.predict(angles[k], gyro=np.full(3, np.nan))
             else:
@@ -330,11 +337,12 @@ def _run_from_anchors(
             except elliptude.InconsistentMeasurement as error:
                 sensor = rows.names[int(error.sensor)] if error.sensor else ""
                 raise elliptude.InconsistentMeasurement(
-                    f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} at row {k} contradict the "
-                    f"prediction or each other (margin {error.margin:.3g}); some bound is wrong",
+                    f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
+                    f"or each other (margin {error.margin:.3g}); some bound is wrong",
                     error.margin,
                     float(log.times[k]),
                     sensor,
+                    k,
                 ) from error
             result.dropped[k, [int(i) for i in update.dropped]] = True
             result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin

@@ -82,14 +82,16 @@ class Log:
 
     def place(self, k: int) -> str:
         """Where row k is, for a message: "line 812" of the file if that is known, and the time."""
-        at, place = f"{self.times[k]:.6f} s", self.place_in_file(k)
+        at, (place,) = f"{self.times[k]:.6f} s", self.places_in_file([k])
         return f"{place} ({at})" if place else at
 
-    def place_in_file(self, k: int) -> str:
-        """Which line or row of the file, "line 812", or nothing where that is not known."""
-        if self.file is None or self.rows is None or self.rows[k] < 0:
-            return ""
-        return self.file.place_of_row(int(self.rows[k])) or ""
+    def places_in_file(self, rows: Sequence[int]) -> list[str]:
+        """Which lines or rows of the file, "line 812", with nothing where that is not known; read once for all."""
+        if self.file is None or self.rows is None:
+            return [""] * len(rows)
+        there = [int(self.rows[k]) for k in rows]
+        places = iter(self.file.places_of_rows([row for row in there if row >= 0]))
+        return ["" if row < 0 else next(places) for row in there]
 
 
 def log_of(measurements: Measurements) -> Log:

@@ -283,7 +283,7 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     assert columns["contradicts"] == ["own_bound"]
     assert columns["margin"][0] == pytest.approx(-found.excess)
     with pytest.raises(
-        elliptude.InconsistentMeasurement, match=r"'up' at 5\.000000 s contradicts its own bounds by 3\.9"
+        elliptude.InconsistentMeasurement, match=r"^5\.000000 s: 'up' contradicts its own bounds by 3\.9"
     ):
         estimation.estimate(log, Configuration.model_validate(base))
 
