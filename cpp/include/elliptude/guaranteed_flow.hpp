@@ -477,12 +477,6 @@ class GuaranteedGyroFlow {
     return Status::ok;
   }
 
-  /// Whether anything but `largest_rate` is known of an interval.
-  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
-    const Scalar& longest = uncertainty_.longest_interval;
-    return input.is_measured && (longest < Scalar(0) || duration <= longest);
-  }
-
   /// The bias without the attitude: it drifts.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
@@ -506,6 +500,12 @@ class GuaranteedGyroFlow {
   }
 
  private:
+  /// Whether anything but `largest_rate` is known of an interval.
+  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
+    const Scalar& longest = uncertainty_.longest_interval;
+    return input.is_measured && (longest < Scalar(0) || duration <= longest);
+  }
+
   /// Over an interval of which nothing is known but that the body turns by no more than an angle, about any axis: the center
   /// stays, and the errors move by at most what (17.10) says. (theory, section 17.6)
   /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
