@@ -256,7 +256,8 @@ class GuaranteedRigidBodyFlow {
     const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
     ErrorTube<Scalar, Potential> tube;
     if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
-      return status;
+      Matrix6<Scalar> factor;  // of a set that is as it should be, h² has overflowed
+      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
     }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
