@@ -246,6 +246,7 @@ def test_no_window_holds_a_missing_row(at, missing):
     forces, rates = np.tile(G * UP, (401, 1)), np.zeros((401, 3))
     (forces if missing == "force" else rates)[200] = np.nan
     bounds = windows(forces, rates=rates, durations=[1.0], at=at)
+    assert not bounds.contradicted.any()
     without = np.flatnonzero(np.isnan(bounds.angles))
     expected = np.arange(200, 301) if at == "end" else np.arange(150, 251)
     # At the recording's ends windows are shorter; one row is no window.
@@ -257,6 +258,7 @@ def test_no_window_holds_a_long_step(at):
     times = 0.01 * np.arange(401)
     times[200:] += 0.2
     bounds = windows(np.tile(G * UP, (401, 1)), times=times, durations=[1.0], at=at, maximum_step=0.1)
+    assert not bounds.contradicted.any()
     without = np.setdiff1d(np.flatnonzero(np.isnan(bounds.angles)), [0, 400])
     # Rows whose window holds both ends of the step, at 1.99 s and 2.2 s.
     expected = np.arange(200, 280) if at == "end" else np.arange(170, 230)
