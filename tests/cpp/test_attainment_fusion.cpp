@@ -53,7 +53,8 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
       const Quadric<float, 3> seen = fusion::relaxed<float, 3, 3>(given, factor, shift, reach, in_ball, rounding);
       for (int k = 0; k < 8; ++k) {
         // In the ball; and, if all u count, on rays to far away, where the matrix alone decides, and near zero.
-        const Vector3d u = in_ball ? random.unit_vector<3>() : Vector3d(random.log_uniform(1e-2, 1e3) * random.unit_vector<3>());
+        const Vector3d u =
+            in_ball ? random.unit_vector<3>() : Vector3d(random.log_uniform(1e-2, 1e3) * random.unit_vector<3>());
         const RealVector y = shift.cast<Real>() + factor.cast<Real>() * u.cast<Real>();
         const Real gain = slack_of(seen, u.cast<Real>()) - slack_of(given, y);
         CHECK(gain >= 0);
@@ -78,7 +79,8 @@ TEST_CASE("what the inversion may add to the level is enough for every point of 
     // A sharp quadric, nearly a cylinder, whose boundary goes through a point of the ball.
     const RealVector point = random.in_ball<3>().cast<Real>();
     Quadric<float, 3> q;
-    const Matrix3d a = random.log_uniform(10, 1e6) * random.symmetric<3>(Vector3d(1, random.log_uniform(1e-7, 1), 1e-7));
+    const Matrix3d a =
+        random.log_uniform(10, 1e6) * random.symmetric<3>(Vector3d(1, random.log_uniform(1e-7, 1), 1e-7));
     const Vector3d at = random.in_ball<3>();
     q.a = a.cast<float>();
     q.a = (0.5F * (q.a + q.a.transpose())).eval();
@@ -216,7 +218,8 @@ TEST_CASE("balls of any sizes in any coordinates are empty exactly if they are a
   for (int trial = 0; trial < 4000; ++trial) {
     const double small = random.log_uniform(1e-3, 1);
     const double gap = (trial % 2 == 0 ? 1e-3 : -1e-3) * small;
-    const Matrix3d map = random.orthogonal<3>() * Vector3d(1, random.log_uniform(0.03, 1), random.log_uniform(0.03, 1)).asDiagonal();
+    const Matrix3d map =
+        random.orthogonal<3>() * Vector3d(1, random.log_uniform(0.03, 1), random.log_uniform(0.03, 1)).asDiagonal();
     const Vector3d n = random.unit_vector<3>();
     const Ellipsoid<double, 3> first{Vector3d::Zero(), map * map.transpose()};
     const Ellipsoid<double, 3> second{map * ((1 + small + gap) * n), small * small * map * map.transpose()};

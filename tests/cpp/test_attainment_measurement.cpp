@@ -100,9 +100,9 @@ TEST_CASE("a measured attitude in float holds every attitude of its rim") {
     // Seen from anywhere; or from the measured attitude itself, where nothing but its own rounding counts.
     const bool at_measured = trial % 5 == 1;
     const RealVector away = Real(random.log_uniform(1e-6, 2.8)) * random.unit_vector<3>().cast<Real>();
-    const Matrix3<float> center =
-        at_measured ? renormalized(measured.attitude)
-                    : renormalized(Matrix3<float>((truth * turn_by(away)).template cast<float>()));
+    const Matrix3<float> center = at_measured
+                                      ? renormalized(measured.attitude)
+                                      : renormalized(Matrix3<float>((truth * turn_by(away)).template cast<float>()));
     Quadric<float, 3> quadric;
     if (to_quadric(center, measured, quadric) != Status::ok) {
       continue;

@@ -62,7 +62,8 @@ TEST_CASE_TEMPLATE("the ellipsoid holds a sum of cones with any slope and touche
     REQUIRE(bounding_ellipsoid<Chart>(sum, set) == Status::ok);
     const Matrix3d metric = set.shape.inverse();
     for (int k = 0; k < 40; ++k) {
-      const Vector3d towards = k == 0 ? Vector3d(sum.curvature.inverse() * sum.slope) : Vector3d(random.unit_vector<3>());
+      const Vector3d towards =
+          k == 0 ? Vector3d(sum.curvature.inverse() * sum.slope) : Vector3d(random.unit_vector<3>());
       const Vector3d y = coordinates<Chart>(boundary(sum, towards.normalized()));
       const double form = y.dot(metric * y);
       CHECK(form <= 1);
@@ -118,7 +119,8 @@ TEST_CASE("sets in float hold every attitude in all cones") {
     Vector<float, Eigen::Dynamic> bounds(count);
     Vector<float, Eigen::Dynamic> weights(count);
     for (int i = 0; i < count; ++i) {
-      const Vector3d e = spread < 1 ? Vector3d(line + spread * random.unit_vector<3>()) : Vector3d(random.unit_vector<3>());
+      const Vector3d e =
+          spread < 1 ? Vector3d(line + spread * random.unit_vector<3>()) : Vector3d(random.unit_vector<3>());
       reference.col(i) = e.cast<float>();
       const RealVector seen = (exact.transpose() * reference.col(i).cast<Real>()).normalized();
       const RealVector axis = seen.cross(RealVector(random.unit_vector<3>().cast<Real>())).normalized();
@@ -143,8 +145,7 @@ TEST_CASE("sets in float hold every attitude in all cones") {
       center = (center + RealMatrix(center.inverse().transpose())) / 2;
     }
     const RealMatrix r = center.transpose() * exact;
-    const RealVector y =
-        RealVector(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1)) * (2 / (1 + r.trace()));
+    const RealVector y = RealVector(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1)) * (2 / (1 + r.trace()));
     const double form = static_cast<double>(y.dot(RealMatrix(set.error.shape.cast<Real>()).inverse() * y));
     CHECK(form <= 1);
     near += form > 0.9 ? 1 : 0;

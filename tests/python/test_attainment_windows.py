@@ -187,7 +187,11 @@ def test_an_increment_just_before_the_row():
     shown = np.zeros((401, 3))
     shown[-6:, 0] = [0.5 * noise, noise, noise, noise, noise, noise]
     bounds = windows(
-        np.tile(G * UP, (401, 1)), times=times, rates=shown, durations=[4.0], gyro=GyroBounds(noise, increment=increment)
+        np.tile(G * UP, (401, 1)),
+        times=times,
+        rates=shown,
+        durations=[4.0],
+        gyro=GyroBounds(noise, increment=increment),
     )
     assert_reached(bounds, share=0.94)
 
@@ -335,7 +339,5 @@ def test_east_by_a_field_that_is_off():
     bounds = crossed(field, UP, shown=SHOWN, in_plane_error=0.0, radius=radius, tilt=0.0)
     assert_reached(bounds, EAST, 0, share=0.999999)
     # The reference's error in the plane of up and the field moves nothing of it but the length.
-    in_plane = crossed(
-        field * [1.05, 1.05, 1.0], UP, shown=SHOWN, in_plane_error=0.8, radius=1.05 * radius, tilt=0.0
-    )
+    in_plane = crossed(field * [1.05, 1.05, 1.0], UP, shown=SHOWN, in_plane_error=0.8, radius=1.05 * radius, tilt=0.0)
     assert_reached(in_plane, EAST, 0, share=0.99)
