@@ -15,6 +15,8 @@ SHELL := bash
 SYSTEM := build/stamps/system
 VENV := .venv/stamps
 PIP_INSTALL := .venv/bin/python -m pip install --quiet
+# The tests run on all processors; a test stays with those of its file for as long as others have work.
+PYTEST_SPREAD := --numprocesses=auto --maxprocesses=8 --dist=worksteal
 CPP_SOURCES = $(shell find cpp python/bindings tests -name '*.hpp' -o -name '*.cpp')
 # What includes all of the library.
 TIDY_SOURCES := tests/cpp/freestanding/flight_core.cpp
@@ -42,7 +44,18 @@ test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptio
 
 .PHONY: test-python
 test-python: $(VENV)/package ## The Python tests alone
-	.venv/bin/python -m pytest
+	.venv/bin/python -m pytest $(PYTEST_SPREAD)
+
+.PHONY: requirements
+requirements: $(VENV)/dev $(VENV)/compare ## Install all that any test needs, so that none is skipped
+
+FUZZ_SECONDS ?= 600
+FUZZ_PRESET ?= fuzz
+.PHONY: fuzz
+fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/fuzz ## Fuzz the core and the readers of files, each target for FUZZ_SECONDS (600)
+	cmake --preset $(FUZZ_PRESET)
+	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
+	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) --seconds $(FUZZ_SECONDS)
 
 .PHONY: demo
 demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
@@ -93,6 +106,14 @@ $(VENV)/requirements: pyproject.toml tools/requirements.py | $(SYSTEM)-test
 
 $(VENV)/dev: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py dev)
+	touch $@
+
+$(VENV)/compare: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py compare)
+	touch $@
+
+$(VENV)/fuzz: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py fuzz)
 	touch $@
 
 $(VENV)/package: $(VENV)/requirements $(PACKAGE_SOURCES)

@@ -4,6 +4,7 @@
 /// What Python is told when something is wrong: the argument's name, the value and the limit. Nothing here needs the
 /// interpreter's lock, so that loops can fail without it.
 
+#include <cstddef>
 #include <elliptude/status.hpp>
 #include <limits>
 #include <stdexcept>
@@ -22,11 +23,26 @@ class InconsistentSets : public std::runtime_error {
   [[nodiscard]] double margin() const noexcept { return margin_; }
   [[nodiscard]] double time() const noexcept { return time_; }
   [[nodiscard]] const std::string& sensor() const noexcept { return sensor_; }
+  /// Of a log; −1 where it is of none.
+  [[nodiscard]] std::ptrdiff_t row() const noexcept { return row_; }
+  void set_row(std::ptrdiff_t row) noexcept { row_ = row; }
 
  private:
   double margin_;
   double time_;
   std::string sensor_;
+  std::ptrdiff_t row_ = -1;
+};
+
+/// Becomes `elliptude.RowError`: what is wrong in one row of a log.
+class RowFault : public std::runtime_error {
+ public:
+  RowFault(const std::string& message, std::ptrdiff_t row) : std::runtime_error(message), row_(row) {}
+
+  [[nodiscard]] std::ptrdiff_t row() const noexcept { return row_; }
+
+ private:
+  std::ptrdiff_t row_;
 };
 
 /// A number as a message shows it.
@@ -34,6 +50,12 @@ class InconsistentSets : public std::runtime_error {
 
 /// \throws ValueError.
 [[noreturn]] void value_error(const std::string& message);
+
+/// \throws ValueError unless positive.
+void check_most_steps(long most_steps);
+
+/// What a prediction says that takes more steps than its flow may.
+[[noreturn]] void raise_too_many_steps(double time, double from, long most_steps);
 
 /// \param subject what the status is about, for the message: an argument or an operation.
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.

@@ -8,6 +8,7 @@
 #include "ellipsoids.hpp"
 #include "flow.hpp"
 #include "module.hpp"
+#include "signals.hpp"
 #include "state_ellipsoid.hpp"
 
 namespace elliptude::python {
@@ -46,6 +47,8 @@ class PythonFilter {
       raise_unless_ok(BodyFlow::make(settings.body, HeldPotential{&*settings.potential, failure_.get()}, settings.step,
                                      settings.order, settings.unknown_torque, core),
                       "flow");
+      raise_unless_ok(core.set_most_steps(settings.most_steps), "most_steps");
+      core.set_interruption(interruption_by_signals());
       make<BodyFilter<PaperEstimator>, BodyFilter<FirstOrderEstimator>>(core, size, start, ellipsoid);
     } else if (py::isinstance<GyroFlowSettings>(flow_)) {
       const auto& settings = flow_.cast<const GyroFlowSettings&>();
@@ -92,7 +95,7 @@ class PythonFilter {
     const std::unique_lock lock = begin_call();
     const double end = single(time, "time", {}).number(0);
     const Vector3<double> input = input_of(control_torque, gyro);
-    std::visit([&](auto& filter) { predict_to(filter, end, input, ""); }, filter_);
+    std::visit([&](auto& filter) { predict_to(filter, end, input); }, filter_);
   }
 
   [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
@@ -236,25 +239,30 @@ class PythonFilter {
                                     : single(control_torque, "control_torque", {3}).vector<3>(0);
   }
 
-  /// \param where " at row 3", in a log.
   template <typename Filter>
-  void predict_to(Filter& filter, double time, const Vector3<double>& input, const std::string& where) const {
+  void predict_to(Filter& filter, double time, const Vector3<double>& input) const {
     const Status status = filter.predict(time, typename Filter::Input{input});
     failure_->rethrow();
+    raise_if_interrupted(status);
     if (status == Status::out_of_range) {
-      value_error("time must not go backwards, and by no more than " + std::to_string(BodyFlow::most_steps) +
-                  " steps forwards, but is " + text(time) + " s" + where + " after " + text(filter.time()) + " s");
+      value_error("time must not go backwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+    }
+    if constexpr (has_rate<Filter>) {
+      if (status == Status::too_many_steps) {
+        raise_too_many_steps(time, filter.time(), filter.flow().most_steps());
+      }
     }
     if (status == Status::unbounded) {
-      value_error("the set has grown beyond all numbers" + where + " by " + text(time) +
-                  " s, without a measurement since " + text(filter.time()) + " s");
+      value_error("the set has grown beyond all numbers by " + text(time) + " s, without a measurement since " +
+                  text(filter.time()) + " s");
     }
     if (status == Status::step_too_long) {
-      value_error("step of the flow is too long" + where +
-                  ": the turn within a stage must stay below a right angle, and the angular velocity is " +
-                  text(vector_part(filter.ellipsoid().center).norm()) + " rad/s");
+      value_error(
+          "step of the flow is too long: the turn within a stage must stay below a right angle, and the angular "
+          "velocity is " +
+          text(vector_part(filter.ellipsoid().center).norm()) + " rad/s");
     }
-    raise_unless_ok(status, "predict" + where);
+    raise_unless_ok(status, "predict");
   }
 
   /// Fuses whatever there is: directions and rate together where both are there, else each as it comes.
@@ -293,14 +301,14 @@ class PythonFilter {
 
   template <typename Filter>
   static void raise_unless_updated(const Filter& filter, Status status, const Update<double>& update,
-                                   const std::string& sensor, const std::string& where = "") {
+                                   const std::string& sensor) {
     if (status == Status::empty_intersection) {
       throw InconsistentSets("measurement" + (sensor.empty() ? "" : " of " + sensor) + " at " + text(filter.time()) +
-                                 " s" + where + " contradicts the prediction: the sets do not meet (margin " +
-                                 text(update.margin) + "); some bound is wrong",
+                                 " s contradicts the prediction: the sets do not meet (margin " + text(update.margin) +
+                                 "); some bound is wrong",
                              update.margin, filter.time(), sensor);
     }
-    raise_unless_ok(status, "update" + where);
+    raise_unless_ok(status, "update");
   }
 
   [[nodiscard]] static py::object updated(const Update<double>& update, const Convergence<double>* c) {
@@ -390,73 +398,80 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
   std::uint8_t* outcome_data = outcomes.mutable_data();
 
   AnyFilter working = filter_;
-  std::visit(
-      [&](auto& filter) {
-        const py::gil_scoped_release release;
-        std::vector<Direction<double>> present;
-        present.reserve(static_cast<std::size_t>(m));
-        for (Index i = 0; i < rows; ++i) {
-          if (i % 256 == 255) {
-            const py::gil_scoped_acquire acquire;
-            if (PyErr_CheckSignals() != 0) {
-              throw py::error_already_set();
-            }
-          }
-          const auto where = [i] { return " at row " + std::to_string(i); };
-          Vector3<double> input = Vector3<double>::Zero();
-          if (rates) {
-            input = Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * std::max<Index>(i - 1, 0));
-          } else if (torques) {
-            input = Eigen::Map<const Vector3<double>>(torques->row(i));
-          }
-          if (!(time[0][i] >= filter.time())) {
-            value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
-                        " s after " + text(filter.time()) + " s");
-          }
-          predict_to(filter, time[0][i], input, where());
-
-          present.clear();
-          for (Index j = 0; j < m; ++j) {
-            const double* b = (*body)[0] + 3 * (i * m + j);
-            const double* e = references->row(i) + 3 * j;
-            const bool there = !is_absent(Eigen::Map<const Vector3<double>>(b));
-            used_data[i * (m + 1) + j] = there;
-            if (there) {
-              present.push_back(arguments->direction(j, e, b));
-              require_measured(present.back().body, "directions[" + std::to_string(i) + ", " + std::to_string(j) + "]");
-            }
-          }
-          std::optional<AngularVelocity<double>> rate;
-          if (measured_rate.given()) {
-            if (const auto value = measured_rate.row(i)) {
-              require_measured(*value, "angular_velocity[" + std::to_string(i) + "]");
-              rate = AngularVelocity<double>{*value, bound_of_rate};
-            }
-          }
-          used_data[i * (m + 1) + m] = rate.has_value();
-
-          Update<double> update{1.0, 1.0};
-          Outcome outcome = Outcome::predicted;
-          if (!present.empty() || rate) {
-            const Status status = fuse(filter, present.data(), present.size(), rate, update, nullptr);
-            if (status == Status::empty_intersection && on_inconsistent == "skip") {
-              outcome = Outcome::refused;
-              std::fill_n(used_data + i * (m + 1), m + 1, false);
-            } else {
-              raise_unless_updated(filter, status, update, "", where());
-              outcome = Outcome::updated;
-            }
-          }
-          const auto& ellipsoid = filter.ellipsoid();
-          attitudes_out.set(i, ellipsoid.center.attitude);
-          vectors_out.set(i, vector_part(ellipsoid.center));
-          shapes_out.set(i, ellipsoid.shape);
-          shares_out.set(i, update.share);
-          margins_out.set(i, outcome == Outcome::predicted ? std::numeric_limits<double>::quiet_NaN() : update.margin);
-          outcome_data[i] = static_cast<std::uint8_t>(outcome);
+  Index row = 0;  // that the loop is at
+  const auto go = [&](auto& filter) {
+    const py::gil_scoped_release release;
+    std::vector<Direction<double>> present;
+    present.reserve(static_cast<std::size_t>(m));
+    for (Index i = 0; i < rows; ++i) {
+      if (i % 256 == 255) {
+        const py::gil_scoped_acquire acquire;
+        if (PyErr_CheckSignals() != 0) {
+          throw py::error_already_set();
         }
-      },
-      working);
+      }
+      row = i;
+      Vector3<double> input = Vector3<double>::Zero();
+      if (rates) {
+        input = Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * std::max<Index>(i - 1, 0));
+      } else if (torques) {
+        input = Eigen::Map<const Vector3<double>>(torques->row(i));
+      }
+      if (!(time[0][i] >= filter.time())) {
+        value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
+                    " s after " + text(filter.time()) + " s");
+      }
+      predict_to(filter, time[0][i], input);
+
+      present.clear();
+      for (Index j = 0; j < m; ++j) {
+        const double* b = (*body)[0] + 3 * (i * m + j);
+        const double* e = references->row(i) + 3 * j;
+        const bool there = !is_absent(Eigen::Map<const Vector3<double>>(b));
+        used_data[i * (m + 1) + j] = there;
+        if (there) {
+          present.push_back(arguments->direction(j, e, b));
+          require_measured(present.back().body, "directions[" + std::to_string(i) + ", " + std::to_string(j) + "]");
+        }
+      }
+      std::optional<AngularVelocity<double>> rate;
+      if (measured_rate.given()) {
+        if (const auto value = measured_rate.row(i)) {
+          require_measured(*value, "angular_velocity[" + std::to_string(i) + "]");
+          rate = AngularVelocity<double>{*value, bound_of_rate};
+        }
+      }
+      used_data[i * (m + 1) + m] = rate.has_value();
+
+      Update<double> update{1.0, 1.0};
+      Outcome outcome = Outcome::predicted;
+      if (!present.empty() || rate) {
+        const Status status = fuse(filter, present.data(), present.size(), rate, update, nullptr);
+        if (status == Status::empty_intersection && on_inconsistent == "skip") {
+          outcome = Outcome::refused;
+          std::fill_n(used_data + i * (m + 1), m + 1, false);
+        } else {
+          raise_unless_updated(filter, status, update, "");
+          outcome = Outcome::updated;
+        }
+      }
+      const auto& ellipsoid = filter.ellipsoid();
+      attitudes_out.set(i, ellipsoid.center.attitude);
+      vectors_out.set(i, vector_part(ellipsoid.center));
+      shapes_out.set(i, ellipsoid.shape);
+      shares_out.set(i, update.share);
+      margins_out.set(i, outcome == Outcome::predicted ? std::numeric_limits<double>::quiet_NaN() : update.margin);
+      outcome_data[i] = static_cast<std::uint8_t>(outcome);
+    }
+  };
+  try {
+    std::visit(go, working);
+  } catch (InconsistentSets& error) {
+    error.set_row(row);
+    throw;
+  } catch (const py::value_error& error) {
+    throw RowFault(error.what(), row);
+  }
   filter_ = working;
   return py::module_::import("elliptude.results")
       .attr("FilterLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(),
@@ -678,6 +693,13 @@ on_inconsistent : {'raise', 'skip'}
 Returns
 -------
 FilterLog
+
+Raises
+------
+InconsistentMeasurement
+    If sets do not meet; with the row.
+RowError
+    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
 )");
 
   module.def("measured_attitude", &measured_attitude_of, "directions"_a, "reference"_a, "bounds"_a,

@@ -38,13 +38,15 @@ most_wrong : {0, 1, 2}
     For 'relaxed', of at most eight measurements.
 regain_after : int
     After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the measurements
-    of that moment alone, if they bound one.
+    of that moment alone, if they bound one. As many updates after a contradiction that others have followed the past is given
+    up for such a set, too, which remains conditional until so many have agreed. Disturbances should not last as long.
 vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of these, optional
     The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
     about a center.
 estimate_vector : bool
     Of a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
-    sets, fused by themselves, are smaller.
+    sets, predicted and fused by themselves, are smaller. The shape then holds two sets, the attitude's and the bound of the
+    bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers.
 
 Raises
 ------
@@ -80,13 +82,23 @@ ValueError
       .def_property_readonly("_agreeing_updates", &Filter::agreeing_updates)
       .def_property_readonly("_vector", &Filter::vector)
       .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)
-      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a)
+      .def_property_readonly("_disputed_updates", &Filter::disputed_updates)
+      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a,
+           "disputed_updates"_a = 0)
+      .def("forget", &Filter::forget, R"(forget(self)
+--
+
+Forgets all but `vector_bound`: the next measurements that determine an attitude start the filter again.
+
+So one goes on under the policy 'raise' after what is known has turned out to be wrong, or cannot be predicted.
+)")
       .def("predict", &Filter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "wheel_momentum"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
            R"(predict(self, time, *, control_torque=None, wheel_momentum=None, gyro=None, increment=None)
 --
 
-Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten.
+Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten. So it is, except under the
+policy 'raise', if this set cannot be predicted where another can be: one about a wrong rate, say.
 
 Parameters
 ----------
@@ -97,7 +109,8 @@ control_torque : (3,) array_like, optional
 wheel_momentum : (3,) array_like, optional
     Angular momentum of wheels relative to the body, N m s, body axes, constant over the interval.
 gyro : (3,) array_like
-    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow.
+    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow. NaN where
+    nothing was measured: of that interval the flow's `largest_rate` alone is known.
 increment : float, optional
     Bound of the angle that the errors v of the gyro make together over this interval, rad, where a better one is known than
     the duration times the noise.
@@ -200,7 +213,7 @@ attitude_bound : float, (n,) or (3, 3) array_like
     As for directions.
 gyro : (n, 3) array_like
     For a GuaranteedGyroFlow: gyro[k] is the rate of the interval from times[k] to times[k + 1], as the flow's `interval_rate`
-    says; times[0] must be `self.time`.
+    says, NaN where nothing was measured; times[0] must be `self.time`.
 increment : float or (n,) array_like, optional
     As in `predict`, of the same intervals as gyro; NaN where none is known.
 control_torque, wheel_momentum : (3,) or (n, 3) array_like, optional
@@ -217,8 +230,8 @@ Raises
 InconsistentMeasurement
     With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
     the call.
-ValueError
-    If an argument is not finite or out of its range, with the row.
+RowError
+    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
 )");
 }
 

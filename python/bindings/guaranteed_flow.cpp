@@ -17,7 +17,7 @@ namespace {
 
 [[nodiscard]] GuaranteedBodyFlowSettings make_body_flow(const RigidBody<double>& body, const py::object& potential,
                                                         const py::object& step, const py::object& unknown_torque,
-                                                        const py::object& inertia_error) {
+                                                        const py::object& inertia_error, long most_steps) {
   const double longest_step = single(step, "step", {}).number(0);
   if (!(longest_step > 0)) {
     value_error("step must be positive, but is " + text(longest_step) + " s");
@@ -46,14 +46,21 @@ namespace {
     value_error("inertia_error must be below the least principal moment, " + text(least) + " kg m², but is " +
                 text(uncertainty.inertia) + " kg m²");
   }
+  check_most_steps(most_steps);
   GuaranteedBodyFlow flow;
   raise_unless_ok(GuaranteedBodyFlow::make(body, bounded, longest_step, uncertainty, flow), "flow");
+  raise_unless_ok(flow.set_most_steps(most_steps), "most_steps");
   return {flow, std::move(reference), longest_step, uncertainty};
 }
 
+/// None where it is not stated.
+[[nodiscard]] py::object if_stated(double value) { return value < 0 ? py::object(py::none()) : py::float_(value); }
+
 [[nodiscard]] GuaranteedGyroFlowSettings make_gyro_flow(const py::object& noise, const py::object& drift,
                                                         const py::object& scale, const py::object& angular_acceleration,
-                                                        const std::string& interval_rate) {
+                                                        const std::string& interval_rate,
+                                                        const py::object& longest_interval,
+                                                        const py::object& largest_rate) {
   using Flow = GuaranteedGyroFlow<double>;
   using IntervalRate = Flow::IntervalRate;
   GyroUncertainty<double> uncertainty;
@@ -61,6 +68,12 @@ namespace {
   uncertainty.drift = one_bound(drift, "drift", true);
   uncertainty.scale = positive_or_zero(scale, "scale", "of the rate");
   uncertainty.angular_acceleration = positive_or_zero(angular_acceleration, "angular_acceleration", "rad/s²");
+  if (!longest_interval.is_none()) {
+    uncertainty.longest_interval = positive_or_zero(longest_interval, "longest_interval", "s");
+  }
+  if (!largest_rate.is_none()) {
+    uncertainty.largest_rate = positive_or_zero(largest_rate, "largest_rate", "rad/s");
+  }
   IntervalRate rate{};
   if (interval_rate == "mean_of_ends") {
     rate = IntervalRate::mean_of_ends;
@@ -83,7 +96,7 @@ void define_guaranteed_flows(py::module_& module) {
 
   py::class_<GuaranteedBodyFlowSettings>(
       module, "GuaranteedRigidBodyFlow", collectable<GuaranteedBodyFlowSettings>(),
-      R"(GuaranteedRigidBodyFlow(body, potential=None, *, step, unknown_torque=None, inertia_error=0.0)
+      R"(GuaranteedRigidBodyFlow(body, potential=None, *, step, unknown_torque=None, inertia_error=0.0, most_steps=1000000)
 --
 
 How a rigid body in a potential moves, in continuous time, and a set about it that holds every motion there may be.
@@ -102,6 +115,8 @@ unknown_torque : float or (3, 3) array_like, optional
     axes, however it changes.
 inertia_error : float
     Largest error of the inertia matrix in the spectral norm, kg m²: below the least principal moment.
+most_steps : int
+    A prediction over more steps is refused: the time is then more likely wrong than meant.
 
 Raises
 ------
@@ -109,7 +124,7 @@ ValueError
     If the potential offers no bounds, or an argument is not finite or out of its range.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a,
-           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0)
+           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0, "most_steps"_a = default_most_steps)
       .def_property_readonly(
           "body", [](const GuaranteedBodyFlowSettings& self) { return self.flow.body(); }, "The body, a RigidBody.")
       .def_property_readonly(
@@ -123,18 +138,22 @@ ValueError
       .def_property_readonly(
           "inertia_error", [](const GuaranteedBodyFlowSettings& self) { return self.uncertainty.inertia; },
           "Largest error of the inertia matrix, kg m².")
+      .def_property_readonly(
+          "most_steps", [](const GuaranteedBodyFlowSettings& self) { return self.flow.most_steps(); },
+          "The most steps of one prediction.")
       .def(py::pickle(
           [](const GuaranteedBodyFlowSettings& self) {
             return py::make_tuple(self.flow.body(), self.potential.object(), self.step,
-                                  to_array(self.uncertainty.torque), self.uncertainty.inertia);
+                                  to_array(self.uncertainty.torque), self.uncertainty.inertia, self.flow.most_steps());
           },
           [](const py::tuple& state) {
-            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3], state[4]);
+            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3], state[4],
+                                  state.size() > 5 ? state[5].cast<long>() : default_most_steps);
           }));
 
   py::class_<GuaranteedGyroFlowSettings>(
       module, "GuaranteedGyroFlow",
-      R"(GuaranteedGyroFlow(noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends')
+      R"(GuaranteedGyroFlow(noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends', longest_interval=None, largest_rate=None)
 --
 
 How a body moves of which nothing is known but what its gyro says: sample = ω + bias + v, the bias in the state.
@@ -152,6 +171,12 @@ angular_acceleration : float
 interval_rate : {'mean_of_ends', 'first_sample', 'mean'}
     What the rate given for an interval is: the mean of the samples at its ends, the sample at its beginning, or the mean over
     the interval, from a gyro that integrates.
+longest_interval : float, optional
+    The longest interval that a rate and the bounds above speak of, s; any, if omitted. Of a longer one, or of one whose rate is
+    NaN, nothing is known but `largest_rate`.
+largest_rate : float, optional
+    Largest length of ω at every time, rad/s: over an interval that nothing speaks of the set grows by this times the duration.
+    If omitted, or if that reaches half turns, the attitude is forgotten.
 
 Raises
 ------
@@ -159,7 +184,8 @@ ValueError
     If an argument is not finite or out of its range.
 )")
       .def(py::init(&make_gyro_flow), "noise"_a, "drift"_a = 0.0, py::kw_only(), "scale"_a = 0.0,
-           "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends")
+           "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends", "longest_interval"_a = py::none(),
+           "largest_rate"_a = py::none())
       .def_property_readonly(
           "noise", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.noise); },
           "Shape of the noise's ellipsoid, (rad/s)², shape (3, 3); read-only.")
@@ -175,13 +201,24 @@ ValueError
           "Largest length of dω/dt, rad/s².")
       .def_readonly("interval_rate", &GuaranteedGyroFlowSettings::interval_rate,
                     "What the rate given for an interval is.")
+      .def_property_readonly(
+          "longest_interval",
+          [](const GuaranteedGyroFlowSettings& self) { return if_stated(self.uncertainty.longest_interval); },
+          "The longest interval that a rate and its bounds speak of, s; None for any.")
+      .def_property_readonly(
+          "largest_rate",
+          [](const GuaranteedGyroFlowSettings& self) { return if_stated(self.uncertainty.largest_rate); },
+          "Largest length of ω, rad/s; None where it is not known.")
       .def(py::pickle(
           [](const GuaranteedGyroFlowSettings& self) {
             return py::make_tuple(to_array(self.uncertainty.noise), to_array(self.uncertainty.drift),
-                                  self.uncertainty.scale, self.uncertainty.angular_acceleration, self.interval_rate);
+                                  self.uncertainty.scale, self.uncertainty.angular_acceleration, self.interval_rate,
+                                  if_stated(self.uncertainty.longest_interval),
+                                  if_stated(self.uncertainty.largest_rate));
           },
           [](const py::tuple& state) {
-            return make_gyro_flow(state[0], state[1], state[2], state[3], state[4].cast<std::string>());
+            return make_gyro_flow(state[0], state[1], state[2], state[3], state[4].cast<std::string>(), state[5],
+                                  state[6]);
           }));
 }
 

@@ -22,8 +22,12 @@ PYBIND11_MODULE(_core, module) {
       }
     } catch (const InconsistentSets& error) {
       const py::object type = py::module_::import("elliptude.errors").attr("InconsistentMeasurement");
-      const py::object instance = type(error.what(), error.margin(), error.time(), error.sensor());
+      const py::object row = error.row() < 0 ? py::object(py::none()) : py::int_(error.row());
+      const py::object instance = type(error.what(), error.margin(), error.time(), error.sensor(), row);
       PyErr_SetObject(type.ptr(), instance.ptr());
+    } catch (const RowFault& error) {
+      const py::object type = py::module_::import("elliptude.errors").attr("RowError");
+      PyErr_SetObject(type.ptr(), type(error.what(), error.row()).ptr());
     }
   });
 

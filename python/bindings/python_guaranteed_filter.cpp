@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "ellipsoids.hpp"
+#include "signals.hpp"
 
 namespace elliptude::python {
 
@@ -52,6 +53,16 @@ struct Inputs {
   Vector3<double> wheel_momentum = Vector3<double>::Zero();
   Vector3<double> gyro = Vector3<double>::Zero();
   double increment = -1;  // none
+  bool is_measured = true;
+
+  /// Of a gyro: all NaN where it was not measured.
+  void set_gyro(const Vector3<double>& rate, const std::string& name) {
+    is_measured = !rate.array().isNaN().all();
+    gyro = rate;
+    if (is_measured && !scalar::all_finite(gyro)) {
+      value_error(name + " must be finite, or all NaN where nothing was measured");
+    }
+  }
 };
 
 template <typename Filter>
@@ -59,46 +70,54 @@ template <typename Filter>
   if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
     return {inputs.control_torque, inputs.wheel_momentum};
   } else {
-    return {inputs.gyro, inputs.increment};
+    return {inputs.gyro, inputs.increment, inputs.is_measured};
   }
 }
 
-[[nodiscard]] std::string at_row(Index row) { return row < 0 ? "" : " at row " + std::to_string(row); }
+/// The largest angular velocity or bias that a filter keeps.
+[[nodiscard]] std::string beyond_domain() { return text(FilterDomain<double>::largest()) + " rad/s"; }
 
-/// \param row of a log, or −1.
 template <typename Filter>
-void predict_to(Filter& filter, double time, const Inputs& inputs, Index row) {
+void predict_to(Filter& filter, double time, const Inputs& inputs) {
   const Status status = filter.predict(time, input_of<Filter>(inputs));
   if (status == Status::ok) {
     return;
   }
+  raise_if_interrupted(status);
+  if (status == Status::out_of_range && time >= filter.time() && !Filter::measures_rate) {
+    value_error("gyro makes a turn of " + text(inputs.gyro.norm() * (time - filter.time())) +
+                " rad, of which nothing is left to be known; is its unit rad/s?");
+  }
   if (status == Status::out_of_range) {
-    value_error("time must not go backwards, and by no more than " + std::to_string(GuaranteedBodyFlow::most_steps) +
-                " steps forwards, but is " + text(time) + " s" + at_row(row) + " after " + text(filter.time()) + " s");
+    value_error("time must not go backwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+  }
+  if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
+    if (status == Status::too_many_steps) {
+      raise_too_many_steps(time, filter.time(), filter.flow().most_steps());
+    }
   }
   if (status == Status::step_too_long) {
-    value_error("step of the flow is too long" + at_row(row) + ": the angular velocity is " +
+    value_error("step of the flow is too long: the angular velocity is " +
                 text(vector_part(filter.ellipsoid().center).norm()) + " rad/s at " + text(filter.time()) +
                 " s, and the motion in a step must be given by a short series; take a shorter step");
   }
-  raise(status, "predict" + at_row(row));
+  raise(status, "predict");
 }
 
-[[noreturn]] void raise_inconsistent(const std::string& sensor, double time, Index row, double margin) {
+[[noreturn]] void raise_inconsistent(const std::string& sensor, double time, double margin) {
   throw InconsistentSets((sensor.empty() ? "the measurements" : "the measurement of " + sensor) + std::string(" at ") +
-                             text(time) + " s" + at_row(row) + (sensor.empty() ? " contradict" : " contradicts") +
+                             text(time) + " s" + (sensor.empty() ? " contradict" : " contradicts") +
                              " the prediction or each other: no state satisfies all bounds (margin " + text(margin) +
                              "); some bound is wrong",
                          margin, time, sensor);
 }
 
 template <typename Filter>
-[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names,
-                                            Index row) {
+[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names) {
   const auto& settings = filter.settings();
   if (settings.policy == Policy::relaxed && settings.most_wrong > 0 && measured.count() > most_with_wrong_ones) {
     value_error("policy 'relaxed' is for at most " + std::to_string(most_with_wrong_ones) +
-                " measurements at a time, but there are " + std::to_string(measured.count()) + at_row(row));
+                " measurements at a time, but there are " + std::to_string(measured.count()));
   }
   GuaranteedUpdate<double> update;
   const Status status = filter.update(measured.core(), update);
@@ -110,9 +129,14 @@ template <typename Filter>
                              : measured.angular_velocity ? names.directions()
                                                          : names.directions() + 1);
     }
-    raise_inconsistent(sensor, filter.time(), row, update.margin);
+    raise_inconsistent(sensor, filter.time(), update.margin);
   }
-  raise_unless_ok(status, "update" + at_row(row));
+  if (status == Status::out_of_range && measured.angular_velocity) {
+    value_error("angular_velocity and rate_bound must be at most " + beyond_domain() + ", but are " +
+                text(measured.angular_velocity->value.norm()) + " and " +
+                text(std::sqrt(measured.angular_velocity->bound.trace())) + " rad/s");
+  }
+  raise_unless_ok(status, "update");
   return update;
 }
 
@@ -173,7 +197,11 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
                                   double time, const std::optional<AnyStateEllipsoid>& start) {
   using State = typename Filter::State;
   Filter filter;
-  raise_unless_ok(Filter::make(flow, settings, time, filter), "criterion");
+  typename Filter::Flow interruptible = flow;
+  if constexpr (std::is_same_v<Filter, BodyFilter>) {
+    interruptible.set_interruption(interruption_by_signals());
+  }
+  raise_unless_ok(Filter::make(interruptible, settings, time, filter), "criterion");
   if (start) {
     const Status status =
         start->is_gibbs ? filter.start(start->as<State, GibbsChart>()) : filter.start(start->as<State>());
@@ -185,10 +213,17 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
     if (status == Status::not_positive_definite) {
       value_error("start must have a positive definite shape: a guaranteed set is not flat");
     }
+    if (status == Status::out_of_range) {
+      value_error("start must have a vector and half-widths of at most " + beyond_domain());
+    }
     raise_unless_ok(status, "start");
   }
   if (vector_bound_) {
-    raise_unless_ok(filter.bound_vector(*vector_bound_), "vector_bound");
+    const Status status = filter.bound_vector(*vector_bound_);
+    if (status == Status::out_of_range) {
+      value_error("vector_bound must have a center and half-widths of at most " + beyond_domain());
+    }
+    raise_unless_ok(status, "vector_bound");
   }
   filter_ = filter;
 }
@@ -227,7 +262,7 @@ py::object PythonGuaranteedFilter::vector() const {
 }
 
 void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector,
-                                    bool rests_on_drops, int agreeing_updates) {
+                                    bool rests_on_drops, int agreeing_updates, int disputed_updates) {
   std::optional<Ellipsoid<double, 3>> known;
   if (!vector.is_none()) {
     known = vector_bound_of(vector);
@@ -239,9 +274,15 @@ void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& elli
     using Set = typename std::decay_t<decltype(filter)>::Set;
     using State = typename std::decay_t<decltype(filter)>::State;
     const std::optional<Set> set = ellipsoid ? std::optional<Set>(ellipsoid->as<State, GibbsChart>()) : std::nullopt;
-    return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr, rests_on_drops, agreeing_updates);
+    return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr,
+                         Trust(rests_on_drops, agreeing_updates, disputed_updates));
   };
-  raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates");
+  raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates, disputed_updates");
+}
+
+void PythonGuaranteedFilter::forget() {
+  const std::unique_lock lock = exclusive(*mutex_);
+  std::visit([](auto& filter) { filter.forget(); }, filter_);
 }
 
 // --- what it does ------------------------------------------------------------------------------------------------------
@@ -300,7 +341,9 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
   };
   read(control_torque, "control_torque", inputs.control_torque);
   read(wheel_momentum, "wheel_momentum", inputs.wheel_momentum);
-  read(gyro, "gyro", inputs.gyro);
+  if (!gyro.is_none()) {
+    inputs.set_gyro(Items(gyro, "gyro", {3}, Items::Require::anything, Items::Batch::none).vector<3>(0), "gyro");
+  }
   if (!increment.is_none()) {
     inputs.increment = single(increment, "increment", {}).number(0);
     if (!(inputs.increment >= 0)) {
@@ -308,7 +351,7 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
     }
   }
   const py::gil_scoped_release release;
-  std::visit([&](auto& filter) { predict_to(filter, end, inputs, -1); }, filter_);
+  std::visit([&](auto& filter) { predict_to(filter, end, inputs); }, filter_);
 }
 
 py::object PythonGuaranteedFilter::update(const py::object& directions, const py::object& reference,
@@ -326,7 +369,7 @@ py::object PythonGuaranteedFilter::update(const py::object& directions, const py
   const SensorNames names(sensors, m, measured.angular_velocity.has_value(), measured.attitude.has_value());
   return std::visit(
       [&](auto& filter) {
-        const GuaranteedUpdate<double> update = fuse(filter, measured, names, -1);
+        const GuaranteedUpdate<double> update = fuse(filter, measured, names);
         py::list dropped;
         measured.for_each(update.dropped, m, [&](Index column) { dropped.append(names.object_of(column)); });
         return updated(update, py::tuple(dropped));
@@ -347,7 +390,7 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
           return filter.update(given.measurement<decltype(dimension)::value>(), update);
         });
         if (status == Status::empty_intersection) {
-          raise_inconsistent("linear measurement", filter.time(), -1, update.margin);
+          raise_inconsistent("linear measurement", filter.time(), update.margin);
         }
         raise_unless_ok(status, "update_linear");
         return updated(update, py::tuple());
@@ -377,7 +420,7 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   const std::optional<LogInput> increments = log_input(increment, "increment", {}, rows, Items::Require::anything);
   std::optional<Items> rates;
   if (has_gyro()) {
-    rates.emplace(single(gyro, "gyro", {rows, 3}));
+    rates.emplace(gyro, "gyro", Shape{rows, 3}, Items::Require::anything, Items::Batch::none);
     if (time[0][0] != this->time()) {
       value_error("times[0] must be the filter's time, " + text(this->time()) +
                   " s, for a GuaranteedGyroFlow: gyro[k] is the rate from times[k] on; it is " + text(time[0][0]) +
@@ -399,10 +442,12 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   bool* dropped_data = dropped.mutable_data();
 
   AnyFilter working = filter_;
+  Index row = 0;  // that the loop is at
   const auto go = [&](auto& filter) {
     const py::gil_scoped_release release;
     Measured measured;
     for (Index i = 0; i < rows; ++i) {
+      row = i;
       if (i % 256 == 255) {
         const py::gil_scoped_acquire acquire;
         if (PyErr_CheckSignals() != 0) {
@@ -412,7 +457,8 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
       Inputs inputs;
       const Index before = std::max<Index>(i - 1, 0);  // a gyro's row is of the interval that it begins
       if (rates) {
-        inputs.gyro = Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before);
+        inputs.set_gyro(Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before),
+                        "gyro[" + std::to_string(before) + "]");
       }
       if (increments && !(*increments->row(before) != *increments->row(before))) {
         inputs.increment = *increments->row(before);
@@ -431,14 +477,14 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
         value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
                     " s after " + text(filter.time()) + " s");
       }
-      predict_to(filter, time[0][i], inputs, i);
+      predict_to(filter, time[0][i], inputs);
 
       log.read(i, measured);
       GuaranteedUpdate<double> update;
       update.margin = nan;
       updated_data[i] = measured.any();
       if (measured.any()) {
-        update = fuse(filter, measured, names, i);
+        update = fuse(filter, measured, names);
       }
       std::fill_n(dropped_data + i * (m + 2), m + 2, false);
       measured.for_each(update.dropped, m, [&](Index column) { dropped_data[i * (m + 2) + column] = true; });
@@ -459,9 +505,12 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
   };
   try {
     std::visit(go, working);
-  } catch (const InconsistentSets&) {
+  } catch (InconsistentSets& error) {
     filter_ = working;  // as it was predicted to the row: the user may go on from there
+    error.set_row(row);
     throw;
+  } catch (const py::value_error& error) {
+    throw RowFault(error.what(), row);
   }
   filter_ = working;
   return py::module_::import("elliptude.results")

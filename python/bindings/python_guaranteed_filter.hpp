@@ -46,14 +46,19 @@ class PythonGuaranteedFilter {
   /// What is known of the vector while the attitude is not: (center, shape).
   [[nodiscard]] py::object vector() const;
   [[nodiscard]] int agreeing_updates() const {
-    return std::visit([](const auto& filter) { return filter.agreeing_updates(); }, filter_);
+    return std::visit([](const auto& filter) { return filter.trust().agreeing_updates(); }, filter_);
+  }
+  [[nodiscard]] int disputed_updates() const {
+    return std::visit([](const auto& filter) { return filter.trust().disputed_updates(); }, filter_);
   }
   [[nodiscard]] bool rests_on_drops() const {
-    return std::visit([](const auto& filter) { return filter.rests_on_drops(); }, filter_);
+    return std::visit([](const auto& filter) { return filter.trust().rests_on_drops(); }, filter_);
   }
 
   void resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector, bool rests_on_drops,
-              int agreeing_updates);
+              int agreeing_updates, int disputed_updates);
+
+  void forget();
 
   void predict(const py::object& time, const py::object& control_torque, const py::object& wheel_momentum,
                const py::object& gyro, const py::object& increment);

@@ -52,7 +52,7 @@ from elliptude._core import (
     wahba_set,
 )
 from elliptude._scipy import to_scipy
-from elliptude.errors import InconsistentMeasurement
+from elliptude.errors import InconsistentMeasurement, RowError
 from elliptude.filter import AttitudeFilter
 from elliptude.guaranteed import GuaranteedFilter
 from elliptude.results import (
@@ -96,6 +96,7 @@ __all__ = [
     "Quadric",
     "RigidBody",
     "RigidBodyFlow",
+    "RowError",
     "StateEllipsoid",
     "SumPotential",
     "Trajectory",

@@ -248,6 +248,7 @@ class RigidBodyFlow:
         step: float,
         order: int = 2,
         unknown_torque: ArrayLike | None = None,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -259,6 +260,8 @@ class RigidBodyFlow:
     def order(self) -> int: ...
     @property
     def unknown_torque(self) -> _Floats: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GyroFlow:
@@ -346,6 +349,7 @@ class GuaranteedRigidBodyFlow:
         step: float,
         unknown_torque: ArrayLike | None = None,
         inertia_error: float = 0.0,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -357,6 +361,8 @@ class GuaranteedRigidBodyFlow:
     def unknown_torque(self) -> _Floats: ...
     @property
     def inertia_error(self) -> float: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GuaranteedGyroFlow:
@@ -368,6 +374,8 @@ class GuaranteedGyroFlow:
         scale: float = 0.0,
         angular_acceleration: float = 0.0,
         interval_rate: str = "mean_of_ends",
+        longest_interval: float | None = None,
+        largest_rate: float | None = None,
     ) -> None: ...
     @property
     def noise(self) -> _Floats: ...
@@ -379,6 +387,10 @@ class GuaranteedGyroFlow:
     def angular_acceleration(self) -> float: ...
     @property
     def interval_rate(self) -> str: ...
+    @property
+    def longest_interval(self) -> float | None: ...
+    @property
+    def largest_rate(self) -> float | None: ...
 
 class GuaranteedFilter:
     def __init__(
@@ -425,13 +437,17 @@ class GuaranteedFilter:
     def _vector(self) -> tuple[_Floats, _Floats] | None: ...
     @property
     def _rests_on_drops(self) -> bool: ...
+    @property
+    def _disputed_updates(self) -> int: ...
     def _resume(
         self,
         ellipsoid: StateEllipsoid | None,
         vector: tuple[ArrayLike, ArrayLike] | None,
         rests_on_drops: bool,
         agreeing_updates: int,
+        disputed_updates: int = 0,
     ) -> None: ...
+    def forget(self) -> None: ...
     def predict(
         self,
         time: float,

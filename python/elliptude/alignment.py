@@ -81,6 +81,8 @@ class Piece:
     rows: NDArray[np.int64]
     values: dict[str, FloatArray]
     origin: int
+    sampled: dict[str, FloatArray]
+    """When channels that have values between samples were sampled, from the last time of the piece before on."""
 
 
 def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece]:
@@ -330,6 +332,7 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
             rows[at[free]] = numbers[free]
     keep = np.ones(len(times), bool)
     values: dict[str, FloatArray] = {}
+    sampled_at: dict[str, FloatArray] = {}
     for channel in chain.from_iterable(clock.channels for clock in clocks):
         sampled = np.concatenate(channel.times) if channel.times else np.empty(0)
         samples = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
@@ -344,12 +347,13 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
             keep_from = count
         else:
             values[channel.name], inside = _filled_in(times, sampled, samples, channel.fill)
+            sampled_at[channel.name] = sampled[:count]
             keep &= inside
             keep_from = max(count - 1, 0)  # the next piece begins between this sample and the one after
         channel.times, channel.values = [sampled[keep_from:]], [samples[keep_from:]]
         if not len(channel.times[0]):
             channel.times, channel.values = [], []
-    return Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin)
+    return Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin, sampled_at)
 
 
 def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill: Fill) -> tuple[FloatArray, BoolArray]:

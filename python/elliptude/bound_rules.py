@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from elliptude.gyro_bounds import GyroBounds
+from elliptude.gyro_bounds import GyroBounds, longest_interval_of
 from elliptude.models import Model, Number, read_toml
 from elliptude.physical_bounds import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
 from elliptude.proposals import rest_rows
@@ -52,6 +52,9 @@ class GyroRule(Model):
     drift_deg_per_s2: NotNegative
     scale_error: Fraction
     increment_deg: Positive | None = None
+    # As `flow` has them where there is no rule.
+    longest_interval_s: Positive | None = None
+    largest_rate_deg_per_s: Positive | None = None
 
     def bounds(self) -> GyroBounds:
         """In SI units."""
@@ -61,6 +64,8 @@ class GyroRule(Model):
             drift=np.deg2rad(self.drift_deg_per_s2),
             scale_error=self.scale_error,
             increment=np.inf if self.increment_deg is None else np.deg2rad(self.increment_deg),
+            longest_interval=np.inf if self.longest_interval_s is None else self.longest_interval_s,
+            largest_rate=np.inf if self.largest_rate_deg_per_s is None else np.deg2rad(self.largest_rate_deg_per_s),
         )
 
 
@@ -118,6 +123,8 @@ class Rule(Model):
     accelerometer: AccelerometerRule
     motion: MotionRule
     magnetometer: MagnetometerRule | None = None
+    bounds_from_recording: str | None = None
+    """Which recording its numbers are proposals from, where nobody has given reasons for them."""
 
 
 def read_rule(path: str | os.PathLike[str]) -> Rule:
@@ -181,6 +188,7 @@ def apply_rule(
     specific_forces: ArrayLike,
     fields: ArrayLike | None = None,
     *,
+    longest_interval: float | None = None,
     every: int = 1,
 ) -> RuledRecording:
     """Work out what a rule says of a recording.
@@ -191,11 +199,13 @@ def apply_rule(
     times : (N,) array
         s, increasing.
     angular_velocities : (N, 3) array
-        rad/s, body axes, as the gyro shows them.
+        rad/s, body axes, as the gyro shows them; NaN where it shows nothing.
     specific_forces : (N, 3) array
         m/s², body axes; at rest it points up.
     fields : (N, 3) array, optional
         µT, body axes.
+    longest_interval : float, optional
+        Between rows, that the gyro's bounds speak of, s. Left out, the rule states it, or it follows from the times.
     every : int
         Only each row whose index is a multiple of this gets directions, which saves time.
 
@@ -210,11 +220,14 @@ def apply_rule(
     """
     stamps = np.asarray(times, dtype=np.float64)
     rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
-    rest = _rest_at_start(rule.rest, stamps, rates, forces)
-    bias = rates[rest].mean(axis=0)
     gyro, accelerometer = rule.gyro.bounds(), rule.accelerometer
+    if longest_interval is None:
+        longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
+    gyro = dataclasses.replace(gyro, longest_interval=longest_interval)
+    rest = _rest_at_start(rule.rest, stamps, rates, forces, gyro)
+    bias = rates[rest].mean(axis=0)
     rates = rates - bias
-    step = 10.0 * float(np.median(np.diff(stamps)))
+    step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
 
     def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
         return gravity_bounds_over_windows(
@@ -243,6 +256,7 @@ def apply_rule(
 
     magnetometer = rule.magnetometer
     shifted, left = shift(stamps, fields, magnetometer.delay_s)
+    shifted[left > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
     reference, error = _field_at_rest(rule, stamps[rest], forces[rest], shifted[rest])
     strength = float(np.linalg.norm(reference))
     offset = magnetometer.time_offset_bound_s + float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
@@ -277,6 +291,24 @@ def apply_rule(
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
 
 
+def field_at_start(
+    rule: Rule, times: FloatArray, angular_velocities: FloatArray, specific_forces: FloatArray, fields: FloatArray
+) -> FloatArray:
+    """The direction (3,) of the field in the rule's reference frame, from the rest at the start; as `apply_rule`.
+
+    Raises
+    ------
+    ValueError
+        If the recording does not start at rest, or contradicts the rule there.
+    """
+    assert rule.magnetometer is not None
+    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces)
+    shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
+    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
+    direction: FloatArray = reference / np.linalg.norm(reference)
+    return direction
+
+
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
     """The bounds with those of some rows put in where they are smaller; both hold, either may contradict the data."""
     better = np.zeros(len(bounds.angles), dtype=np.bool_)
@@ -300,7 +332,8 @@ def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> Win
     )
 
 
-def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray) -> slice:
+def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
+    """Up to the first gap: who knows what happened in it."""
     resting = rest_rows(
         times,
         rates,
@@ -311,6 +344,9 @@ def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces:
         acceleration_deviation=rule.acceleration_deviation_m_per_s2,
     )
     count = int(np.argmin(resting)) if not resting.all() else len(resting)
+    gaps = np.flatnonzero(gyro.gaps(times, rates))
+    if len(gaps):
+        count = min(count, int(gaps[0]) + 1)
     lasted = times[count - 1] - times[0] if count else 0.0
     if lasted < 0.99 * rule.least_s:
         raise ValueError(f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s")

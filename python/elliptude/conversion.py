@@ -4,6 +4,7 @@ import os
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,11 +14,12 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from elliptude import logs, tables
+from elliptude import logs, tables, units
+from elliptude.bound_rules import field_at_start
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.logs import Log
-from elliptude.readers import Cells, LogFile, open_log
+from elliptude.readers import Cells, LogFile, open_log, require_columns
 from elliptude.results import FloatArray
 
 SUFFIXES = (".csv", ".parquet", ".npz")
@@ -55,7 +57,10 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     chosen = streams if stream is None else [stream]
     if len(chosen) > 1 and Path(target).suffix != ".npz":
         raise FileError(f"{source}: more than one stream ({', '.join(chosen)}); --stream says which, or write .npz")
-    numbers = [name for name in file.columns if file.holds_numbers(name)]
+    # Of two columns with one name one would be lost; commas at the end of each line are not meant to be any.
+    named = [name for name in file.columns if name or file.columns.count(name) == 1]
+    numbers = [name for name in named if file.holds_numbers(name)]
+    require_columns(file, numbers)
     columns = [[name for name in numbers if file.stream(name) == one] for one in chosen]
     with replacing(target) as temporary, _writer(target, temporary, "") as write:
         count = sum(_copy(file, some, write) for some in columns if some)
@@ -90,11 +95,34 @@ def convert_measurements(
     """
     count = 0
     label = f"elliptude measurements {tables.VERSION}"
+    pieces = logs.read_pieces(source, configuration)
+    if configuration.rule is not None and len(configuration.directions) > 1:
+        # The reference of the field is known once the rest at the start has been seen; the mode needs it whole as well.
+        pieces = iter([_with_field_of_rule(logs.joined(list(pieces)), configuration, str(source))])
     with replacing(target) as temporary, _writer(target, temporary, label) as write:
-        for log in logs.read_pieces(source, configuration):
+        for log in pieces:
             write(_measurements(log, configuration))
             count += len(log.times)
     return count
+
+
+def _with_field_of_rule(log: Log, configuration: Configuration, name: str) -> Log:
+    """The log with the reference of the field that its rule finds."""
+    assert configuration.rule is not None
+    assert log.rates is not None
+    rule, kinds = configuration.rule.rule(), [sensor.kind for sensor in configuration.directions]
+    i = kinds.index("magnetometer")
+    references = log.references.copy()
+    references[:, i] = np.nan
+    if rule.magnetometer is not None:
+        fields = log.directions[:, i] / units.FIELD["uT"]
+        try:
+            references[:, i] = field_at_start(
+                rule, log.times, log.rates, log.directions[:, kinds.index("accelerometer")], fields
+            )
+        except ValueError as error:
+            raise FileError(f"{name}: the reference of the field is that of the rest at the start: {error}") from error
+    return replace(log, references=references)
 
 
 def _measurements(log: Log, configuration: Configuration) -> dict[str, Cells]:

@@ -6,11 +6,11 @@ section 18.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from elliptude import bound_rules, references, units
+from elliptude import bound_rules, gaps, references, units
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log
@@ -63,7 +63,7 @@ class DirectionRows:
     void: tuple[str, ...]
     """Names of those that a contradiction takes away for the whole recording."""
     gyro: GyroBounds | None
-    """Of what is left after ``bias`` is subtracted."""
+    """Of what is left after ``bias`` is subtracted; its longest interval is what is stated, or follows from the log."""
     bias: FloatArray
     """To be subtracted from the gyro's rates, rad/s, shape (3,)."""
     up: FloatArray | None
@@ -98,6 +98,8 @@ def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
         bias, gyro = np.deg2rad(flow.known_bias_deg_per_s), flow.bounds()
     elif configuration.rate is not None:
         gyro = GyroBounds(noise=_radius(configuration.rate.bound()))
+    if gyro is not None:
+        gyro = replace(gyro, longest_interval=gaps.longest_interval(log, configuration))
     contradictions: list[Contradiction] = []
     found: list[DirectionBounds] = []
     for i, sensor in enumerate(configuration.directions):
@@ -241,7 +243,7 @@ def _over_windows(
         gravity_error=bound.gravity_error_m_per_s2,
         time_offset=offset,
         at=bound.at,
-        maximum_step=_LONGEST_STEP * float(np.median(np.diff(log.times))),
+        maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(log.times))), gyro.longest_interval),
     )
 
 
@@ -259,7 +261,10 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     for name, values in zip(names, log.directions.transpose(1, 0, 2), strict=True):
         if np.isfinite(values[:, 0]).mean() < 0.5:
             raise ValueError(f"{name!r}: a rule needs all sensors at the same stamps; most rows of the log lack it")
-    ruled = bound_rules.apply_rule(configuration.rule.rule(), log.times, log.rates, forces, fields)
+    longest = gaps.longest_interval(log, configuration)
+    ruled = bound_rules.apply_rule(
+        configuration.rule.rule(), log.times, log.rates, forces, fields, longest_interval=longest
+    )
     found: list[tuple[str, DirectionBounds, FloatArray, str]] = [
         (names[up_column], ruled.up, np.array([0.0, 0.0, 1.0]), "m/s^2")
     ]

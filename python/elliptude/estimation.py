@@ -3,7 +3,6 @@
 The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
 """
 
-import re
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -208,17 +207,13 @@ def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Con
 
 @contextmanager
 def _placed(log: Log) -> Iterator[None]:
-    """Errors within it have the place in the file in their messages, instead of the row of the arrays."""
-
-    def message(error: ValueError) -> str:
-        return re.sub(r"\bat row (\d+)", lambda match: f"at {log.place(int(match[1]))}", str(error))
-
+    """Errors within it that are of a row have its place in the file in their messages."""
     try:
         yield
-    except elliptude.InconsistentMeasurement as error:
-        raise elliptude.InconsistentMeasurement(message(error), error.margin, error.time, error.sensor) from error
-    except ValueError as error:
-        raise ValueError(message(error)) from error
+    except (elliptude.InconsistentMeasurement, elliptude.RowError) as error:
+        if error.row is None:
+            raise
+        raise error.at(log.place(error.row)) from error
 
 
 def first_complete_row(log: Log, configuration: Configuration) -> int:

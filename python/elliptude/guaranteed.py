@@ -20,6 +20,8 @@ def _flow_to_dict(flow: _Flow) -> dict[str, Any]:
             "scale": flow.scale,
             "angular_acceleration": flow.angular_acceleration,
             "interval_rate": flow.interval_rate,
+            "longest_interval": flow.longest_interval,
+            "largest_rate": flow.largest_rate,
         }
     return {
         "kind": "guaranteed_rigid_body",
@@ -28,6 +30,7 @@ def _flow_to_dict(flow: _Flow) -> dict[str, Any]:
         "step": flow.step,
         "unknown_torque": flow.unknown_torque.tolist(),
         "inertia_error": flow.inertia_error,
+        "most_steps": flow.most_steps,
     }
 
 
@@ -40,6 +43,8 @@ def _flow_from_dict(fields: dict[str, Any]) -> _Flow:
                 scale=fields["scale"],
                 angular_acceleration=fields["angular_acceleration"],
                 interval_rate=fields["interval_rate"],
+                longest_interval=fields.get("longest_interval"),  # older ones have neither
+                largest_rate=fields.get("largest_rate"),
             )
         case "guaranteed_rigid_body":
             return _core.GuaranteedRigidBodyFlow(
@@ -48,6 +53,7 @@ def _flow_from_dict(fields: dict[str, Any]) -> _Flow:
                 step=fields["step"],
                 unknown_torque=np.asarray(fields["unknown_torque"]),
                 inertia_error=fields["inertia_error"],
+                most_steps=fields.get("most_steps", 1_000_000),
             )
     raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither guaranteed_gyro nor guaranteed_rigid_body")
 
@@ -77,6 +83,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             "vector": _pair_to_lists(self._vector),
             "rests_on_drops": self._rests_on_drops,
             "agreeing_updates": self._agreeing_updates,
+            "disputed_updates": self._disputed_updates,
         }
 
     @classmethod
@@ -98,6 +105,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             None if vector is None else tuple(vector),
             fields["rests_on_drops"],
             fields["agreeing_updates"],
+            fields.get("disputed_updates", 0),  # not in what older versions stored
         )
         return stored
 
@@ -119,4 +127,6 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             vector_bound=other.vector_bound,
             estimate_vector=other.estimate_vector,
         )
-        self._resume(other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates)
+        self._resume(
+            other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates, other._disputed_updates
+        )

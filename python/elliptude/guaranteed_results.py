@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude import tables
+from elliptude import gaps, tables
 from elliptude.bound_rules import hand_held
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.containment import compare
@@ -15,6 +15,7 @@ from elliptude.logs import Log
 from elliptude.proposals import rest_rows
 from elliptude.results import CLAIMS, FloatArray
 from elliptude.tables import Column, Results, names_of_chosen
+from elliptude.why_no_set import why_no_set
 
 
 def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
@@ -123,6 +124,8 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
         "dropped_measurements": int(run.log.dropped.sum()),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
         "void": list(run.rows.void),
+        "gaps": gaps.summarize(run.gaps, run.rows.gyro),
+        "why_no_set": why_no_set(run, configuration),
     }
 
 
@@ -137,7 +140,7 @@ def dropped_columns(run: GuaranteedRun) -> dict[str, Column]:
     entries.sort(key=lambda entry: entry[0])
     return {
         "time_s": np.array([run.log.times[row] for row, *_ in entries], dtype=np.float64),
-        "place": [run.measured.place_in_file(row) for row, *_ in entries],
+        "place": run.measured.places_in_file([row for row, *_ in entries]),
         "sensor": [sensor for _, sensor, *_ in entries],
         "contradicts": [why for _, _, why, *_ in entries],
         "margin": np.array([margin for *_, margin, _ in entries], dtype=np.float64),

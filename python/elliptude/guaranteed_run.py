@@ -7,8 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import elliptude
+from elliptude import gaps
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.direction_rows import Contradiction, DirectionRows, direction_rows
+from elliptude.gaps import Gap
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log, interval_rates
 from elliptude.results import CLAIMS, FloatArray, GuaranteedLog
@@ -41,6 +43,8 @@ class GuaranteedRun:
     """
     starts_heading: bool
     """Whether the heading counts from the first row, because nothing else tells it."""
+    gaps: tuple[Gap, ...] = ()
+    """Of the gyro, that no error bound speaks of."""
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
@@ -72,15 +76,19 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     ValueError
         If a bound cannot be had from what the log holds, or the log does not fit the filter.
     """
+    measured = log
+    if isinstance(configuration.flow, GyroFlow):
+        log = gaps.without_rates_in_gaps(log, gaps.longest_interval(log, configuration))
     rows = direction_rows(log, configuration)
     if rows.contradictions and configuration.estimator.policy == "raise":
         first = rows.contradictions[0]
         raise elliptude.InconsistentMeasurement(
-            f"{first.sensor!r} at row {first.row} contradicts its own bounds by {first.excess:.3g} {first.unit}; some "
-            "bound is wrong (estimator.policy says what to do then)",
+            f"{first.sensor!r} contradicts its own bounds by {first.excess:.3g} {first.unit}; some bound is wrong "
+            "(estimator.policy says what to do then)",
             -first.excess,
             float(log.times[first.row]),
             first.sensor,
+            first.row,
         )
     start, starts_heading = _start(log, configuration, rows)
     anchor = _anchor_duration(configuration)
@@ -93,11 +101,14 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
     return GuaranteedRun(
-        measured=log,
+        measured=measured,
         log=guaranteed,
         rows=rows,
         tilt_bounds=_tilt_bounds(guaranteed, rows),
         starts_heading=starts_heading,
+        gaps=()
+        if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None
+        else gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, guaranteed),
     )
 
 
@@ -129,7 +140,16 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
     up, angle = rows.directions[0, 0], float(rows.angles[0, 0])
     if not angle < np.pi:
         return None, False
-    return _without_bias(_shortest_turn_to_vertical(up), angle**2 * (np.eye(3) - np.outer(up, up))), True
+    return _without_bias(_shortest_turn_to_vertical(up), _disc(up, angle)), True
+
+
+def _disc(normal: FloatArray, radius: float) -> FloatArray:
+    """A shape (3, 3) that holds a disc, and is nowhere so thin that rounding makes it less than flat; section 18.6."""
+    # By rounding it may be flat within 16ε of its size, and the attitude across it off by 1e-14 rad.
+    epsilon = float(np.finfo(np.float64).eps)
+    thickness = 64.0 * epsilon * radius**2 + _NO_BIAS**2
+    shape: FloatArray = (1.0 + 1e-9) * (radius**2 * (np.eye(3) - np.outer(normal, normal)) + thickness * np.eye(3))
+    return shape
 
 
 def _without_bias(attitude: FloatArray, attitude_shape: FloatArray) -> elliptude.StateEllipsoid:
@@ -205,7 +225,14 @@ def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
         scale=k / (1.0 - k),
         angular_acceleration=np.deg2rad(flow.angular_acceleration_deg_per_s2),
         interval_rate=flow.interval_rate,
+        largest_rate=gyro.largest_rate if np.isfinite(gyro.largest_rate) else None,
     )
+
+
+def _off_the_line(flow: GyroFlow, interval: float) -> float:
+    """How far a rate that is filled in between samples may be off by what the body does there, rad/s; section 18.3."""
+    share = 0.5 if flow.interval_rate == "mean_of_ends" else 1.0
+    return share * float(np.deg2rad(flow.angular_acceleration_deg_per_s2)) * interval
 
 
 def _run(
@@ -224,8 +251,12 @@ def _run(
         gyro = rows.gyro
         largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
         vector_bound = largest_bias if flow.estimate_bias else _NO_BIAS
-        gyro = replace(gyro, bias=largest_bias)
-        arguments["gyro"] = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates
+        between = gaps.filled_in_between(log, gyro.longest_interval)
+        gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + _off_the_line(flow, between))
+        used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
+        used[:-1][gyro.gaps(log.times, rates)] = np.nan
+        used[np.isnan(used).any(axis=1)] = np.nan
+        arguments["gyro"] = used
         core: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow = gyro_flow(gyro, flow)
     else:
         core = flow.guaranteed()
@@ -262,7 +293,8 @@ def _run_from_anchors(
     steps = np.arange(count) - turns.anchors
     rotation_vectors = turns.rates * spans[:, None]
     angles = turns.angles + _ROUNDING * steps
-    flow = elliptude.GuaranteedGyroFlow(1.0)
+    # In a gap the angle may be of any turn, and the flow's largest rate does for it what the noise does elsewhere.
+    flow = elliptude.GuaranteedGyroFlow(1.0, largest_rate=1.0)
     measured = rows.angles < _NEXT_TO_NOTHING
     result = GuaranteedLog(
         times=log.times,
@@ -282,9 +314,18 @@ def _run_from_anchors(
             if turns.anchors[k] != turns.anchors[k - 1]:
                 anchor = here
             here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-            here._resume(anchor.ellipsoid, anchor._vector, anchor._rests_on_drops, anchor._agreeing_updates)
-            here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
-            here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
+            here._resume(
+                anchor.ellipsoid,
+                anchor._vector,
+                anchor._rests_on_drops,
+                anchor._agreeing_updates,
+                anchor._disputed_updates,
+            )
+            if turns.over_gap[k]:
+                here.predict(angles[k], gyro=np.full(3, np.nan))
+            else:
+                here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
+                here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
         if result.updated[k]:
             try:
                 update = here.update(
@@ -296,11 +337,12 @@ def _run_from_anchors(
             except elliptude.InconsistentMeasurement as error:
                 sensor = rows.names[int(error.sensor)] if error.sensor else ""
                 raise elliptude.InconsistentMeasurement(
-                    f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} at row {k} contradict the "
-                    f"prediction or each other (margin {error.margin:.3g}); some bound is wrong",
+                    f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
+                    f"or each other (margin {error.margin:.3g}); some bound is wrong",
                     error.margin,
                     float(log.times[k]),
                     sensor,
+                    k,
                 ) from error
             result.dropped[k, [int(i) for i in update.dropped]] = True
             result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin

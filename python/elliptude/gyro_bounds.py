@@ -14,6 +14,39 @@ from elliptude.results import FloatArray
 from elliptude.turns import quaternions_from_rates, rotation_vectors, rotations_from_quaternions, running_integral
 
 _SQRT3 = math.sqrt(3.0)
+# Of the usual interval: one sample lost is more, and what a clock's ticks do to it is less.
+_TIMES_USUAL = 1.5
+
+
+def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
+    """Up to which interval a gyro's error bounds speak, s.
+
+    Parameters
+    ----------
+    intervals : (M,) array
+        Between its samples, s.
+    stated : float or None
+        What a configuration or a rule says. If nothing, bounds are of the usual interval, and 1.5 times the median is
+        the longest.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If most of the intervals are longer than what is stated.
+    """
+    usual = float(np.median(intervals)) if len(intervals) else np.inf
+    if stated is None:
+        return _TIMES_USUAL * usual
+    if usual > stated and len(intervals):
+        raise ValueError(
+            f"the gyro's samples are {usual:.6g} s apart, but its error bounds speak of at most {stated:.6g} s "
+            "(longest_interval_s): state bounds that hold between these samples"
+        )
+    return stated
 
 
 @dataclass(frozen=True)
@@ -32,6 +65,10 @@ class GyroBounds:
         Of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
     increment : float
         Of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window where the noise changes sign.
+    longest_interval : float
+        Between samples, s: up to it ``noise`` includes what the rate does there. Nothing above speaks of a longer one.
+    largest_rate : float
+        Of the true rate at every instant, rad/s: all that is known of a longer interval. Infinite where it is not.
     """
 
     noise: float
@@ -39,6 +76,8 @@ class GyroBounds:
     drift: float = 0.0
     scale_error: float = 0.0
     increment: float = np.inf
+    longest_interval: float = np.inf
+    largest_rate: float = np.inf
 
     def __post_init__(self) -> None:
         """Check."""
@@ -47,6 +86,33 @@ class GyroBounds:
         require_fraction("scale_error", self.scale_error)
         if not self.increment >= 0.0:
             raise ValueError(f"increment must be at least 0, not {self.increment}")
+        if not self.longest_interval > 0.0:
+            raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
+        if not self.largest_rate >= 0.0:
+            raise ValueError(f"largest_rate must be at least 0, not {self.largest_rate}")
+
+    def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
+        """Steps between rows of which nothing but ``largest_rate`` is known.
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing.
+        angular_velocities : (N, 3) array
+            NaN where nothing was measured: both steps beside such a row are gaps.
+
+        Returns
+        -------
+        (N - 1,) array of bool
+        """
+        missing = np.asarray(np.isnan(angular_velocities).any(axis=1))
+        gaps: NDArray[np.bool_] = (np.diff(times) > self.longest_interval) | missing[1:] | missing[:-1]
+        return gaps
+
+    def turns_over_gaps(self, durations: ArrayLike) -> FloatArray:
+        """How far the body may turn in gaps so long (s), rad: the angle of a rotation is at most pi."""
+        angles: FloatArray = np.minimum(self.largest_rate * np.asarray(durations, dtype=np.float64), np.pi)
+        return angles
 
     def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
         """Bound of the rate's error without the noise, (18.9): what does not average out.
@@ -86,7 +152,7 @@ class GyroBounds:
         return self.noise + self.steady_error(angular_speeds, elapsed)
 
     def window_angle(self, times: ArrayLike, angular_velocities: ArrayLike, elapsed: ArrayLike = 0.0) -> float:
-        """Bound of the angle by which the turn over all rows is off, (18.10).
+        """Bound of the angle by which the turn over all rows is off, (18.10); in a gap the turn counts as none.
 
         Parameters
         ----------
@@ -105,11 +171,16 @@ class GyroBounds:
         stamps = increasing_times(times)
         rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
         speeds = np.linalg.norm(rates, axis=1)
-        duration = stamps[-1] - stamps[0]
-        return float(
-            self._noise_angle(duration, np.trapezoid(speeds, stamps), duration)
-            + np.trapezoid(self.steady_error(speeds, elapsed), stamps)
-        )
+        errors = np.broadcast_to(self.steady_error(speeds, elapsed), speeds.shape)
+        gaps = self.gaps(stamps, rates)
+        angle = float(self.turns_over_gaps(np.diff(stamps)[gaps]).sum())
+        ends = np.flatnonzero(gaps) + 1
+        for first, stop in zip([0, *ends], [*ends, len(stamps)], strict=True):
+            piece = slice(first, stop)
+            duration = stamps[stop - 1] - stamps[first]
+            angle += float(self._noise_angle(duration, np.trapezoid(speeds[piece], stamps[piece]), duration))
+            angle += float(np.trapezoid(errors[piece], stamps[piece]))
+        return angle
 
     def noise_rate(self, duration: float, turned: float) -> float:
         """The noise bound to give to one prediction that spans a window, (18.10), rad/s.
@@ -132,14 +203,15 @@ class GyroBounds:
     def anchored_turns(self, times: ArrayLike, angular_velocities: ArrayLike, duration: float) -> "AnchoredTurns":
         """Predictions that span a window, so that the increment bound is worth something, (18.12).
 
-        Every row is reached from an anchor, the last one before it of rows about ``duration`` apart.
+        Every row is reached from an anchor, the last one before it of rows about ``duration`` apart. Over a gap the row
+        behind it is reached from the one before it: the turn counts as none, and may be any at the largest rate.
 
         Parameters
         ----------
         times : (N,) array
             s, increasing; the bias was known at the first.
         angular_velocities : (N, 3) array
-            Measured, the known bias subtracted, rad/s.
+            Measured, the known bias subtracted, rad/s; NaN where nothing was.
         duration : float
             Between anchors, s.
 
@@ -154,9 +226,20 @@ class GyroBounds:
         anchors = np.zeros(len(stamps), dtype=np.intp)
         mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
         angles = np.zeros(len(stamps))
+        over_gap = np.zeros(len(stamps), dtype=np.bool_)
+        over_gap[1:] = self.gaps(stamps, rates)
+        gaps = np.flatnonzero(over_gap)
         anchor = 0
         while anchor < len(stamps) - 1:
+            if over_gap[anchor + 1]:
+                anchors[anchor + 1], noise[anchor + 1] = anchor, self.largest_rate
+                angles[anchor + 1] = self.turns_over_gaps(stamps[anchor + 1] - stamps[anchor])
+                anchor += 1
+                continue
             following = int(np.searchsorted(stamps, stamps[anchor] + duration * (1.0 + 1e-9), side="right")) - 1
+            next_gap = int(np.searchsorted(gaps, anchor, side="right"))
+            if next_gap < len(gaps):
+                following = min(following, int(gaps[next_gap]) - 1)
             piece = slice(anchor, max(following, anchor + 1) + 1)
             spans = stamps[piece] - stamps[anchor]
             speeds = np.linalg.norm(rates[piece], axis=1)
@@ -174,7 +257,7 @@ class GyroBounds:
             mean_rates[rows] = turns[1:] / spans[1:, None]
             noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
             anchor = piece.stop - 1
-        return AnchoredTurns(anchors, mean_rates, noise, angles)
+        return AnchoredTurns(anchors, mean_rates, noise, angles, over_gap)
 
     def _angle_with_one_matrix(
         self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
@@ -215,6 +298,8 @@ class AnchoredTurns:
     """Bound of that rate's error, bias included, rad/s, shape (N,); enormous where the turn may be a whole one."""
     angles: FloatArray
     """Bound of the angle between this turn and the true one, rad, shape (N,)."""
+    over_gap: NDArray[np.bool_]
+    """Whether nothing but the largest rate is known between anchor and row, shape (N,)."""
 
 
 def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:

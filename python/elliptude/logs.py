@@ -50,6 +50,8 @@ class Log:
     """Reference axes, shape (N, m, 3); gravity's in m/s² and up, the Earth's field in T."""
     rates: FloatArray | None = None
     """Measured angular velocities (rigid body) or gyro samples (gyro flow), rad/s, body axes, shape (N, 3)."""
+    gyro_times: FloatArray | None = None
+    """When a gyro was sampled, s, shape (M,), rates between being filled in; None where it was in every row."""
     control_torques: FloatArray | None = None
     """N m, body axes, row k acting until times[k], shape (N, 3)."""
     wheel_momenta: FloatArray | None = None
@@ -72,20 +74,24 @@ class Log:
     def since(self, first: int) -> "Log":
         """The rows from one on."""
         arrays: dict[str, Any] = {
-            name: values[first:] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+            name: values[first:]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray) and name != "gyro_times"
         }
         return replace(self, **arrays)
 
     def place(self, k: int) -> str:
         """Where row k is, for a message: "line 812" of the file if that is known, and the time."""
-        at, place = f"{self.times[k]:.6f} s", self.place_in_file(k)
+        at, (place,) = f"{self.times[k]:.6f} s", self.places_in_file([k])
         return f"{place} ({at})" if place else at
 
-    def place_in_file(self, k: int) -> str:
-        """Which line or row of the file, "line 812", or nothing where that is not known."""
-        if self.file is None or self.rows is None or self.rows[k] < 0:
-            return ""
-        return self.file.place_of_row(int(self.rows[k])) or ""
+    def places_in_file(self, rows: Sequence[int]) -> list[str]:
+        """Which lines or rows of the file, "line 812", with nothing where that is not known; read once for all."""
+        if self.file is None or self.rows is None:
+            return [""] * len(rows)
+        there = [int(self.rows[k]) for k in rows]
+        places = iter(self.file.places_of_rows([row for row in there if row >= 0]))
+        return ["" if row < 0 else next(places) for row in there]
 
 
 def log_of(measurements: Measurements) -> Log:
@@ -131,7 +137,10 @@ def joined(parts: Sequence[Log]) -> Log:
         return None if there[0] is None else np.concatenate(there)
 
     names = [name for name in vars(parts[0]) if name not in {"origin", "file"}]
-    return replace(parts[0], **{name: whole(name) for name in names})
+    arrays = {name: whole(name) for name in names}
+    if arrays["gyro_times"] is not None:
+        arrays["gyro_times"] = np.unique(arrays["gyro_times"])  # the last of a piece is the first of the next
+    return replace(parts[0], **arrays)
 
 
 def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> Iterator[Log]:
@@ -358,6 +367,7 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         directions=directions,
         references=vectors,
         rates=rates,
+        gyro_times=piece.sampled.get("the gyro"),
         control_torques=values.get("the control torque"),
         wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from elliptude.gyro_bounds import longest_interval_of
 from elliptude.results import FloatArray
 from elliptude.time_offsets import shift as shifted_back
 from elliptude.turns import attitudes_from_rates
@@ -126,6 +127,9 @@ class GyroProposal:
     unexplained: Quantiles | None
     """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the error of
     the turn, rad; the reference's jitter is in it. None without a reference."""
+    longest_interval: float = np.inf
+    """Between samples, s: 1.5 times the usual one. All of the above is of intervals up to it, and of no window over a
+    longer one."""
 
 
 def propose_gyro(
@@ -160,6 +164,8 @@ def propose_gyro(
     """
     stamps, rates = np.asarray(times, dtype=np.float64), np.asarray(angular_velocities, dtype=np.float64)
     finite = _finite(rates)
+    longest = longest_interval_of(np.diff(stamps), None)
+    gaps = np.concatenate([[0], np.cumsum(np.diff(stamps) > longest)])
     still = resting & finite
     bias = rates[still].mean(axis=0) if still.any() else None
     noise = spread = sums = None
@@ -202,7 +208,7 @@ def propose_gyro(
             end = np.searchsorted(stamps, stamps + duration)
             start = np.flatnonzero(end < len(stamps))
             end = end[start]
-            whole = np.asarray(missing[end + 1] == missing[start])
+            whole = np.asarray((missing[end + 1] == missing[start]) & (gaps[end] == gaps[start]))
             start, end = start[whole], end[whole]
             by_gyro = turned[start].inv() * turned[end]
             by_reference = reference[start].inv() * reference[end]
@@ -214,7 +220,7 @@ def propose_gyro(
                 unexplained.append(np.maximum(angles - explained, 0.0))
     left = quantiles(np.concatenate(unexplained)) if unexplained else None
     speed = quantiles(np.linalg.norm(rates - (0.0 if bias is None else bias), axis=1))
-    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale, sums, left)
+    return GyroProposal(bias, spread, noise, speed, rate_error, windows, scale, sums, left, longest)
 
 
 def _means_of_pieces(
@@ -473,6 +479,7 @@ def delay_of_rates(
     turns = np.full_like(rates, np.nan)
     turns[1:-1] = (reference[:-2].inv() * reference[2:]).as_rotvec() / spans[:, None]
     turns[1:-1][~(known[:-2] & known[2:])] = np.nan
+    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # of a gap the gyro knows nothing
     return _delay(stamps, lambda shifted: rates - shifted, turns, limit, piece)
 
 
@@ -509,6 +516,7 @@ def delay_of_vectors(
         result[half:-half] = (
             (rows[2 * half :] - rows[: -2 * half]) - (running[2 * half :] - running[: -2 * half])
         ) / spans
+        result[half:-half][spans[:, 0] > longest_interval_of(spans, None)] = np.nan  # reaches over a gap
         return result
 
     return _delay(stamps, difference, rates, limit, piece)
@@ -639,6 +647,8 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
             times, rates, forces, duration=0.5, rate_deviation=np.deg2rad(1.0), rate=np.deg2rad(5.0),
             acceleration_deviation=0.5,
         )  # fmt: skip
+        # Nobody knows of a rest across a gap whether it is one.
+        resting[:-1] &= np.diff(times) <= longest_interval_of(np.diff(times), None)
     # A constant bias says nothing of the delay.
     gyro_delay = None if attitudes is None else delay_of_rates(times, rates, attitudes)
     delay = 0.0 if gyro_delay is None else gyro_delay.delay

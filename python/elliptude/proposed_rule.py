@@ -117,6 +117,13 @@ def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal |
     table["drift_deg_per_s2"] = Proposed(
         table["drift_deg_per_s2"].value, "no guarantee: what the bias moved is in bias_deg_per_s"
     )
+    table["longest_interval_s"] = Proposed(
+        upward(gyro.longest_interval),
+        "1.5 times the usual interval between samples: what the bounds above were seen at, and speak of",
+    )
+    table["largest_rate_deg_per_s"] = _seen(
+        _in_degrees(gyro.speed), "the rate", margin, table["largest_rate_deg_per_s"], in_full=False
+    )
     if gyro.scale_error is not None:
         value = min(upward(margin * gyro.scale_error), _LARGEST_SCALE_ERROR)
         how = f"no guarantee: best fit to the reference, {gyro.scale_error:.3g}, times {margin:g}"

@@ -10,7 +10,6 @@ import os
 import re
 import textwrap
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,6 +30,8 @@ BATCH_BYTES = 1 << 22
 """Of a CSV file's text that are worked on at a time."""
 BATCH_ROWS = 1 << 17
 """Of a Parquet file that are worked on at a time."""
+MOST_COLUMNS = 10_000
+"""Of an array in an NPZ file: one that says it is wider is none of columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +75,11 @@ class LogFile(Protocol):
     def place(self, column: str, row: int) -> str:
         """Where a cell is, for a message: "line 812, column 9 (sun_bx)". ``row`` counts from 0 in its stream."""
 
-    def place_of_row(self, row: int) -> str:
-        """Where a row is, for a message: "line 812"; empty where a row of one stream is none of the others."""
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
+        """Where rows are, for messages: "line 812"; empty where a row of one stream is none of the others.
+
+        The file is read no more than once, however many rows these are.
+        """
 
 
 class Table(LogFile, Protocol):
@@ -232,9 +236,9 @@ class ParquetTable:
         """See `LogFile`."""
         return f"row {row + 1}, column {column!r}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        return f"row {row + 1}"
+        return [f"row {row + 1}" for row in rows]
 
     def _require_numbers(self, names: Sequence[str]) -> None:
         for name in names:
@@ -327,12 +331,16 @@ class CsvTable:
 
     def place(self, column: str, row: int) -> str:
         """See `LogFile`."""
-        return f"{self.place_of_row(row)}, column {self.columns.index(column) + 1} ({column})"
+        return f"{self.places_of_rows([row])[0]}, column {self.columns.index(column) + 1} ({column})"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        line, _ = next(islice(self._rows(), row, None))
-        return f"line {line}"
+        wanted = sorted(set(rows))
+        lines: dict[int, int] = {}
+        read = self._rows()
+        for row, before in zip(wanted, [-1, *wanted], strict=False):
+            lines[row], _ = next(islice(read, row - before - 1, None))
+        return [f"line {lines[row]}" for row in rows]
 
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():
@@ -400,13 +408,13 @@ class NpzFile:
                         )
                         shape, _, dtype = read_header(file)
                     name = member.removesuffix(".npy")
-                    if dtype.kind in "biuf" and len(shape) in {1, 2}:
+                    if dtype.kind in "biuf" and len(shape) in {1, 2} and all(n <= MOST_COLUMNS for n in shape[1:]):
                         names = [name] if len(shape) == 1 else [f"{name}[{i}]" for i in range(shape[1])]
                         self._lengths |= dict.fromkeys(names, shape[0])
-        except (zipfile.BadZipFile, ValueError) as error:
-            raise FileError(f"{path}: not an NPZ file: {error}") from error
         except OSError as error:
             raise FileError(f"{path}: {error.strerror or error}") from error
+        except Exception as error:  # zipfile and NumPy raise what their parsing happens to meet
+            raise FileError(f"{path}: not an NPZ file: {error}") from error
         self.columns = tuple(self._lengths)
 
     def stream(self, column: str) -> str:
@@ -433,16 +441,16 @@ class NpzFile:
                         arrays[name] = archive[name]
                     values = arrays[name]
                     batch[column] = numbered(values[:, int(index[:-1])] if index else values)
-        except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError) as error:
-            raise FileError(f"{self.path}: not an NPZ file: {error}") from error
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror or error}") from error
+        except Exception as error:  # as above
+            raise FileError(f"{self.path}: not an NPZ file: {error}") from error
         yield batch
 
     def place(self, column: str, row: int) -> str:
         """See `LogFile`."""
         return f"row {row + 1}, column {column!r}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
-        return f"row {row + 1}"
+        return [f"row {row + 1}" for row in rows]

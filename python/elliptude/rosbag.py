@@ -78,9 +78,9 @@ class BagFile:
         """See `elliptude.readers.LogFile`."""
         return f"message {row + 1} of {column}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Nothing: a row of one topic is none of the others."""
-        return ""
+        return [""] * len(rows)
 
     @contextmanager
     def _open(self) -> Iterator["AnyReader"]:

@@ -315,7 +315,11 @@ def _rule_numbers(table: RuleTables, section: str, *keys: str) -> dict[str, tupl
 
 
 def _bound_gyro(flow: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal) -> None:
-    numbers = _rule_numbers(table, "gyro", "noise_deg_per_s", "scale_error", "drift_deg_per_s2")
+    numbers = _rule_numbers(
+        table,
+        "gyro",
+        *("noise_deg_per_s", "scale_error", "drift_deg_per_s2", "longest_interval_s", "largest_rate_deg_per_s"),
+    )
     if not flow.keys() & {"known_bias_deg_per_s", "bias_deg_per_s"}:
         if proposed.gyro.bias is None:
             numbers["bias_deg_per_s"] = _BIAS_BY_DATASHEET, "not seen in the recording: datasheets of small sensors"
@@ -419,9 +423,13 @@ def _document(
     ):
         document.add(tomlkit.comment(line))
     document.add(tomlkit.nl())
+    full = {"bounds_from_recording": log, **full}
+    comments["bounds_from_recording",] = "delete this line once there is a reason for each bound"
     for key, value in full.items():
         if not isinstance(value, dict | list):
             document.add(key, value)
+            if (key,) in comments:
+                document[key].comment(comments[key,])
     for key, value in full.items():
         if key == "directions":
             array = tomlkit.aot()

@@ -30,30 +30,38 @@ def time_offset_angles(
     offset : float
         Bound τ of the difference between stamp and true time, s.
     gyro : GyroBounds, optional
-        Of the measured rates; exact if left out.
+        Of the measured rates; exact if left out. In its gaps the rate is at most its largest one.
     angular_acceleration : float
         Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
 
     Returns
     -------
     (N,) array
-        rad; NaN where a rate is missing near the row. Before the first and after the last row the rate counts as
-        that of the row, changing by the angular acceleration.
+        rad; NaN where a rate is missing near the row and no largest one is stated. Before the first and after the last
+        row the rate counts as that of the row, changing by the angular acceleration.
     """
     require_not_negative("offset", offset)
     require_not_negative("angular_acceleration", angular_acceleration)
     stamps = increasing_times(times)
-    speeds = np.linalg.norm(vector_rows("angular_velocities", angular_velocities, len(stamps)), axis=1)
+    rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
+    speeds = np.linalg.norm(rates, axis=1)
     if offset == 0.0:
         return np.zeros_like(stamps)
+    # Between rows: at most the larger of both, but in a gap.
+    fastest = np.zeros_like(stamps)
     if gyro is not None:
         speeds = speeds + gyro.rate_error(speeds)
+        fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
+        if np.isfinite(gyro.largest_rate):
+            speeds[np.isnan(speeds)] = gyro.largest_rate
     # The samples on both sides of the interval too: between two samples the rate is bounded by both.
     first = np.maximum(np.searchsorted(stamps, stamps - offset, side="right") - 1, 0)
     last = np.minimum(np.searchsorted(stamps, stamps + offset, side="left"), len(stamps) - 1)
     steps = np.append(np.diff(stamps), 0.0)
     between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
-    angles: FloatArray = np.minimum(offset * (_range_maximum(speeds, first, last) + between), np.pi)
+    in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
+    largest = np.maximum(_range_maximum(speeds, first, last), in_gaps)
+    angles: FloatArray = np.minimum(offset * (largest + between), np.pi)
     return angles
 
 

@@ -59,9 +59,9 @@ class UlogFile:
         """See `elliptude.readers.LogFile`."""
         return f"sample {row + 1} of {column}"
 
-    def place_of_row(self, row: int) -> str:
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Nothing: a row of one topic is none of the others."""
-        return ""
+        return [""] * len(rows)
 
 
 def _topic(name: str, instance: int) -> str:

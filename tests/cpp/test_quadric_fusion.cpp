@@ -615,3 +615,19 @@ TEST_CASE("bad input to the fusion is refused and changes nothing") {
                              result) == Status::not_positive_definite);
   CHECK(result.margin == 3);
 }
+
+TEST_CASE("a quadric that cannot be scaled is out of range and no input that is not finite") {
+  Random random(13);
+  const Scene scene = make_scene(random, 0.1, 0.05, 0);
+  Fusion6 result;
+  result.margin = 3;
+  // It says nothing, with a slack whose reciprocal is no number.
+  const Quadric<double, 6> weak{Matrix6<double>::Zero(), Vector6<double>::Zero(), 4.9406564584124654e-324};
+  CHECK(minimal_intersection(&scene.predicted, &weak, 1, Criterion::volume(), result) == Status::out_of_range);
+  Quadric<double, 6> sharp = scene.quadrics[0];
+  sharp.a *= 1e300;
+  Ellipsoid6 wide = scene.predicted;
+  wide.shape *= 1e20;
+  CHECK(minimal_intersection(&wide, &sharp, 1, Criterion::volume(), result) == Status::out_of_range);
+  CHECK(result.margin == 3);
+}

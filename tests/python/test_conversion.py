@@ -70,6 +70,18 @@ def test_text_stays_behind_and_names_with_commas_are_quoted(tmp_path):
     assert_same(columns(tmp_path / "b.csv"), columns(tmp_path / "c.parquet"))
 
 
+def test_two_columns_of_one_name(tmp_path):
+    """One of them would be lost; what commas at the end of the lines make are none."""
+    (tmp_path / "a.csv").write_text("t,x,x\n0,1,2\n")
+    done = run("convert", tmp_path / "a.csv", tmp_path / "b.csv")
+    assert done.exit_code == 1
+    assert "two columns 'x'" in done.output
+    assert not (tmp_path / "b.csv").exists()
+    (tmp_path / "a.csv").write_text("t,x,,\n0,1,,\n")
+    assert run("convert", tmp_path / "a.csv", tmp_path / "b.csv").exit_code == 0
+    assert (tmp_path / "b.csv").read_text() == "t,x\n0,1\n"
+
+
 def test_nanoseconds_keep_their_digits(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n1700000000123456789,1\n1700000000123456790,2\n")
     for before, after in (("a.csv", "b.parquet"), ("b.parquet", "c.npz"), ("c.npz", "d.csv")):

@@ -237,7 +237,7 @@ def test_sensors_that_come_and_go(tmp_path):
     )
     log = logs.read_log(file, own_configuration())
     np.testing.assert_allclose(log.rates[3], [np.pi / 2, 0, 0])
-    with pytest.raises(InconsistentMeasurement, match=r" at line 5 \(3\.000000 s\)") as caught:
+    with pytest.raises(InconsistentMeasurement, match=r"^line 5 \(3\.000000 s\): ") as caught:
         estimation.estimate(log, own_configuration())
     assert caught.value.time == 3.0
     skipping = own_configuration(estimator={"when_sets_do_not_meet": "skip"})

@@ -8,11 +8,12 @@ import tomllib
 
 import numpy as np
 import pytest
+from datasets import needs_datasets
 from elliptude import bound_rules, cli, proposals, tables
 from elliptude.bound_rules import apply_rule, hand_held, read_rule
 from elliptude.proposals import Recording
 from elliptude.proposals import angles_between as angle_between
-from recordings import BROAD, broad_recording
+from recordings import broad_recording
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -185,7 +186,7 @@ def test_rule_needs_a_rest():
         apply_rule(hand_held(), arrays[0], arrays[1], 1.2 * arrays[2], recording.fields)
 
 
-@pytest.mark.skipif(not BROAD.exists(), reason="the BROAD excerpts are not here")
+@needs_datasets
 @pytest.mark.parametrize("trial", ["02", "05", "07", "24", "30"])
 def test_rule_on_broad(trial):
     """Against the optical attitude, which may itself be 0.5° off; the target is 99.9 %."""
@@ -201,7 +202,7 @@ def test_rule_on_broad(trial):
     assert np.rad2deg(np.median(ruled.up.angles[ruled.rest_at_start])) < 5.0
 
 
-@pytest.mark.skipif(not BROAD.exists(), reason="the BROAD excerpts are not here")
+@needs_datasets
 def test_delays_of_broad():
     """The dataset's README: the gyro one row (3.5 ms) late, the magnetometer about 15 ms."""
     proposed = proposals.propose(broad_recording("07"))

@@ -1,6 +1,7 @@
 """Formats of logs: their columns, every number as it is in the file, and what is said of files that are at fault."""
 
 import sys
+import zipfile
 
 import numpy as np
 import pyarrow as pa
@@ -105,6 +106,24 @@ def test_truncated_npz(tmp_path):
     (tmp_path / "log.npz").write_bytes(content[:2000] + bytes(1000) + content[3000:])
     with pytest.raises(FileError, match="not an NPZ file"):
         column(open_log(tmp_path / "log.npz"), "t")
+
+
+def test_npz_of_another_compression(tmp_path):
+    """What zipfile raises then is no `BadZipFile`."""
+    np.savez(tmp_path / "log.npz", t=np.arange(3.0))
+    content = bytearray((tmp_path / "log.npz").read_bytes())
+    content[content.index(b"PK\x01\x02") + 10] = 2
+    (tmp_path / "log.npz").write_bytes(content)
+    with pytest.raises(FileError, match=r"not an NPZ file: .*compression"):
+        open_log(tmp_path / "log.npz")
+
+
+def test_npz_that_says_it_is_wider_than_memory(tmp_path):
+    with (tmp_path / "t.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (0, 10**12)})
+    with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+        archive.write(tmp_path / "t.npy", "t.npy")
+    assert open_log(tmp_path / "log.npz").columns == ()
 
 
 def test_ulog(tmp_path):

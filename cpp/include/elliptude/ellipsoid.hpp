@@ -44,14 +44,51 @@ template <typename Scalar, int N>
   return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
 }
 
-/// \return `not_finite`, `not_symmetric`, or `not_positive_definite` if the shape is not even semidefinite.
+/// Whether each squared half-width is zero, or between the least normal number over ε² and the largest times ε²: in double
+/// semi-axes from 1e-138 to 1e137, in float from 1e-12 to 1e12. Products of a few entries then neither overflow nor lose digits
+/// to underflow. (docs/domain.md)
+template <typename Scalar, int N>
+[[nodiscard]] bool is_in_domain(const Matrix<Scalar, N>& shape) noexcept {
+  using Limits = std::numeric_limits<scalar::Value<Scalar>>;
+  const Scalar least(Limits::min() / (Limits::epsilon() * Limits::epsilon()));
+  const Scalar most(Limits::max() * (Limits::epsilon() * Limits::epsilon()));
+  for (int i = 0; i < N; ++i) {
+    const Scalar& square = shape(i, i);
+    if (!(square <= most) || !(scalar::abs(square) >= least || square == Scalar(0))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// \return `not_finite`, `not_symmetric`; `beyond_domain` of a width; `not_positive_definite` if the shape is not even
+/// semidefinite.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
   }
+  if (!is_in_domain(ellipsoid.shape)) {
+    return Status::beyond_domain;
+  }
   Matrix<Scalar, N> factor;
   return is_symmetric(ellipsoid.shape) ? cholesky_semidefinite(ellipsoid.shape, factor) : Status::not_symmetric;
+}
+
+/// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where that makes the
+/// image of a positive definite shape indefinite, the diagonal is raised by what outweighs it.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
+                                                  const Matrix<Scalar, N>& shape) noexcept {
+  const Matrix<Scalar, N> half = transform.lazyProduct(shape);
+  const Matrix<Scalar, N> whole = half.lazyProduct(transform.transpose());
+  Matrix<Scalar, N> result = scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
+  Matrix<Scalar, N> factor;
+  if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
+    const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
+    result.diagonal() += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * width.cwiseAbs2();
+  }
+  return result;
 }
 
 /// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection of rows
@@ -182,7 +219,8 @@ template <typename Scalar, int N>
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
 /// shape of zeros only move the center.
 /// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
-/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W.
+/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
+/// `beyond_domain` if the sum is beyond all numbers.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
@@ -255,8 +293,19 @@ template <typename Scalar, int N>
       }
     }
   }
-  if (!scalar::all_finite(shape)) {
-    return Status::not_finite;
+  if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {
+    return Status::beyond_domain;
+  }
+  Matrix<Scalar, N> factor;
+  if (cholesky(shape, factor) != Status::ok) {
+    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of its own
+    // terms, each at most √(Pᵢᵢ Pⱼⱼ).
+    for (std::size_t i = 0; i < count; ++i) {
+      if (cholesky(terms[i].shape, factor) == Status::ok) {
+        shape.diagonal() *= Scalar(1) + Scalar(128) * Scalar(scalar::epsilon<Scalar>);
+        break;
+      }
+    }
   }
   sum.center = center;
   sum.shape = shape;

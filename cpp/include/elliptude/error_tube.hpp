@@ -290,6 +290,11 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
   // Rounding of Y and of what is calculated from it.
   linear.error += Scalar(256) * Scalar(scalar::epsilon<Scalar>) *
                   (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
+  // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large. ‖u‖ ≤ 2.
+  const Scalar ratio = body.principal_moments()(0) / body.principal_moments()(2);
+  linear.error += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * h * linear.from_rate_norm *
+                  ((series.gyroscopic_size + ratio * largest_difference) * largest_difference +
+                   series.stiffness_size * largest_attitude * (one + largest_attitude));
   return Status::ok;
 }
 
@@ -475,9 +480,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     if (!(left > half)) {
       return Displacement{infinite, infinite, infinite, infinite};
     }
-    const Scalar jumps =
-        shrink * (most * linear.error + linear.from_rate_norm * series.impulse_defect / body.principal_moments()(2) +
-                  linear.from_attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
+    const Scalar jumps = shrink * (most * linear.error + linear.from_rate_norm * series.rate_defect +
+                                   linear.from_attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
     const Scalar fifth = one + scalar::constant<Scalar>(1.25L) * gibbs;
     const Scalar moved =
         h * (second_order_speed * most * most +

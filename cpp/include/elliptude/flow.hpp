@@ -20,14 +20,6 @@ struct Prediction {
   Matrix6<StateScalar<State>> transition;  ///< A^f (paper, eq. flow)
 };
 
-/// A P Aᵀ (paper, eq. Pkpf), exactly symmetric.
-template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> transformed_shape(const Matrix6<Scalar>& a, const Matrix6<Scalar>& shape) noexcept {
-  const Matrix6<Scalar> half = a.lazyProduct(shape);
-  const Matrix6<Scalar> whole = half.lazyProduct(a.transpose());
-  return scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
-}
-
 /// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid.
 template <typename Scalar, typename Potential>
 class RigidBodyFlow {
@@ -36,9 +28,6 @@ class RigidBodyFlow {
   struct Input {
     Vector3<Scalar> control_torque = Vector3<Scalar>::Zero();  ///< N m, body axes, constant over the interval
   };
-  /// More steps than this in one prediction are refused: the time is then more likely wrong than meant.
-  static constexpr long most_steps = 100'000'000;
-
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer.
   /// \param order of the integrator: 2, 4, 6 or 8.
   /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and anything
@@ -66,22 +55,35 @@ class RigidBodyFlow {
     flow.composition_ = composition;
     flow.longest_step_ = longest_step;
     flow.unknown_torque_ = unknown_torque;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
     return Status::ok;
   }
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
 
-  /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration or one
-  /// of more than `most_steps` steps.
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
+  /// `too_many_steps`; `interrupted`; what `minimal_sum` says.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
                                Prediction<State>& prediction) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
       return Status::not_finite;
     }
-    const Scalar longest = longest_step_ * Scalar(static_cast<scalar::Value<Scalar>>(most_steps));
-    if (!(duration >= Scalar(0)) || !(duration <= longest)) {
+    if (!(duration >= Scalar(0))) {
       return Status::out_of_range;
     }
     if (duration == Scalar(0)) {
@@ -91,6 +93,9 @@ class RigidBodyFlow {
     using std::ceil;
     // A step longer by rounding than the longest is not worth another one.
     const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
+    }
     const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
@@ -99,7 +104,7 @@ class RigidBodyFlow {
     if (unknown_torque_.isZero(Scalar(0))) {
       if (const Status status =
               integrate_linearized(body_, potential_, composition_, time, h, steps, input.control_torque,
-                                   ellipsoid.center, result.ellipsoid.center, linearization);
+                                   ellipsoid.center, result.ellipsoid.center, linearization, interruption_);
           status != Status::ok) {
         return status;
       }
@@ -111,6 +116,9 @@ class RigidBodyFlow {
     result.ellipsoid = ellipsoid;
     result.transition.setIdentity();
     for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
       const State before = result.ellipsoid.center;
       if (const Status status = integrate_linearized(body_, potential_, composition_, now, h, 1L, input.control_torque,
@@ -140,6 +148,8 @@ class RigidBodyFlow {
   Composition<Scalar> composition_;
   Scalar longest_step_;
   Matrix3<Scalar> unknown_torque_;
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
 };
 
 /// A body of which nothing is known but what its gyro says: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.

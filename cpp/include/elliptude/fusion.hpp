@@ -28,9 +28,7 @@ template <typename Scalar>
                                                         const Matrix6<Scalar>& shape) noexcept {
   Matrix6<Scalar> transform = Matrix6<Scalar>::Identity();
   transform.template topLeftCorner<3, 3>() = g;
-  const Matrix6<Scalar> half = transform.lazyProduct(shape);
-  const Matrix6<Scalar> whole = half.lazyProduct(transform.transpose());
-  return scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
+  return transformed_shape(transform, shape);
 }
 
 /// The ellipsoid of errors x about a center, in coordinates where it is E(x̂, P), put about its own center (paper, eqs. nattes,
@@ -83,8 +81,12 @@ template <typename State>
   }
   if (status == Status::ok) {
     // The prediction alone has no need to be carried to the measured center and back.
-    fusion.ellipsoid =
+    const StateEllipsoid<State> fused =
         intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
+    if (!scalar::all_finite(fused.shape) || !is_in_domain(fused.shape)) {
+      return Status::beyond_domain;
+    }
+    fusion.ellipsoid = fused;
     fusion.share = intersection.share;
   }
   return status;
@@ -243,7 +245,11 @@ template <typename State, int Rows>
     fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
     intersection.share = q / (Scalar(1) + q);
   }
-  fusion.ellipsoid = recentred(predicted.center, intersection.set, recentring);
+  const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
+  if (!scalar::all_finite(fused.shape) || !is_in_domain(fused.shape)) {
+    return Status::beyond_domain;
+  }
+  fusion.ellipsoid = fused;
   fusion.share = intersection.share;
   return Status::ok;
 }

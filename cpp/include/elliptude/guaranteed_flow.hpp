@@ -12,6 +12,7 @@
 /// the second for when nothing is known of the attitude.
 
 #include "elliptude/error_tube.hpp"
+#include "elliptude/interruption.hpp"
 #include "elliptude/state.hpp"
 
 namespace elliptude {
@@ -23,7 +24,8 @@ using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
 namespace tube {
 
 /// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume: shares
-/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`).
+/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`). Entries of the
+/// shapes may be wrong by a rounding or two of themselves.
 template <typename Scalar, int N, std::size_t Count>
 [[nodiscard]] Status sum(const Matrix<Scalar, N>& shape, const std::array<Matrix<Scalar, N>, Count>& others,
                          Matrix<Scalar, N>& result) noexcept {
@@ -53,7 +55,8 @@ template <typename Scalar, int N, std::size_t Count>
       }
     }
   }
-  result = (Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * total;
+  total.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+  result = total;
   return Status::ok;
 }
 
@@ -84,8 +87,6 @@ class GuaranteedRigidBodyFlow {
  public:
   using State = RigidBodyState<Scalar>;
   using Input = BodyInput<Scalar>;
-  /// More steps than this in one prediction are refused: the time is then more likely wrong than meant.
-  static constexpr long most_steps = 100'000'000;
 
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
   ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
@@ -119,23 +120,37 @@ class GuaranteedRigidBodyFlow {
     flow.uncertainty_ = uncertainty;
     flow.torque_bounds_ = torque_bounds;
     flow.acceleration_bounds_ = acceleration_bounds;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
     return Status::ok;
   }
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
 
-  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration or one of more than
-  /// `most_steps` steps; `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the
-  /// set is too large, or the step too long for it, for the prediction to say anything.
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// Where the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
+  /// `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the set is too large, or
+  /// the step too long for it, for the prediction to say anything; `interrupted`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
         !scalar::all_finite(input.wheel_momentum)) {
       return Status::not_finite;
     }
-    const Scalar longest = longest_step_ * Scalar(static_cast<scalar::Value<Scalar>>(most_steps));
-    if (!(duration >= Scalar(0)) || !(duration <= longest)) {
+    if (!(duration >= Scalar(0))) {
       return Status::out_of_range;
     }
     if (duration == Scalar(0)) {
@@ -145,26 +160,18 @@ class GuaranteedRigidBodyFlow {
     using std::ceil;
     // A step longer by rounding than the longest is not worth another one.
     const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
-    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
-    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
-
-    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
-    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
-    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
-    Course longest_tubes;
-    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
-    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
-    if (steps > 1 && (status == Status::unbounded ||
-                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
-      Course shorter_tubes;
-      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
-      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
-        result = shorter_tubes.end;
-        return Status::ok;
-      }
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
     }
-    if (status == Status::ok) {
-      result = longest_tubes.end;
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    const Status status = divided(time, duration, steps, input, ellipsoid, result);
+    long finer = steps;
+    for (int retry = 0; retry < 2 && status == Status::unbounded && finer <= most_steps_ / 3; ++retry) {
+      finer *= 3;
+      const Status again = divided(time, duration, finer, input, ellipsoid, result);
+      if (again == Status::ok || again == Status::interrupted) {
+        return again;
+      }
     }
     return status;
   }
@@ -195,13 +202,14 @@ class GuaranteedRigidBodyFlow {
         duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
                     tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
-    if (!scalar::isfinite(momentum)) {
-      return Status::not_finite;
-    }
     const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
+    shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+    if (!scalar::all_finite(shape) || !is_in_domain(shape)) {
+      return Status::beyond_domain;
+    }
     result.center = -inverse * input.wheel_momentum;
-    result.shape = ((Scalar(1) + Scalar(64) * Scalar(scalar::epsilon<Scalar>)) * momentum * momentum) *
-                   inverse.lazyProduct(inverse);
+    result.shape = shape;
     return Status::ok;
   }
 
@@ -211,6 +219,31 @@ class GuaranteedRigidBodyFlow {
     Scalar size;                  // of the set at the end: √det P
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
   };
+
+  /// The prediction in so many steps.
+  [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
+    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
+    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    Course longest_tubes;
+    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
+    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded ||
+                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
+      Course shorter_tubes;
+      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
+      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
+        result = shorter_tubes.end;
+        return Status::ok;
+      }
+    }
+    if (status == Status::ok) {
+      result = longest_tubes.end;
+    }
+    return status;
+  }
 
   /// A tube after another, each until its errors have moved by more than `longest`.
   [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
@@ -227,6 +260,9 @@ class GuaranteedRigidBodyFlow {
     }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
       if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
         return status;
@@ -259,6 +295,8 @@ class GuaranteedRigidBodyFlow {
   BodyUncertainty<Scalar> uncertainty_;
   TorqueBounds<Scalar> torque_bounds_;        // of M
   TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
 };
 
 /// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.
@@ -270,6 +308,10 @@ struct GyroUncertainty {
   /// for an error which is one linear map of the rate throughout the interval.
   Scalar scale = Scalar(0);
   Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
+  /// The longest interval, s, that a rate and all of the above speak of; negative for any. Of a longer one, such as where samples
+  /// were lost, nothing is known but the next number.
+  Scalar longest_interval = Scalar(-1);
+  Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative where none is known
 };
 
 /// A body of which nothing is known but what its gyro says, at every time between its samples.
@@ -288,13 +330,15 @@ class GuaranteedGyroFlow {
     /// Bound of the angle that the errors v of the samples make together over this interval, rad, where a better one is known
     /// than the duration times the noise; negative for none.
     Scalar increment = Scalar(-1);
+    bool is_measured = true;  ///< false: there is no rate of this interval, as if it were too long to be spoken of
   };
 
   /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
   /// `not_positive_definite`.
   [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
                                    GuaranteedGyroFlow& flow) noexcept {
-    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration)) {
+    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration) ||
+        !scalar::isfinite(uncertainty.longest_interval) || !scalar::isfinite(uncertainty.largest_rate)) {
       return Status::not_finite;
     }
     if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0))) {
@@ -315,8 +359,8 @@ class GuaranteedGyroFlow {
   /// may reach half turns within the interval.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
-    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity) ||
-        !scalar::isfinite(input.increment)) {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) ||
+        (input.is_measured && (!scalar::all_finite(input.angular_velocity) || !scalar::isfinite(input.increment)))) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {
@@ -326,18 +370,17 @@ class GuaranteedGyroFlow {
       result = ellipsoid;
       return Status::ok;
     }
+    if (!speaks_of(duration, input)) {
+      return predict_unmeasured(duration, ellipsoid, result);
+    }
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar& h = duration;
     const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
     const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
     const Vector3<Scalar> turn = h * rate;
     const Matrix3<Scalar> f = exp(turn);
-    Matrix6<Scalar> transition = Matrix6<Scalar>::Identity();
-    transition.template topLeftCorner<3, 3>() = f.transpose();
-    transition.template topRightCorner<3, 3>() = -h * right_jacobian(turn);
-    const Matrix6<Scalar> moved = transition.lazyProduct(ellipsoid.shape);
-    Matrix6<Scalar> shape = moved.lazyProduct(transition.transpose());
-    shape = (half * (shape + shape.transpose())).eval();
+    const Matrix6<Scalar> shape =
+        congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
 
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
@@ -359,7 +402,13 @@ class GuaranteedGyroFlow {
 
     // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
     Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
-                  half * h * h * drift + Scalar(64) * Scalar(scalar::epsilon<Scalar>);
+                  half * h * h * drift;
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
+    // more as a is not nothing (theory, section 17.8).
+    const Scalar slip =
+        rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
+    ball +=
+        slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
     std::array<Matrix6<Scalar>, 3> others;
     for (Matrix6<Scalar>& term : others) {
       term.setZero();
@@ -372,6 +421,8 @@ class GuaranteedGyroFlow {
       const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
       const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
       others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
+      others[0].diagonal().template head<3>().array() +=
+          rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
     }
     // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
     if (drift > Scalar(0)) {
@@ -383,7 +434,7 @@ class GuaranteedGyroFlow {
       others[1].template bottomRightCorner<3, 3>() = d;
       ball += half * half * h * h * h * speed * drift;
     }
-    others[2] = tube::attitude_ball(ball);
+    others[2] = tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
     Matrix6<Scalar> sum;
     if (const Status status = tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
       return status;
@@ -394,6 +445,42 @@ class GuaranteedGyroFlow {
     result.center = {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias};
     result.shape = sum;
     return Status::ok;
+  }
+
+  /// The attitude alone, of a bias that may be anywhere in its bound at every time: what it does to the rate is bounded as the
+  /// noise is, and nothing is said of where it is afterwards. (theory, section 16.7)
+  /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
+  /// \return what `predict` says.
+  [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
+                                        const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
+    GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.noise = sum_of_shapes(uncertainty_.noise, bias.shape);
+    flow.uncertainty_.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+    flow.uncertainty_.drift.setZero();
+    Input given = input;
+    if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
+      given.increment += rounding::enlarged(Scalar(duration * tube::radius(bias.shape)), rounding::product);
+    }
+    GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
+    set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
+    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) *
+                                                        rounding::share<Scalar>(1));  // a set is not flat
+    GibbsEllipsoid<State> predicted;
+    if (const Status status = flow.predict(time, duration, given, set, predicted); status != Status::ok) {
+      return status;
+    }
+    predicted.shape.template bottomLeftCorner<3, 3>().setZero();
+    predicted.shape.template topRightCorner<3, 3>().setZero();
+    predicted.shape.template bottomRightCorner<3, 3>() = bias.shape;
+    result = predicted;
+    return Status::ok;
+  }
+
+  /// Whether anything but `largest_rate` is known of an interval.
+  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
+    const Scalar& longest = uncertainty_.longest_interval;
+    return input.is_measured && (longest < Scalar(0) || duration <= longest);
   }
 
   /// The bias without the attitude: it drifts.
@@ -419,6 +506,40 @@ class GuaranteedGyroFlow {
   }
 
  private:
+  /// Over an interval of which nothing is known but that the body turns by no more than an angle, about any axis: the center
+  /// stays, and the errors move by at most what (17.10) says. (theory, section 17.6)
+  /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_unmeasured(const Scalar& duration, const GibbsEllipsoid<State>& ellipsoid,
+                                          GibbsEllipsoid<State>& result) const noexcept {
+    if (!(uncertainty_.largest_rate >= Scalar(0))) {
+      return Status::unbounded;
+    }
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    const Scalar half_angle = scalar::atan2(Scalar(half * before), Scalar(1));
+    const Scalar half_turn = half * uncertainty_.largest_rate * duration;
+    if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    // The cosines lose no more than tan 1.5 = 14 times what their arguments do.
+    const Scalar moved =
+        Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
+    std::array<Matrix6<Scalar>, 2> others;
+    others[0] = tube::attitude_ball(Scalar((Scalar(1) + Scalar(256) * Scalar(scalar::epsilon<Scalar>)) * moved));
+    others[1].setZero();
+    others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
+    Matrix6<Scalar> sum;
+    if (const Status status = tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = ellipsoid.center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
   GyroUncertainty<Scalar> uncertainty_;
   IntervalRate interval_rate_;
 };

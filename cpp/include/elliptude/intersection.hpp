@@ -350,7 +350,7 @@ template <typename Scalar, int N, typename Slack>
   };
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
   if (!scalar::isfinite(start) || !scalar::isfinite(slack_at_origin)) {
-    return Status::not_finite;
+    return Status::beyond_domain;  // of finite input: the sets differ too much in size
   }
   if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
     return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
@@ -430,6 +430,9 @@ template <typename Scalar, int N>
   for (const Ellipsoid<Scalar, N>* ellipsoid : {&first, &second}) {
     if (!scalar::all_finite(ellipsoid->center) || !scalar::all_finite(ellipsoid->shape)) {
       return Status::not_finite;
+    }
+    if (!is_in_domain(ellipsoid->shape)) {
+      return Status::beyond_domain;
     }
     if (!is_symmetric(ellipsoid->shape)) {
       return Status::not_symmetric;

@@ -5,6 +5,7 @@
 /// compositions and any number of steps, with respect to the state and to a constant control torque.
 
 #include "elliptude/integrator.hpp"
+#include "elliptude/interruption.hpp"
 
 namespace elliptude {
 
@@ -91,13 +92,14 @@ struct MomentumLinearization {
 ///     ζ⁺ = Fᵀζ + ξ,   ξ = K (J δω + (h/2) 𝓜 ζ),   K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹
 ///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
 ///
-/// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite.
+/// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite; `interrupted`.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status integrate_linearized(const RigidBody<Scalar>& body, const Potential& potential,
                                           const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
                                           long steps, const Vector3<Scalar>& control_torque,
                                           const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
-                                          FlowLinearization<Scalar>& linearization) noexcept {
+                                          FlowLinearization<Scalar>& linearization,
+                                          const Interruption& interruption = Interruption()) noexcept {
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
@@ -111,6 +113,9 @@ template <typename Scalar, typename Potential>
   }
   auto total = MomentumLinearization<Scalar>::identity();
   for (long step = 0; step < steps; ++step) {
+    if (interruption.after(step)) {
+      return Status::interrupted;
+    }
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
     for (int i = 0; i < composition.stages; ++i) {
       const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;

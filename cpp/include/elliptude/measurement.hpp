@@ -47,7 +47,7 @@ struct LinearMeasurement {
   Matrix<Scalar, Rows> bound;
 };
 
-/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `not_symmetric`,
+/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `beyond_domain`, `not_symmetric`,
 /// `not_positive_definite` of the bound, which must have no zero width.
 template <typename Scalar>
 [[nodiscard]] Status validate(const Direction<Scalar>& direction) noexcept {
@@ -61,15 +61,21 @@ template <typename Scalar>
   if (!(direction.weight > Scalar(0))) {
     return Status::out_of_range;
   }
+  if (!is_in_domain(direction.bound)) {
+    return Status::beyond_domain;
+  }
   Matrix3<Scalar> factor;
   return is_symmetric(direction.bound) ? cholesky(direction.bound, factor) : Status::not_symmetric;
 }
 
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+/// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar>
 [[nodiscard]] Status validate(const AngularVelocity<Scalar>& angular_velocity) noexcept {
   if (!scalar::all_finite(angular_velocity.value) || !scalar::all_finite(angular_velocity.bound)) {
     return Status::not_finite;
+  }
+  if (!is_in_domain(angular_velocity.bound)) {
+    return Status::beyond_domain;
   }
   Matrix3<Scalar> factor;
   return is_symmetric(angular_velocity.bound) ? cholesky(angular_velocity.bound, factor) : Status::not_symmetric;
@@ -93,14 +99,18 @@ class MeasuredDirections {
       return Status::attitude_undetermined;
     }
     MeasuredDirections result;
-    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    Scalar largest(0);  // the weights count as shares of it
     for (std::size_t i = 0; i < count; ++i) {
       if (const Status status = validate(directions[i]); status != Status::ok) {
         return status;
       }
+      largest = directions[i].weight > largest ? directions[i].weight : largest;
+    }
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
       const Vector3<Scalar> e = scalar::unit(directions[i].reference);
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      profile += (directions[i].weight * e) * b.transpose();
+      profile += (Scalar(directions[i].weight / largest) * e) * b.transpose();
     }
     Scalar condition;
     if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
@@ -114,7 +124,7 @@ class MeasuredDirections {
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
       const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
       const Matrix3<Scalar> sensitivity =
-          (-directions[i].weight) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
+          Scalar(-directions[i].weight / largest) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
       const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
       result.terms_[i] = scalar::constant<Scalar>(0.5L) * (term + term.transpose());
     }
@@ -247,13 +257,16 @@ template <typename Scalar>
 }
 
 /// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
+/// \return `not_finite`, `not_symmetric`; `beyond_domain`; `not_positive_definite` of a bound with a zero width.
 template <typename Scalar, int Rows>
 [[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
                               Matrix<Scalar, Rows, 6>& h) noexcept {
   if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
       !scalar::all_finite(measurement.bound)) {
     return Status::not_finite;
+  }
+  if (!is_in_domain(measurement.bound)) {
+    return Status::beyond_domain;
   }
   if (!is_symmetric(measurement.bound)) {
     return Status::not_symmetric;
@@ -366,8 +379,9 @@ template <typename Scalar>
 ///
 ///     (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ).
 ///
-/// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement; `unbounded` if its bound
-/// reaches half turns, or C̃ is a half turn from the center.
+/// With a bound that reaches half turns, or about a center to which C̃ is a half turn but for half the digits, it says nothing:
+/// A = 0, g = 0, c = 1.
+/// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement.
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
                                 Quadric<Scalar, 3>& quadric) noexcept {
@@ -381,23 +395,25 @@ template <typename Scalar>
   if (!is_symmetric(measured.bound)) {
     return Status::not_symmetric;
   }
-  SymmetricEigen<Scalar, 3> eigen;
-  if (const Status status = symmetric_eigen(measured.bound, eigen); status != Status::ok) {
-    return status;
-  }
-  const Scalar angle = scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-                       (Scalar(1) + Scalar(16) * epsilon);
-  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
-    return Status::unbounded;
-  }
   Matrix3<Scalar> m;
-  if (const Status status = inverse_positive_definite(measured.bound, m); status != Status::ok) {
+  if (const Status status = cholesky(measured.bound, m); status != Status::ok) {
     return status;
   }
+  // Largest angle; a bound of less than rounding is used as if it were wider by that.
+  Matrix3<Scalar> bound = measured.bound;
+  bound.diagonal().array() += epsilon * epsilon;
+  SymmetricEigen<Scalar, 3> eigen;
+  const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
+  const Scalar angle = bounded
+                           ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
+                                    (Scalar(1) + Scalar(16) * epsilon))
+                           : Scalar(4);
   // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
-  if (!scalar::all_finite(gamma)) {
-    return Status::unbounded;
+  const Scalar farthest = Scalar(1) / scalar::sqrt(epsilon);
+  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L)) || !(gamma.norm() < farthest)) {
+    quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
+    return Status::ok;
   }
   // The measured center rounds by a few ε, which the shortest semi-axis has to cover.
   const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));

@@ -15,8 +15,8 @@ struct BodyInput {
   Vector3<Scalar> wheel_momentum = Vector3<Scalar>::Zero();  ///< h_w, N m s, body axes; its change is a control torque
 };
 
-/// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to a torque
-/// whose integral over the step is at most `impulse_defect`.
+/// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
+/// acceleration whose integral over the step is at most `rate_defect`.
 template <typename Scalar, typename Potential>
 struct MotionSeries {
   /// Of ω̂. The truncation error is then that of a method of this order.
@@ -27,13 +27,16 @@ struct MotionSeries {
   TorqueExpansion<Potential, Scalar, terms> torque;
   BodyInput<Scalar> input;
   Coefficients rate;
-  Coefficients momentum;                                   ///< Jω_k, and the wheel's in the first
+  Coefficients momentum;                                   ///< Jω_k to rounding, and the wheel's in the first
   std::array<Scalar, terms> rate_norms;                    ///< ‖ω_k‖
   std::array<Scalar, std::size_t{2} * terms> step_powers;  ///< hᵏ
   RigidBodyState<Scalar> end;
   Scalar largest_rate;    ///< Σ ‖ω_k‖ hᵏ ≥ sup ‖ω̂‖
   Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
-  Scalar impulse_defect;  ///< N m s
+  Scalar rate_defect;     ///< rad/s
+  // The products that J⁻¹ is applied to, divided by the least moment: their rounding is not less, though they may cancel.
+  Scalar gyroscopic_size;  ///< of ω × and × (Jω + h_w), 1/s
+  Scalar stiffness_size;   ///< of the torque, 1/s²
 
   TorqueBounds<Scalar> torque_bounds;  ///< of M, N m
   TorqueBounds<Scalar> acceleration;   ///< of J⁻¹M, rad/s²
@@ -48,7 +51,8 @@ struct MotionSeries {
       : torque(potential), torque_bounds(bounds_of_torque), acceleration(bounds_of_acceleration) {}
 
   /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|), by Cauchy's
-  /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one is near the best.
+  /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one, found by halving from
+  /// at most 64 to not less than 2, is near the best. (theory, eq. 17.3)
   [[nodiscard]] Scalar tail(int first, const Scalar& growth, const Scalar& turn, const Scalar& h) const noexcept {
     const Scalar speed = growth * (largest_rate + turn) * h;
     const Scalar least(2);
@@ -57,8 +61,9 @@ struct MotionSeries {
     Scalar kappa = order_of_tail / speed;  // of speed zero: infinite, and then `most`
     kappa = kappa < most ? kappa : most;
     kappa = kappa > least ? kappa : least;
-    Scalar exponent;
-    for (;;) {
+    Scalar exponent(0);
+    constexpr int most_halvings = 5;  // from 64 to 2
+    for (int halving = 0; halving <= most_halvings; ++halving) {
       const Scalar radius = kappa * h;
       Scalar largest = rate_norms[order];
       for (int k = order - 1; k >= 0; --k) {
@@ -80,7 +85,8 @@ struct MotionSeries {
   }
 
   /// The series from `state` at `time` over a step h > 0.
-  /// \return `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing at this step.
+  /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing
+  /// at this step, or its terms are beyond all numbers.
   [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
                               const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
     input = body_input;
@@ -88,16 +94,24 @@ struct MotionSeries {
     momentum[0] = body.inertia() * rate[0] + input.wheel_momentum;
     std::array<expansion::Columns<Scalar>, terms> across_momentum;
     across_momentum[0] = expansion::across(momentum[0]);
-    Vector3<Scalar> torque_coefficient = torque.start(state.attitude, time) + input.control_torque;
+    const Vector3<Scalar> first_torque = torque.start(state.attitude, time);
+    if (!scalar::all_finite(state.attitude) || !scalar::all_finite(rate[0])) {
+      return Status::not_finite;
+    }
+    if (!scalar::all_finite(first_torque)) {
+      return Status::callback_failed;
+    }
+    Vector3<Scalar> torque_coefficient = first_torque + input.control_torque;
     for (int k = 1; k <= order; ++k) {
       const auto index = static_cast<std::size_t>(k);
       const Vector3<Scalar> change =
           (torque_coefficient -
            expansion::cross_coefficient<Scalar, terms>(k - 1, rate, across_momentum).template head<3>()) /
           Scalar(k);
-      momentum[index] = change;
-      across_momentum[index] = expansion::across(change);
       rate[index] = body.inertia_inverse() * change;
+      // From the rate, not the change itself: what J⁻¹ has lost of it would come back multiplied by the ratio of the moments.
+      momentum[index] = body.inertia() * rate[index];
+      across_momentum[index] = expansion::across(momentum[index]);
       if (k < order) {
         torque_coefficient = torque.extend(k, rate);
       }
@@ -112,14 +126,15 @@ struct MotionSeries {
       largest_rate += rate_norms[k] * step_powers[k];
     }
     if (!scalar::isfinite(largest_rate)) {
-      return Status::callback_failed;
+      return Status::step_too_long;
     }
     bound_defect(body, time, h);
     return turn(h, state);
   }
 
  private:
-  /// The coefficients of J ω̂' + ω̂ × (Jω̂ + h_w) − M − u vanish up to order − 1; the rest, integrated over the step.
+  /// The coefficients of ω̂' + J⁻¹ (ω̂ × (Jω̂ + h_w) − M − u) vanish up to order − 1; the rest, integrated over the step, and the
+  /// rounding of all. (theory, section 17.2)
   void bound_defect(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h) noexcept {
     Scalar sum(0);
     Scalar momentum_sum(0);  // Σ ‖(Jω + h_w)_j‖ hʲ over j ≥ order − i
@@ -128,22 +143,27 @@ struct MotionSeries {
       momentum_sum += scalar::sqrt(Scalar(momentum[j].squaredNorm())) * step_powers[j];
       sum += rate_norms[i] * step_powers[i] * momentum_sum;
     }
-    if (torque_bounds.largest > Scalar(0)) {
-      sum += torque_bounds.largest * tail(order, acceleration.degree, acceleration.turn_rate, h);
+    const Scalar& least = body.principal_moments()(2);
+    const Scalar& greatest = body.principal_moments()(0);
+    sum /= least;
+    if (acceleration.largest > Scalar(0)) {
+      sum += acceleration.largest * tail(order, acceleration.degree, acceleration.turn_rate, h);
     }
     // Every term of it grows with the power `order` of time or a higher one.
-    impulse_defect = sum * h / Scalar(order + 1);
-    // Rounding of the coefficients, each a sum of a few products of that size, and of the angle of a potential that turns.
+    rate_defect = sum * h / Scalar(order + 1);
+
     const Scalar angle = Scalar(1) + scalar::abs(Scalar(acceleration.turn_rate * time));
     // Not ‖momentum[0]‖: a wheel can cancel the body's momentum, but not the rounding of either.
-    const Scalar size =
-        body.principal_moments()(0) * largest_rate + scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
-    const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm()));
+    const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
+    gyroscopic_size = (greatest * largest_rate + wheel) / least;
     // Not the torque's bound alone: that of a nearly spherical body is small, but not the products that it is made of.
-    const Scalar torque_size = torque_bounds.largest + torque_bounds.by_inertia * body.principal_moments()(0);
-    impulse_defect += Scalar(32) * Scalar(scalar::epsilon<Scalar>) *
-                      (size + (largest_rate * size + torque_size * angle + control) * h) *
-                      (body.principal_moments()(0) / body.principal_moments()(2));
+    stiffness_size = (torque_bounds.largest + torque_bounds.by_inertia * greatest) * angle / least;
+    const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm())) / least;
+    const Scalar change = largest_rate - rate_norms[0];  // Σ ‖ω_k‖ hᵏ over k ≥ 1
+    rate_defect +=
+        Scalar(scalar::epsilon<Scalar>) *
+        (Scalar(32) * largest_rate +
+         Scalar(64) * (change * greatest / least + (largest_rate * gyroscopic_size + stiffness_size + control) * h));
   }
 
   /// The end of the step: the rate, and the attitude by the quaternion's series q' = ½ q ⊗ ω̂.

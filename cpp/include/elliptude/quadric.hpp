@@ -65,22 +65,29 @@ template <typename Scalar, int N>
   return slack(quadric, y) >= Scalar(0);
 }
 
-/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂.
-/// \return `not_finite`, `not_symmetric`; `not_positive_definite`, also of a flat one.
+/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. A is a little less and c a little more, so that no point of the
+/// ellipsoid is lost by rounding: for |yᵢ| ≤ |x̂ᵢ| + √Pᵢᵢ, as it is in there, g and c err by less than 4Nε |x̂|ᵀ|A||y|.
+/// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
   if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
   }
+  if (!is_in_domain(ellipsoid.shape)) {
+    return Status::beyond_domain;
+  }
   if (!is_symmetric(ellipsoid.shape)) {
     return Status::not_symmetric;
   }
   Quadric<Scalar, N> result;
-  if (const Status status = inverse_positive_definite(ellipsoid.shape, result.a); status != Status::ok) {
+  if (const Status status = inverse_from_below(ellipsoid.shape, result.a); status != Status::ok) {
     return status;
   }
   result.g = -result.a.lazyProduct(ellipsoid.center);
-  result.c = Scalar(1) + result.g.dot(ellipsoid.center);
+  const Vector<Scalar, N> offset = ellipsoid.center.cwiseAbs();
+  const Vector<Scalar, N> reach = offset + Vector<Scalar, N>(ellipsoid.shape.diagonal().cwiseSqrt());
+  const Scalar lost = offset.dot(result.a.cwiseAbs().lazyProduct(reach));
+  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + Scalar(4 * N) * Scalar(scalar::epsilon<Scalar>) * lost;
   quadric = result;
   return Status::ok;
 }
@@ -118,7 +125,8 @@ template <typename Scalar, int M, int N>
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it.
+/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
+/// nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   if (const Status status = validate(quadric); status != Status::ok) {
@@ -133,8 +141,14 @@ template <typename Scalar, int N>
   if (!(level >= Scalar(0))) {
     return Status::empty_intersection;
   }
+  const Matrix<Scalar, N> shape = level * inverse;
+  Matrix<Scalar, N> factor;
+  if (!scalar::all_finite(center) || !is_in_domain(shape) ||
+      (level > Scalar(0) && cholesky(shape, factor) != Status::ok)) {
+    return Status::beyond_domain;
+  }
   ellipsoid.center = center;
-  ellipsoid.shape = level * inverse;
+  ellipsoid.shape = shape;
   return Status::ok;
 }
 

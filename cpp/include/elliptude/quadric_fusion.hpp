@@ -773,7 +773,13 @@ template <typename Scalar, int N, typename Given>
     });
   }
   if (!finite) {
-    return Status::not_finite;
+    // An input that is not; or one too sharp, too weak or too far away to be scaled to the prediction.
+    for (std::size_t k = 0; k < count; ++k) {
+      if (elliptude::validate(quadrics[k]) == Status::not_finite) {
+        return Status::not_finite;
+      }
+    }
+    return Status::out_of_range;
   }
   const auto prediction_alone = [&](const Scalar& margin) {
     result.set = *predicted;
@@ -874,7 +880,8 @@ template <typename Scalar, int N, typename Given>
 /// returned unchanged where nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
 /// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
-/// \return what `validate` says; `out_of_range` for more than `most_quadrics`; `not_positive_definite` of a flat prediction;
+/// \return what `validate` says; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
+/// within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction); `not_positive_definite` of a flat one;
 /// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
 /// `contradiction` are set, and nothing else.
 template <typename Scalar, int N>

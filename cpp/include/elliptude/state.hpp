@@ -6,6 +6,7 @@
 #include "elliptude/chart.hpp"
 #include "elliptude/ellipsoid.hpp"
 #include "elliptude/rigid_body.hpp"
+#include "elliptude/rounding.hpp"
 
 namespace elliptude {
 
@@ -145,21 +146,33 @@ template <typename Scalar>
     square = Scalar(1);
   }
   const Scalar p = scalar::sqrt(square);
-  return (Scalar(1) + p) * shape + (Scalar(1) + Scalar(1) / p) * added;
+  Matrix6<Scalar> sum = (Scalar(1) + p) * shape + (Scalar(1) + Scalar(1) / p) * added;
+  sum.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+  return sum;
 }
 
-/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and the rounding of the new center.
+/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls of what the rounding of the new
+/// center moves attitude (rad) and vector.
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> with_attitude_added(const Matrix6<Scalar>& shape, const Scalar& factor,
-                                                  const Scalar& vector_size) noexcept {
-  // E(0, R₁) + E(0, R₂) + E(0, R₃) is in E(0, 65/64 R₁ + 130 (R₂ + R₃)): what rounds is small.
-  const Scalar attitude = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
-  const Scalar vector = Scalar(2) * Scalar(scalar::epsilon<Scalar>) * vector_size;
+                                                  const Scalar& attitude_slip, const Scalar& vector_slip) noexcept {
+  // The slips are of different coordinates, together in E(0, 2 R), and beside the ellipsoid share p: (1 + p) and (1 + 1/p).
+  const Scalar square = attitude_slip * attitude_slip;
+  const Scalar least = scalar::constant<Scalar>(1.0L / 64.0L);
+  const Scalar size = factor * factor * shape.template topLeftCorner<3, 3>().trace();
+  Scalar p = least;
+  Scalar slip_factor = Scalar(2);
+  if (size > Scalar(0)) {
+    const Scalar best = scalar::sqrt(Scalar(Scalar(6) * square / size));
+    p = best > least ? best : least;
+    slip_factor *= Scalar(1) + Scalar(1) / p;
+  }
   Matrix6<Scalar> added = Matrix6<Scalar>::Zero();
-  added.template topLeftCorner<3, 3>() =
-      (scalar::constant<Scalar>(65.0L / 64.0L) * factor * factor) * shape.template topLeftCorner<3, 3>();
-  added.diagonal().template head<3>().array() += Scalar(130) * attitude * attitude;
-  added.diagonal().template tail<3>().array() += Scalar(130) * vector * vector;
+  if (size > Scalar(0)) {
+    added.template topLeftCorner<3, 3>() = ((Scalar(1) + p) * factor * factor) * shape.template topLeftCorner<3, 3>();
+  }
+  added.diagonal().template head<3>().array() += slip_factor * square;
+  added.diagonal().template tail<3>().array() += slip_factor * vector_slip * vector_slip;
   return enlarged(shape, added);
 }
 
@@ -178,22 +191,22 @@ template <typename State>
   const Scalar scale = Scalar(1) + g.squaredNorm();
   const Scalar square = g.dot(ellipsoid.shape.template topLeftCorner<3, 3>().lazyProduct(g));
   const Scalar e = scalar::sqrt(square > Scalar(0) ? square : Scalar(0)) / (Scalar(2) * scale) *
-                   (Scalar(1) + Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+                   (Scalar(1) + rounding::share<Scalar>(rounding::product));
   if (!(e < Scalar(1))) {
     return Status::unbounded;
   }
   Matrix3<Scalar> b = (Scalar(-1) / scale) * hat(g);
   b.diagonal().array() += Scalar(1) / scale;
-  Matrix6<Scalar> shape = ellipsoid.shape;
-  const Matrix3<Scalar> half = b.lazyProduct(ellipsoid.shape.template topLeftCorner<3, 3>());
-  const Matrix3<Scalar> block = half.lazyProduct(b.transpose());
-  shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (block + block.transpose());
-  shape.template topRightCorner<3, 3>() = b.lazyProduct(ellipsoid.shape.template topRightCorner<3, 3>());
-  shape.template bottomLeftCorner<3, 3>() = shape.template topRightCorner<3, 3>().transpose();
   State moved = retract<GibbsChart>(center, ellipsoid.center);
   moved.attitude = renormalized(moved.attitude);  // many updates without a prediction between must not add up
-  const Scalar vector_size = vector_part(center).norm() + ellipsoid.center.template tail<3>().norm();
-  result = {moved, with_attitude_added(shape, Scalar(e / (Scalar(1) - e)), vector_size)};
+  // A turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little more as a is not nothing; rounding of B acts on γ.
+  const Scalar stretch = Scalar(1) / (Scalar(1) - e);
+  const Scalar square_reach = stretch * stretch * ellipsoid.shape.template topLeftCorner<3, 3>().trace();
+  const Scalar attitude_slip = rounding::share<Scalar>(rounding::center) * (Scalar(1) + square_reach);
+  const Scalar vector_slip =
+      rounding::share<Scalar>(1) * (vector_part(center).norm() + ellipsoid.center.template tail<3>().norm());
+  result = {moved,
+            with_attitude_added(congruence(b, ellipsoid.shape), Scalar(e * stretch), attitude_slip, vector_slip)};
   return Status::ok;
 }
 
@@ -208,7 +221,7 @@ template <typename State, typename Chart>
     return status;
   }
   length = scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-           (Scalar(1) + Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+           (Scalar(1) + rounding::share<Scalar>(rounding::product));
   return Status::ok;
 }
 
@@ -229,9 +242,8 @@ template <typename State>
   if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
     return Status::unbounded;
   }
-  const Scalar rounding = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
-  const Scalar stretch = gibbs_stretch(angle) * (Scalar(1) + rounding);
-  const Matrix6<Scalar> shape = with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0));
+  const Scalar stretch = rounding::enlarged(gibbs_stretch(angle), rounding::product);
+  const Matrix6<Scalar> shape = with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
   if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π and beyond
     return Status::unbounded;
   }
@@ -251,9 +263,9 @@ template <typename State>
   if (const Status status = largest_attitude_error(from, length); status != Status::ok) {
     return status;
   }
-  const Scalar rounding = Scalar(16) * Scalar(scalar::epsilon<Scalar>);
   const Scalar shrink = length > Scalar(0) ? Scalar(GibbsChart::angle(length) / length) : Scalar(1);
-  to = {from.center, with_attitude_added(from.shape, Scalar(Scalar(1) - shrink + rounding), Scalar(0))};
+  const Scalar factor = Scalar(1) - shrink + rounding::share<Scalar>(rounding::product);
+  to = {from.center, with_attitude_added(from.shape, factor, Scalar(0), Scalar(0))};
   return Status::ok;
 }
 

@@ -33,7 +33,8 @@ template <typename Scalar>
 
 /// L = Σ wᵢ eᵢ b̃ᵢᵀ of directions made unit vectors.
 /// \param weights m numbers, not negative.
-/// \return `not_finite`; `out_of_range` if a weight is negative, all are zero, or the sizes differ; `zero_direction`.
+/// \return `not_finite`; `out_of_range` if a weight is negative, all are zero, or the sizes differ; `zero_direction`;
+/// `beyond_domain` if L is beyond all numbers.
 template <typename Reference, typename Body, typename Weights>
 [[nodiscard]] Status attitude_profile(const Eigen::MatrixBase<Reference>& reference,
                                       const Eigen::MatrixBase<Body>& body, const Eigen::MatrixBase<Weights>& weights,
@@ -65,6 +66,9 @@ template <typename Reference, typename Body, typename Weights>
   }
   if (!(total > Scalar(0))) {
     return Status::out_of_range;
+  }
+  if (!scalar::all_finite(sum)) {
+    return Status::beyond_domain;
   }
   profile = sum;
   return Status::ok;

@@ -39,7 +39,7 @@ template <typename Scalar>
   return Scalar(4) * sine_square / cosine_square;
 }
 
-/// Cones added up with weights: the attitudes Ĉ C(q), q = (w, x), with xᵀNx − 2w Dᵀx ≤ R. (eq. 15.4)
+/// Cones added up with weights, the largest of which counts as one: the attitudes Ĉ C(q), q = (w, x), with xᵀNx − 2w Dᵀx ≤ R. (eq. 15.4)
 template <typename Scalar>
 struct ConeSum {
   Matrix3<Scalar> attitude;   ///< Ĉ
@@ -79,7 +79,10 @@ template <typename Chart, typename Scalar>
   const Scalar delta = slope_norm(Scalar(0));
   const Scalar square = delta * delta + sum.level;
   const Scalar radius = delta + scalar::sqrt(scalar::select(square > Scalar(0), square, Scalar(0)));
-  const Scalar level = (Scalar(1) + Scalar(16) * epsilon) * radius * radius;
+  // No attitude in the computer is known better than to ε, and a set has a width: not less than that of sin φ = ε.
+  const Scalar finest = epsilon * epsilon * least;
+  const Scalar found = (Scalar(1) + Scalar(16) * epsilon) * radius * radius;
+  const Scalar level = scalar::select(found > finest, found, finest);
   if (!(level < least)) {
     return Status::unbounded;
   }
@@ -162,11 +165,10 @@ class DirectionCones {
     return weights;
   }
 
-  /// The cones added up about the Wahba solution for the weights, whatever these are.
+  /// The cones added up about the Wahba solution for the weights, whatever these are: as shares of the largest.
   /// \return `not_finite`; `out_of_range` if a weight is negative or all are zero.
   [[nodiscard]] Status add_up(const Weights& weights, ConeSum<Scalar>& sum) const noexcept {
-    Scalar total(0);
-    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    Scalar largest(0);
     for (std::size_t i = 0; i < count_; ++i) {
       if (!scalar::isfinite(weights[i])) {
         return Status::not_finite;
@@ -174,11 +176,19 @@ class DirectionCones {
       if (!(weights[i] >= Scalar(0))) {
         return Status::out_of_range;
       }
-      total += weights[i];
-      profile += (weights[i] * reference_[i]) * body_[i].transpose();
+      largest = weights[i] > largest ? weights[i] : largest;
     }
-    if (!(total > Scalar(0)) || !scalar::isfinite(total)) {
+    if (!(largest > Scalar(0))) {
       return Status::out_of_range;
+    }
+    // Shares of the largest: no sum overflows, and what underflows is far below what rounding is allowed. (theory, 15.7)
+    Weights share{};
+    Scalar total(0);
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count_; ++i) {
+      share[i] = weights[i] / largest;
+      total += share[i];
+      profile += (share[i] * reference_[i]) * body_[i].transpose();
     }
     ConeSum<Scalar> result;
     result.attitude = Matrix3<Scalar>::Identity();
@@ -193,10 +203,10 @@ class DirectionCones {
     Scalar misfit(0);
     for (std::size_t i = 0; i < count_; ++i) {
       const Seen cone = seen_from(result.attitude, i);
-      result.curvature += weights[i] * cone.curvature;
-      result.slope += weights[i] * cone.slope;
-      width += weights[i] * width_[i];
-      misfit += weights[i] * cone.misfit;
+      result.curvature += share[i] * cone.curvature;
+      result.slope += share[i] * cone.slope;
+      width += share[i] * width_[i];
+      misfit += share[i] * cone.misfit;
     }
     result.curvature.diagonal().array() -= rounding() * total;
     result.level = (Scalar(1) + rounding()) * width - (Scalar(1) - rounding()) * misfit;

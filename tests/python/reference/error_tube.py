@@ -152,6 +152,10 @@ def linear_part(body: Body, series: MotionSeries, frame: Array) -> LinearPart:
     error = float(np.linalg.norm(inverse @ first_error)) * h ** (FRAME_ORDER + 1) / (FRAME_ORDER + 1)
     error += by_attitude * float(upper_rest) + by_rate * float(lower_rest)
     error += 256.0 * ROUNDING * (by_attitude * attitude + by_rate * rate) * (1.0 + change)
+    attitude_now, rate_now = attitude * (1.0 + change), rate * (1.0 + change)
+    of_rates = (series.gyroscopic_size + greatest_moment / least_moment * rate_now) * rate_now
+    of_torque = series.stiffness_size * attitude_now * (1.0 + attitude_now)
+    error += 128.0 * ROUNDING * h * by_rate * (of_rates + of_torque)
     return LinearPart(
         middle, at(h), inverse, by_attitude, by_rate, attitude, rate, float(odd_change), float(change), error
     )
@@ -276,7 +280,7 @@ def step(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube)
         jump = 2.0 * tangent * (1.0 + gibbs**2) / left
         impulses = shrink * (
             rho * linear.error
-            + linear.by_rate * series.impulse_defect / float(body.moments[0])
+            + linear.by_rate * series.rate_defect
             + linear.by_attitude * jump
         )
         fifth = 1.0 + 0.625 * (2.0 * gibbs)

@@ -146,6 +146,7 @@ class GyroUncertainty(NamedTuple):
     drift: Array = np.zeros((3, 3))  # (rad/s^2)^2
     scale: float = 0.0
     angular_acceleration: float = 0.0  # bound of |omega'|, rad/s^2
+    largest_rate: float | None = None  # bound of |omega|, rad/s
 
 
 def gyro_transition(rate: Array, h: float) -> Array:
@@ -208,6 +209,21 @@ def predict_gyro(
     for _ in range(2):
         shape = sum_minimum_trace(terms, np.linalg.inv(shape))
     return GibbsSet(begin.attitude @ so3.exp(h * rate), begin.vector, (1.0 + 64.0 * ROUNDING) * shape)
+
+
+def predict_unmeasured(begin: GibbsSet, duration: float, uncertainty: GyroUncertainty) -> GibbsSet:
+    """A turn by any angle up to largest_rate * duration, about any axis: gamma moves by no more than in (17.10)."""
+    before = radius(begin.shape[:3, :3])
+    angle = math.atan(0.5 * before) + 0.5 * (uncertainty.largest_rate or 0.0) * duration
+    if uncertainty.largest_rate is None or angle >= 1.5:
+        raise Unbounded("the set may reach half turns")
+    drifted = np.zeros((6, 6))
+    drifted[3:, 3:] = duration**2 * uncertainty.drift
+    terms = [begin.shape, _in_attitude((2.0 * math.tan(angle) - before) ** 2 * np.eye(3)), drifted]
+    shape = terms[0]
+    for _ in range(2):
+        shape = sum_minimum_trace(terms, np.linalg.inv(shape))
+    return GibbsSet(begin.attitude, begin.vector, (1.0 + 64.0 * ROUNDING) * shape)
 
 
 def predict_bias(shape: Array, duration: float, drift: Array) -> Array:

@@ -190,7 +190,9 @@ class MotionSeries(NamedTuple):
     largest_torque: float  # of M
     largest_rate: float  # sum |omega_k| h^k
     attitude_error: float  # angle, rad
-    impulse_defect: float  # N m s
+    rate_defect: float  # rad/s
+    gyroscopic_size: float  # of the products that J^-1 is applied to, over the least moment, 1/s
+    stiffness_size: float  # 1/s^2
 
     def tail(self, first: int, growth: float, turn_rate: float) -> float:
         """(17.3) at s = h, of a series with |a(z)| <= exp(growth (sum |omega_k||z|^k + turn_rate) |z|)."""
@@ -277,8 +279,8 @@ def expand_motion(
             change = change + torque_coefficient(torque, direction_series(torque, attitudes, time), k)
         if k == 0:
             change = change + given.control_torque
-        momentum[k + 1] = change / (k + 1)
-        rate[k + 1] = np.linalg.solve(inertia, momentum[k + 1])
+        rate[k + 1] = np.linalg.solve(inertia, change / (k + 1))
+        momentum[k + 1] = inertia @ rate[k + 1]
 
     attitudes = attitude_series(attitude, rate, ATTITUDE_TERMS)
     powers = h ** np.arange(ATTITUDE_TERMS)
@@ -294,13 +296,16 @@ def expand_motion(
         for j in range(ORDER + 1)
         if i + j >= ORDER
     )
-    rest += largest_torque * tail(rate, h, ORDER, acceleration.degree, acceleration.turn_rate)
     least_moment, _, greatest_moment = body.moments
-    size = greatest_moment * largest_rate + float(np.linalg.norm(given.wheel_momentum))
+    rest = rest / least_moment
+    rest += acceleration.largest * tail(rate, h, ORDER, acceleration.degree, acceleration.turn_rate)
+    gyroscopic_size = (greatest_moment * largest_rate + float(np.linalg.norm(given.wheel_momentum))) / least_moment
     angle = 1.0 + abs(acceleration.turn_rate * time)
-    products = largest_torque + acceleration.by_inertia * greatest_moment
-    torque_size = largest_rate * size + products * angle + float(np.linalg.norm(given.control_torque))
-    rounding = 32.0 * ROUNDING * (size + torque_size * h) * greatest_moment / least_moment
+    stiffness_size = (largest_torque + acceleration.by_inertia * greatest_moment) * angle / least_moment
+    control = float(np.linalg.norm(given.control_torque)) / least_moment
+    slopes = largest_rate * gyroscopic_size + stiffness_size + control
+    change = (largest_rate - float(norms[0])) * greatest_moment / least_moment
+    rounding = ROUNDING * (32.0 * largest_rate + 64.0 * (change + slopes * h))
 
     attitude_error = 4.5 * tail(rate, h, ORDER + 2, 0.5, 0.0) + 32.0 * ROUNDING
     if attitude_error >= 1e-3:
@@ -318,7 +323,9 @@ def expand_motion(
         largest_torque=largest_torque,
         largest_rate=largest_rate,
         attitude_error=attitude_error,
-        impulse_defect=float(rest) * h / (ORDER + 1) + rounding,
+        rate_defect=float(rest) * h / (ORDER + 1) + rounding,
+        gyroscopic_size=gyroscopic_size,
+        stiffness_size=stiffness_size,
     )
 
 

@@ -1,0 +1,6 @@
+#include "flow_session.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  elliptude::fuzz::flow_session<elliptude::fuzz::GyroWorld>({data, size});
+  return 0;
+}

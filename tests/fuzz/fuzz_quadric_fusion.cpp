@@ -1,0 +1,234 @@
+/// Guaranteed fusion: what satisfies a prediction and many quadrics is in the set, which is no larger than the prediction; and
+/// two ellipsoids, or one and a quadric, whose set holds a common point.
+
+#include "fuzz.hpp"
+
+namespace elliptude::fuzz {
+
+template <int N>
+using RealN = Eigen::Matrix<Real, N, 1>;
+
+/// yᵀAy + 2gᵀy, and the sum of the magnitudes of its terms.
+template <int N>
+Real value_at(const Quadric<double, N>& quadric, const RealN<N>& y, Real& magnitude) {
+  const Eigen::Matrix<Real, N, N> a = quadric.a.template cast<Real>();
+  const RealN<N> g = quadric.g.template cast<Real>();
+  magnitude = y.cwiseAbs().dot(a.cwiseAbs() * y.cwiseAbs()) + 2 * g.cwiseAbs().dot(y.cwiseAbs());
+  return y.dot(a * y) + 2 * g.dot(y);
+}
+
+/// A quadric that holds a point, on its boundary or within: an ellipsoid, a cylinder, a slab, a half-space, or of any signs.
+template <int N>
+Quadric<double, N> honest_quadric(Bytes& bytes, const RealN<N>& point) {
+  Quadric<double, N> quadric;
+  const double scale = bytes.choice(3) == 0 ? bytes.between(1e-12, 1e12) : bytes.between(1e-2, 1e2);
+  Eigen::Matrix<double, N, N> root;
+  for (int i = 0; i < N * N; ++i) {
+    root(i) = bytes.unit();
+  }
+  switch (bytes.choice(5)) {
+    case 0:
+      quadric.a = root * root.transpose();
+      break;
+    case 1:
+      quadric.a = bytes.shape<N>(1e-4, 1);
+      break;
+    case 2:
+      quadric.a = root.col(0) * root.col(0).transpose();
+      break;
+    case 3:
+      quadric.a.setZero();
+      break;
+    default:
+      quadric.a = root + root.transpose();
+  }
+  quadric.a = scale * (quadric.a + quadric.a.transpose().eval()) / 2;
+  const double far = bytes.between(1e-6, 10);
+  const RealN<N> middle = point + static_cast<Real>(far) * bytes.in_ball<N>();
+  quadric.g = (-(quadric.a.template cast<Real>() * middle)).template cast<double>();
+  if (bytes.choice(4) == 0) {
+    quadric.g = scale * root.col(N - 1);
+  }
+  Real magnitude;
+  const Real value = value_at<N>(quadric, point, magnitude);
+  const Real slack =
+      bytes.choice(2) == 0 ? Real(0) : static_cast<Real>(scale) * std::abs(static_cast<Real>(bytes.unit()));
+  quadric.c = std::nextafter(static_cast<double>(value + slack), std::numeric_limits<double>::infinity());
+  return quadric;
+}
+
+template <int N>
+void require_contains(const Ellipsoid<double, N>& set, const RealN<N>& point, Real allowed, const char* what) {
+  const RealN<N> error = point - set.center.template cast<Real>();
+  const Real digits =
+      4 * std::numeric_limits<Real>::epsilon() * (1 + point.norm() + set.center.template cast<Real>().norm());
+  if (const Real excess = outside_by<N>(set.shape, error, digits); !(excess <= allowed)) {
+    std::fprintf(stderr, "form %.9Lg\n", 1 + excess);
+    show("point", point);
+    show("center", set.center);
+    show("shape", set.shape);
+    broken("the truth is inside", what);
+  }
+}
+
+template <int N>
+SizeCriterion<double, N> size_criterion(Bytes& bytes) {
+  switch (bytes.choice(3)) {
+    case 0:
+      return SizeCriterion<double, N>::trace();
+    case 1:
+      return SizeCriterion<double, N>::weighted_trace(bytes.shape<N>(1e-3, 1e3));
+    default:
+      return SizeCriterion<double, N>::volume();
+  }
+}
+
+template <int N>
+Real log_determinant(const Eigen::Matrix<double, N, N>& p) {
+  const Eigen::Matrix<Real, N, N> l = Eigen::LLT<Eigen::Matrix<Real, N, N>>(p.template cast<Real>()).matrixL();
+  return 2 * l.diagonal().array().log().sum();
+}
+
+/// \tparam Each `Quadric<double, N>` or, of six coordinates, `HalfQuadric<double>`.
+template <int N, typename Each>
+void many(Bytes& bytes) {
+  Ellipsoid<double, N> predicted{Eigen::Matrix<double, N, 1>::Zero(), bytes.any_sized_shape<N>(1e-8, 10)};
+  if (bytes.choice(3) == 0) {
+    for (int i = 0; i < N; ++i) {
+      predicted.center(i) = bytes.unit();
+    }
+  }
+  bool honest = is_shape<N>(predicted.shape);
+  const RealN<N> point =
+      predicted.center.template cast<Real>() + (1 - Real(1e-15)) * point_of<N>(predicted.shape, bytes.in_ball<N>());
+  const bool with_prediction = bytes.choice(4) != 0;
+  const int count = bytes.choice(9);
+  std::array<Each, 8> quadrics;
+  for (int i = 0; i < count; ++i) {
+    Each& quadric = quadrics[static_cast<std::size_t>(i)];
+    if constexpr (std::is_same_v<Each, HalfQuadric<double>>) {
+      quadric.half = bytes.choice(2) == 0 ? Half::first : Half::second;
+      quadric.quadric = honest_quadric<3>(
+          bytes, quadric.half == Half::first ? RealN<3>(point.template head<3>()) : RealN<3>(point.template tail<3>()));
+      if (bytes.choice(8) == 0) {
+        honest = false;
+        quadric.quadric = {bytes.any_shape<3>(), bytes.numbers<3, 1>(), bytes.number()};
+      }
+    } else {
+      quadric = honest_quadric<N>(bytes, point);
+      if (bytes.choice(8) == 0) {
+        honest = false;
+        quadric = {bytes.any_shape<N>(), bytes.numbers<N, 1>(), bytes.number()};
+      }
+    }
+  }
+  if (bytes.choice(8) == 0) {
+    honest = false;
+    predicted = {bytes.numbers<N, 1>(), bytes.any_shape<N>()};
+  }
+  if (with_prediction && !is_shape<N>(predicted.shape) && predicted.shape.allFinite()) {
+    return;  // what is nearly flat may be taken for an ellipsoid
+  }
+  const SizeCriterion<double, N> criterion = size_criterion<N>(bytes);
+  QuadricFusion<double, N> fusion;
+  fusion.set = predicted;
+  const Snapshot before(fusion.set);
+  const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(),
+                                             static_cast<std::size_t>(count), criterion, fusion);
+  if (status != Status::ok) {
+    require(before.unchanged(), "nothing changed otherwise", "the set");
+    require(status != Status::empty_intersection || fusion.margin < 0, "a contradiction has a margin", "many quadrics");
+    if (honest && status != Status::out_of_range && !(status == Status::unbounded && !with_prediction)) {
+      show("prediction", predicted.shape);
+      for (int i = 0; i < count; ++i) {
+        show("A", extended(quadrics[static_cast<std::size_t>(i)]).a);
+        show("g", extended(quadrics[static_cast<std::size_t>(i)]).g);
+        std::fprintf(stderr, "c %.17g\n", extended(quadrics[static_cast<std::size_t>(i)]).c);
+      }
+      broken("what is true is not refused", message(status));
+    }
+    return;
+  }
+  require_valid(fusion.set, "many quadrics");
+  if (with_prediction && honest && criterion.kind == SizeCriterion<double, N>::Kind::volume) {
+    require(log_determinant<N>(fusion.set.shape) <= log_determinant<N>(predicted.shape) + 1e-6L,
+            "no larger than the prediction", "many quadrics");
+  }
+  if (honest) {
+    require_contains<N>(fusion.set, point, 0, "many quadrics");
+  }
+}
+
+/// Two ellipsoids, or one with a quadric. These are of the first-order modes, and right to as many digits as the sharpness of
+/// one against the other leaves.
+template <int N>
+void two(Bytes& bytes) {
+  constexpr Real digits = 1e-7L;
+  Ellipsoid<double, N> first{Eigen::Matrix<double, N, 1>::Zero(), bytes.any_sized_shape<N>(1e-6, 10)};
+  const RealN<N> point = (1 - digits) * point_of<N>(first.shape, bytes.in_ball<N>());
+  Ellipsoid<double, N> second{Eigen::Matrix<double, N, 1>::Zero(), bytes.any_sized_shape<N>(1e-6, 10)};
+  second.center = (point - (1 - digits) * point_of<N>(second.shape, bytes.in_ball<N>())).template cast<double>();
+  bool honest = is_shape<N>(first.shape) && is_shape<N>(second.shape) &&
+                outside_by<N>(second.shape, RealN<N>(point - second.center.template cast<Real>())) <= 0;
+  if (bytes.choice(4) == 0) {
+    honest = false;
+    first = {bytes.numbers<N, 1>(), bytes.any_shape<N>()};
+  }
+  if (bytes.choice(8) == 0) {
+    honest = false;
+    second = {bytes.numbers<N, 1>(), bytes.any_shape<N>()};
+  }
+  const SizeCriterion<double, N> criterion = size_criterion<N>(bytes);
+  Intersection<double, N> result{first, 0.25};
+  const Snapshot before(result);
+  const bool with_quadric = bytes.choice(2) == 0;
+  const Quadric<double, N> quadric = honest_quadric<N>(bytes, point);
+  const Status status = with_quadric ? minimal_intersection(quadric, first, criterion, result)
+                                     : minimal_intersection(first, second, criterion, result);
+  if (status != Status::ok) {
+    require(before.unchanged(), "nothing changed otherwise", "two sets");
+    require(!honest || (status != Status::empty_intersection && status != Status::not_finite),
+            "what is true is not refused", message(status));
+    return;
+  }
+  require(validate(result.set) == Status::ok, "ok means finite and not negative", "two sets");
+  require(result.share >= 0 && result.share <= 1, "a share is one", "two sets");
+  if (honest) {
+    require(is_shape<N>(result.set.shape), "ok means finite and positive definite", "two sets");
+    const Eigen::Matrix<double, N, N> sharp =
+        with_quadric ? quadric.a : Eigen::Matrix<double, N, N>(second.shape.inverse());
+    const double sharpness = sharp.norm() * (first.shape.trace() + second.shape.trace()) +
+                             first.shape.inverse().norm() * (first.shape.trace() + second.shape.trace());
+    const Real rounding = 256 * static_cast<Real>(std::numeric_limits<double>::epsilon() * sharpness);
+    require_contains<N>(result.set, point, 10 * digits + rounding,
+                        with_quadric ? "an ellipsoid and a quadric" : "two ellipsoids");
+  }
+  double margin = 0.25;
+  const Status overlap = overlap_margin(first, second, margin);
+  require(overlap == Status::ok || margin == 0.25, "nothing changed otherwise", "the margin");
+  require(overlap != Status::ok || margin <= 1, "a margin is at most one", "the margin");
+  require(!honest || overlap != Status::ok || margin >= 0, "what is true is not refused", "the margin");
+}
+
+void session(Bytes bytes) {
+  switch (bytes.choice(4)) {
+    case 0:
+      many<3, Quadric<double, 3>>(bytes);
+      break;
+    case 1:
+      many<6, HalfQuadric<double>>(bytes);
+      break;
+    case 2:
+      many<6, Quadric<double, 6>>(bytes);
+      break;
+    default:
+      two<3>(bytes);
+  }
+}
+
+}  // namespace elliptude::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  elliptude::fuzz::session({data, size});
+  return 0;
+}
