@@ -80,14 +80,20 @@ class _Runner:
             refused=np.zeros(count, bool),
             forgotten=np.zeros(count, bool),
         )
-        start = None
-        if told.shape is not None:
-            try:
-                start = _core.StateEllipsoid(told.attitude, told.vector, told.shape, told.chart)  # type: ignore[arg-type]
-            except ValueError:
-                if not told.start_lies:
-                    raise
-        self.filter = self._new(start, self.times[0])
+        self.filter = self._first()
+
+    def _first(self) -> Any:
+        """A filter that is told the first set; one that is refused, which only a lie may be, is not told."""
+        told = self.told
+        if told.shape is None:
+            return self._new(None, self.times[0])
+        try:
+            start = _core.StateEllipsoid(told.attitude, told.vector, told.shape, told.chart)  # type: ignore[arg-type]
+            return self._new(start, self.times[0])
+        except ValueError:
+            if not told.start_lies:
+                raise
+        return self._new(None, self.times[0])
 
     def _new(self, start: Any, time: float) -> Any:
         return guaranteed("GuaranteedFilter")(self.flow, start, time=time, **self.told.options)

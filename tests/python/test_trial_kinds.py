@@ -276,9 +276,8 @@ def test_a_gyro_of_constant_rate_turns_by_its_closed_form():
     assert of.largest_rate * of.interval > 1.0
     for n, row in itertools.product(range(5), (1, 20)):
         with mpmath.workdps(50):
-            rate = [
-                mpmath.mpf(float(s)) - mpmath.mpf(float(b)) for s, b in zip(measured.rates[n, 0], motion.vectors[n, 0])
-            ]
+            pairs = zip(measured.rates[n, 0], motion.vectors[n, 0], strict=True)
+            rate = [mpmath.mpf(float(sample)) - mpmath.mpf(float(bias)) for sample, bias in pairs]
             speed = mpmath.sqrt(sum(x * x for x in rate))
             angle, axis = speed * mpmath.mpf(float(of.interval * row)), [x / speed for x in rate]
             hat = mpmath.matrix([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
