@@ -153,6 +153,10 @@ def test_bounds_are_not_proposed_for_wrong_axes(tmp_path):
         assert "the gyro: its axes are not as stated" in words(done)
         assert 'columns = ["gyr[0]", "gyr[1]", "gyr[2]"]' in words(done)
         assert not (tmp_path / "new.toml").exists()
+    # Its quantiles may be looked at.
+    done = run("bounds", tmp_path / "log.npz", tmp_path / "log.toml")
+    assert done.exit_code == 0, done.output
+    assert "implausible: the gyro: its axes are not as stated" in words(done)
 
 
 # --- which way is up --------------------------------------------------------------------------------------------------
