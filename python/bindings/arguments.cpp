@@ -16,6 +16,17 @@ void require_bound(const Matrix3<double>& bound, bool may_be_flat, const std::st
   }
 }
 
+namespace {
+
+/// A radius whose square is beyond the domain: it must not count as zero, nor as infinite.
+void require_radius(double radius, const Matrix3<double>& bound, const std::string& label) {
+  if (radius > 0 && (bound(0, 0) == 0 || !is_in_domain(bound))) {
+    raise(Status::beyond_domain, label + " = " + text(radius));
+  }
+}
+
+}  // namespace
+
 Matrix3<double> one_bound(const py::object& value, const std::string& name, bool may_be_flat) {
   const Items numbers(value, name, {});
   const bool is_radius = numbers.leading().empty();
@@ -26,6 +37,9 @@ Matrix3<double> one_bound(const py::object& value, const std::string& name, bool
     value_error(name + " must not be negative, but is " + text(numbers.number(0)));
   }
   const Matrix3<double> bound = bound_of(numbers[0], is_radius);
+  if (is_radius) {
+    require_radius(numbers.number(0), bound, name);
+  }
   require_bound(bound, may_be_flat, name);
   return bound;
 }
@@ -46,6 +60,9 @@ std::vector<Matrix3<double>> direction_bounds(const py::object& value, Index m) 
       value_error(label + " must be positive, but is " + text(numbers.number(offset)) + " rad");
     }
     bounds.push_back(bound_of(numbers[offset], is_radius));
+    if (is_radius) {
+      require_radius(numbers.number(offset), bounds.back(), label);
+    }
     require_bound(bounds.back(), false, label);
   }
   return bounds;

@@ -51,6 +51,12 @@ class RowFault : public std::runtime_error {
 /// \throws ValueError.
 [[noreturn]] void value_error(const std::string& message);
 
+/// \throws ValueError unless positive.
+void check_most_steps(long most_steps);
+
+/// What a prediction says that takes more steps than its flow may.
+[[noreturn]] void raise_too_many_steps(double time, double from, long most_steps);
+
 /// \param subject what the status is about, for the message: an argument or an operation.
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.
 [[noreturn]] void raise(Status status, const std::string& subject);

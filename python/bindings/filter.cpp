@@ -8,6 +8,7 @@
 #include "ellipsoids.hpp"
 #include "flow.hpp"
 #include "module.hpp"
+#include "signals.hpp"
 #include "state_ellipsoid.hpp"
 
 namespace elliptude::python {
@@ -46,6 +47,8 @@ class PythonFilter {
       raise_unless_ok(BodyFlow::make(settings.body, HeldPotential{&*settings.potential, failure_.get()}, settings.step,
                                      settings.order, settings.unknown_torque, core),
                       "flow");
+      raise_unless_ok(core.set_most_steps(settings.most_steps), "most_steps");
+      core.set_interruption(interruption_by_signals());
       make<BodyFilter<PaperEstimator>, BodyFilter<FirstOrderEstimator>>(core, size, start, ellipsoid);
     } else if (py::isinstance<GyroFlowSettings>(flow_)) {
       const auto& settings = flow_.cast<const GyroFlowSettings&>();
@@ -240,9 +243,14 @@ class PythonFilter {
   void predict_to(Filter& filter, double time, const Vector3<double>& input) const {
     const Status status = filter.predict(time, typename Filter::Input{input});
     failure_->rethrow();
+    raise_if_interrupted(status);
     if (status == Status::out_of_range) {
-      value_error("time must not go backwards, and by no more than " + std::to_string(BodyFlow::most_steps) +
-                  " steps forwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+      value_error("time must not go backwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+    }
+    if constexpr (has_rate<Filter>) {
+      if (status == Status::too_many_steps) {
+        raise_too_many_steps(time, filter.time(), filter.flow().most_steps());
+      }
     }
     if (status == Status::unbounded) {
       value_error("the set has grown beyond all numbers by " + text(time) + " s, without a measurement since " +

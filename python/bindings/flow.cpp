@@ -8,7 +8,8 @@ namespace elliptude::python {
 namespace {
 
 [[nodiscard]] BodyFlowSettings make_body_flow(const RigidBody<double>& body, const py::object& potential,
-                                              const py::object& step, int order, const py::object& unknown_torque) {
+                                              const py::object& step, int order, const py::object& unknown_torque,
+                                              long most_steps) {
   Composition<double> composition{};
   if (composition_of_order(order, composition) != Status::ok) {
     value_error("order must be 2, 4, 6 or 8, but is " + std::to_string(order));
@@ -17,10 +18,15 @@ namespace {
   if (!(longest_step > 0)) {
     value_error("step must be positive, but is " + text(longest_step) + " s");
   }
+  check_most_steps(most_steps);
   const py::object given = potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
-  return {body, PotentialReference(given, "potential"), longest_step, order,
+  return {body,
+          PotentialReference(given, "potential"),
+          longest_step,
+          order,
           unknown_torque.is_none() ? Matrix3<double>(Matrix3<double>::Zero())
-                                   : one_bound(unknown_torque, "unknown_torque", true)};
+                                   : one_bound(unknown_torque, "unknown_torque", true),
+          most_steps};
 }
 
 }  // namespace
@@ -28,8 +34,9 @@ namespace {
 void define_flows(py::module_& module) {
   using namespace py::literals;
 
-  py::class_<BodyFlowSettings>(module, "RigidBodyFlow", collectable<BodyFlowSettings>(),
-                               R"(RigidBodyFlow(body, potential=None, *, step, order=2, unknown_torque=None)
+  py::class_<BodyFlowSettings>(
+      module, "RigidBodyFlow", collectable<BodyFlowSettings>(),
+      R"(RigidBodyFlow(body, potential=None, *, step, order=2, unknown_torque=None, most_steps=1000000)
 --
 
 How a rigid body in a potential moves between measurements: the variational integrator and its linearization.
@@ -46,23 +53,26 @@ order : {2, 4, 6, 8}
 unknown_torque : float or (3, 3) array_like, optional
     A torque beside those known, constant over each step and anything in a ball of this radius (N m) or an ellipsoid of
     this shape ((N m)²) from step to step.
+most_steps : int
+    A prediction over more steps is refused: the time is then more likely wrong than meant.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a, "order"_a = 2,
-           "unknown_torque"_a = py::none())
+           "unknown_torque"_a = py::none(), "most_steps"_a = default_most_steps)
       .def_property_readonly("body", [](const BodyFlowSettings& self) { return self.body; })
       .def_property_readonly("potential", [](const BodyFlowSettings& self) { return self.potential.object(); })
       .def_readonly("step", &BodyFlowSettings::step)
       .def_readonly("order", &BodyFlowSettings::order)
       .def_property_readonly("unknown_torque",
                              [](const BodyFlowSettings& self) { return to_constant_array(self.unknown_torque); })
+      .def_readonly("most_steps", &BodyFlowSettings::most_steps)
       .def(py::pickle(
           [](const BodyFlowSettings& self) {
             return py::make_tuple(self.body, self.potential.object(), self.step, self.order,
-                                  to_array(self.unknown_torque));
+                                  to_array(self.unknown_torque), self.most_steps);
           },
           [](const py::tuple& state) {
             return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3].cast<int>(),
-                                  state[4]);
+                                  state[4], state.size() > 5 ? state[5].cast<long>() : default_most_steps);
           }));
 
   py::class_<GyroFlowSettings>(module, "GyroFlow",

@@ -33,6 +33,7 @@ struct BodyFlowSettings {
   double step;
   int order;
   Matrix3<double> unknown_torque;
+  long most_steps;
 
   [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {
     return potential.traverse(visit, argument);

@@ -17,7 +17,7 @@ namespace {
 
 [[nodiscard]] GuaranteedBodyFlowSettings make_body_flow(const RigidBody<double>& body, const py::object& potential,
                                                         const py::object& step, const py::object& unknown_torque,
-                                                        const py::object& inertia_error) {
+                                                        const py::object& inertia_error, long most_steps) {
   const double longest_step = single(step, "step", {}).number(0);
   if (!(longest_step > 0)) {
     value_error("step must be positive, but is " + text(longest_step) + " s");
@@ -46,8 +46,10 @@ namespace {
     value_error("inertia_error must be below the least principal moment, " + text(least) + " kg m², but is " +
                 text(uncertainty.inertia) + " kg m²");
   }
+  check_most_steps(most_steps);
   GuaranteedBodyFlow flow;
   raise_unless_ok(GuaranteedBodyFlow::make(body, bounded, longest_step, uncertainty, flow), "flow");
+  raise_unless_ok(flow.set_most_steps(most_steps), "most_steps");
   return {flow, std::move(reference), longest_step, uncertainty};
 }
 
@@ -94,7 +96,7 @@ void define_guaranteed_flows(py::module_& module) {
 
   py::class_<GuaranteedBodyFlowSettings>(
       module, "GuaranteedRigidBodyFlow", collectable<GuaranteedBodyFlowSettings>(),
-      R"(GuaranteedRigidBodyFlow(body, potential=None, *, step, unknown_torque=None, inertia_error=0.0)
+      R"(GuaranteedRigidBodyFlow(body, potential=None, *, step, unknown_torque=None, inertia_error=0.0, most_steps=1000000)
 --
 
 How a rigid body in a potential moves, in continuous time, and a set about it that holds every motion there may be.
@@ -113,6 +115,8 @@ unknown_torque : float or (3, 3) array_like, optional
     axes, however it changes.
 inertia_error : float
     Largest error of the inertia matrix in the spectral norm, kg m²: below the least principal moment.
+most_steps : int
+    A prediction over more steps is refused: the time is then more likely wrong than meant.
 
 Raises
 ------
@@ -120,7 +124,7 @@ ValueError
     If the potential offers no bounds, or an argument is not finite or out of its range.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a,
-           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0)
+           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0, "most_steps"_a = default_most_steps)
       .def_property_readonly(
           "body", [](const GuaranteedBodyFlowSettings& self) { return self.flow.body(); }, "The body, a RigidBody.")
       .def_property_readonly(
@@ -134,13 +138,17 @@ ValueError
       .def_property_readonly(
           "inertia_error", [](const GuaranteedBodyFlowSettings& self) { return self.uncertainty.inertia; },
           "Largest error of the inertia matrix, kg m².")
+      .def_property_readonly(
+          "most_steps", [](const GuaranteedBodyFlowSettings& self) { return self.flow.most_steps(); },
+          "The most steps of one prediction.")
       .def(py::pickle(
           [](const GuaranteedBodyFlowSettings& self) {
             return py::make_tuple(self.flow.body(), self.potential.object(), self.step,
-                                  to_array(self.uncertainty.torque), self.uncertainty.inertia);
+                                  to_array(self.uncertainty.torque), self.uncertainty.inertia, self.flow.most_steps());
           },
           [](const py::tuple& state) {
-            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3], state[4]);
+            return make_body_flow(state[0].cast<RigidBody<double>>(), state[1], state[2], state[3], state[4],
+                                  state.size() > 5 ? state[5].cast<long>() : default_most_steps);
           }));
 
   py::class_<GuaranteedGyroFlowSettings>(

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "ellipsoids.hpp"
+#include "signals.hpp"
 
 namespace elliptude::python {
 
@@ -82,13 +83,18 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
   if (status == Status::ok) {
     return;
   }
+  raise_if_interrupted(status);
   if (status == Status::out_of_range && time >= filter.time() && !Filter::measures_rate) {
-    value_error("gyro" + at_row(row) + " makes a turn of " + text(inputs.gyro.norm() * (time - filter.time())) +
+    value_error("gyro makes a turn of " + text(inputs.gyro.norm() * (time - filter.time())) +
                 " rad, of which nothing is left to be known; is its unit rad/s?");
   }
   if (status == Status::out_of_range) {
-    value_error("time must not go backwards, and by no more than " + std::to_string(GuaranteedBodyFlow::most_steps) +
-                " steps forwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+    value_error("time must not go backwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+  }
+  if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
+    if (status == Status::too_many_steps) {
+      raise_too_many_steps(time, filter.time(), filter.flow().most_steps());
+    }
   }
   if (status == Status::step_too_long) {
     value_error("step of the flow is too long: the angular velocity is " +
@@ -191,7 +197,11 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
                                   double time, const std::optional<AnyStateEllipsoid>& start) {
   using State = typename Filter::State;
   Filter filter;
-  raise_unless_ok(Filter::make(flow, settings, time, filter), "criterion");
+  typename Filter::Flow interruptible = flow;
+  if constexpr (std::is_same_v<Filter, BodyFilter>) {
+    interruptible.set_interruption(interruption_by_signals());
+  }
+  raise_unless_ok(Filter::make(interruptible, settings, time, filter), "criterion");
   if (start) {
     const Status status =
         start->is_gibbs ? filter.start(start->as<State, GibbsChart>()) : filter.start(start->as<State>());

@@ -248,6 +248,7 @@ class RigidBodyFlow:
         step: float,
         order: int = 2,
         unknown_torque: ArrayLike | None = None,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -259,6 +260,8 @@ class RigidBodyFlow:
     def order(self) -> int: ...
     @property
     def unknown_torque(self) -> _Floats: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GyroFlow:
@@ -346,6 +349,7 @@ class GuaranteedRigidBodyFlow:
         step: float,
         unknown_torque: ArrayLike | None = None,
         inertia_error: float = 0.0,
+        most_steps: int = 1000000,
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -357,6 +361,8 @@ class GuaranteedRigidBodyFlow:
     def unknown_torque(self) -> _Floats: ...
     @property
     def inertia_error(self) -> float: ...
+    @property
+    def most_steps(self) -> int: ...
 
 @final
 class GuaranteedGyroFlow:
@@ -510,9 +516,16 @@ def _true_motion(
     *,
     weighted_center: ArrayLike | None = None,
     orbit_rate: float = 0.0,
+    eccentricity: float = 0.0,
     wheel_momentum: ArrayLike | None = None,
     torque: ArrayLike | None = None,
+    precise: bool = False,
 ) -> tuple[_Floats, _Floats]: ...
 def _true_rotation(
-    times: ArrayLike, attitude: AttitudeLike, angular_velocity: ArrayLike, angular_acceleration: ArrayLike
+    times: ArrayLike,
+    attitude: AttitudeLike,
+    angular_velocity: ArrayLike,
+    angular_acceleration: ArrayLike,
+    *,
+    precise: bool = False,
 ) -> tuple[_Floats, _Floats]: ...

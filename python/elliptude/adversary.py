@@ -1,18 +1,14 @@
 """What `elliptude.validation` tries the filters with: scenarios from any start, and errors that use up their bounds."""
 
-import math
 from dataclasses import dataclass, fields
-from functools import cached_property
-from typing import Any, Literal, Protocol, TypeAlias, assert_never, get_args
+from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-import elliptude
-from elliptude import _core, scenarios, simulation
+from elliptude import _core, simulation
 from elliptude.results import FloatArray
-from elliptude.scenarios import Scenario
 
 Noise: TypeAlias = Literal["inside", "perpendicular", "common", "alternating", "search"]
 """How errors are drawn.
@@ -38,7 +34,7 @@ SCENARIOS = tuple(DESCRIPTIONS)
 
 # What rounding adds to an error: rad and rad/s. Bounds are used up but for it.
 _ROUNDING = 1e-14
-_INSIDE = 1.0 - 1e-12
+INSIDE = 1.0 - 1e-12
 
 
 @dataclass(frozen=True)
@@ -49,11 +45,14 @@ class Case:
     directions: str
     bound_deg: float
     noise: Noise
+    kind: str = "honest"
+    """One of `elliptude.trial_kinds.KINDS`, or ``honest``."""
 
     @property
     def name(self) -> str:
-        """The case in words: "orbit three 7 inside"."""
-        return f"{self.scenario} {self.directions} {self.bound_deg:g} {self.noise}"
+        """The case in words: "orbit three 7 inside", with the kind of trial if it is not ``honest``."""
+        words = f"{self.scenario} {self.directions} {self.bound_deg:g} {self.noise}"
+        return words if self.kind == "honest" else f"{words} {self.kind}"
 
 
 # --- what moves, and how it is measured -------------------------------------------------------------------------------
@@ -105,7 +104,7 @@ class Starts:
 
     def true_states(self, errors: Errors) -> tuple[FloatArray, FloatArray]:
         """Attitudes (T, 3, 3) and vectors (T, 3) at time 0."""
-        offsets = np.einsum("tij,tj->ti", self.roots, _INSIDE * errors.start)
+        offsets = np.einsum("tij,tj->ti", self.roots, INSIDE * errors.start)
         return self.attitudes @ _rotations(offsets[:, :3]), self.vectors + offsets[:, 3:]
 
 
@@ -144,7 +143,11 @@ class Plant(Protocol):
 
     @property
     def bound(self) -> float:
-        """Of a direction's error, rad, and of the measured rate's, rad/s."""
+        """Of a direction's error, rad."""
+
+    @property
+    def rate_bound(self) -> float:
+        """Of the error of a measured rate or a gyro's sample, rad/s."""
 
     @property
     def has_gyro(self) -> bool:
@@ -164,154 +167,6 @@ class Plant(Protocol):
         """Of the guaranteed mode."""
 
 
-@dataclass(frozen=True, eq=False)
-class RigidBodyPlant:
-    """A scenario of `elliptude.scenarios`, from any initial state, perhaps with an unknown torque."""
-
-    scenario: Scenario
-    reference: FloatArray
-    bound: float
-    unknown_torque: float
-    """N m."""
-    has_gyro: bool = False
-
-    @property
-    def interval(self) -> float:
-        """s."""
-        return self.scenario.interval
-
-    @property
-    def largest_rate(self) -> float:
-        """At the start, rad/s."""
-        return float(np.linalg.norm(self.scenario.rate0))
-
-    def motion(self, starts: Starts, errors: Errors) -> Motion:
-        """The continuous motion, the unknown torque constant from update to update."""
-        attitudes, rates = starts.true_states(errors)
-        potential = self.scenario.potential
-        center, orbit_rate = np.zeros(3), 0.0
-        match potential:
-            case scenarios.Free():
-                pass
-            case scenarios.UniformGravity():
-                center = potential.mass * potential.gravity * np.array(potential.center_of_mass)
-            case scenarios.GravityGradient():
-                orbit_rate = potential.orbit_rate
-            case _:
-                assert_never(potential)
-        attitudes, rates = _core._true_motion(
-            _times(self, errors),
-            attitudes,
-            rates,
-            self.scenario.inertia_matrix,
-            weighted_center=center,
-            orbit_rate=orbit_rate,
-            torque=_INSIDE * self.unknown_torque * errors.inputs[:, :, 0],
-        )
-        return Motion(attitudes, rates, rates)
-
-    @cached_property
-    def _body(self) -> _core.RigidBody:
-        return _core.RigidBody(self.scenario.inertia_matrix)
-
-    @cached_property
-    def _potential(self) -> _core.Potential:
-        potential = self.scenario.potential
-        match potential:
-            case scenarios.Free():
-                return _core.FreeBody()
-            case scenarios.UniformGravity():
-                return _core.UniformGravity(potential.mass, potential.gravity, potential.center_of_mass)
-            case scenarios.GravityGradient():
-                return _core.GravityGradient(self._body, potential.orbit_rate)
-            case _:
-                assert_never(potential)
-
-    def flow(self) -> _core.RigidBodyFlow:
-        """Of the modes of first order."""
-        return _core.RigidBodyFlow(
-            self._body,
-            self._potential,
-            step=self.scenario.step,
-            order=self.scenario.integrator_order,
-            unknown_torque=self.unknown_torque or None,
-        )
-
-    def guaranteed_flow(self) -> Any:
-        """Of the guaranteed mode."""
-        return guaranteed("GuaranteedRigidBodyFlow")(
-            self._body, self._potential, step=self.scenario.step, unknown_torque=self.unknown_torque or None
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class GyroPlant:
-    """A gyro with noise, a drifting bias, and a rate that changes between its samples."""
-
-    reference: FloatArray
-    bound: float
-    """Of the gyro's noise too, rad/s."""
-    interval: float = 0.1
-    largest_rate: float = 1.0
-    angular_acceleration: float = 1.0
-    """rad/s²."""
-    has_gyro: bool = True
-
-    @property
-    def drift(self) -> float:
-        """Bound of the rate of change of the bias, rad/s²."""
-        return 0.1 * self.bound
-
-    def motion(self, starts: Starts, errors: Errors) -> Motion:
-        """Angular acceleration and drift are constant from sample to sample."""
-        attitudes, biases = starts.true_states(errors)
-        accelerations, drifts = np.moveaxis(_INSIDE * errors.inputs, 2, 0)
-        attitudes, rates = _core._true_rotation(
-            _times(self, errors), attitudes, starts.rates, self.angular_acceleration * accelerations
-        )
-        added = np.cumsum(self.interval * self.drift * drifts, axis=1)
-        return Motion(attitudes, rates, biases[:, None] + np.pad(added, ((0, 0), (1, 0), (0, 0))))
-
-    def flow(self) -> _core.GyroFlow:
-        """Of the modes of first order: the sample's error is that of the interval's mean rate."""
-        change = 0.5 * self.interval * (self.angular_acceleration + self.drift)
-        return _core.GyroFlow(self.bound + change, self.drift)
-
-    def guaranteed_flow(self) -> Any:
-        """Of the guaranteed mode."""
-        return guaranteed("GuaranteedGyroFlow")(
-            noise=self.bound,
-            drift=self.drift,
-            angular_acceleration=self.angular_acceleration,
-            interval_rate="first_sample",
-        )
-
-
-_UNKNOWN_TORQUE = 0.01
-
-
-def plant(case: Case) -> Plant:
-    """What a case moves and measures."""
-    orbit = scenarios.load("orbit")
-    reference = np.array(orbit.directions[case.directions])
-    bound = math.radians(case.bound_deg)
-    if case.scenario == "gyro":
-        return GyroPlant(reference, bound)
-    if case.scenario == "disturbed":
-        return RigidBodyPlant(orbit, reference, bound, _UNKNOWN_TORQUE)
-    return RigidBodyPlant(scenarios.load(case.scenario), reference, bound, 0.0)
-
-
-def guaranteed(name: str) -> Any:
-    """A class of the guaranteed mode."""
-    return getattr(elliptude, name)
-
-
-def _times(of: Plant, errors: Errors) -> FloatArray:
-    times: FloatArray = of.interval * np.arange(errors.rates.shape[1] + 1)
-    return times
-
-
 def measure(of: Plant, motion: Motion, errors: Errors) -> Measured:
     """Measurements with the given share of their bounds as errors.
 
@@ -327,19 +182,19 @@ def measure(of: Plant, motion: Motion, errors: Errors) -> Measured:
         The angle between a true and a measured direction, and the length of a rate's error, are at most the bound,
         rounding included.
     """
-    bound = of.bound - _ROUNDING
+    bound, rate_bound = (max(0.0, bound - _ROUNDING) for bound in (of.bound, of.rate_bound))
     true = _true_directions(of, motion)
     turned = np.einsum("tumij,tumi->tumj", _rotations(bound * errors.directions), true)
     nowhere = np.full((len(true), 1, *true.shape[2:]), np.nan)
     directions = np.concatenate([nowhere, turned], axis=1)
     if of.has_gyro:  # the sample of row k is for the interval that begins there
         rates = motion.rates + motion.vectors
-        rates[:, :-1] += bound * errors.rates
+        rates[:, :-1] += rate_bound * errors.rates
     else:
         rates = motion.rates.copy()
         rates[:, 0] = np.nan
-        rates[:, 1:] -= bound * errors.rates
-    return Measured(directions, rates)
+        rates[:, 1:] -= rate_bound * errors.rates
+    return Measured(directions, rates.astype(np.float64))
 
 
 def _true_directions(of: Plant, motion: Motion) -> FloatArray:

@@ -123,6 +123,8 @@ class Rule(Model):
     accelerometer: AccelerometerRule
     motion: MotionRule
     magnetometer: MagnetometerRule | None = None
+    bounds_from_recording: str | None = None
+    """Which recording its numbers are proposals from, where nobody has given reasons for them."""
 
 
 def read_rule(path: str | os.PathLike[str]) -> Rule:
@@ -287,6 +289,24 @@ def apply_rule(
     field = dataclasses.replace(field, angles=np.where(void, np.nan, field.angles), excess=excess)
     east = cross_bounds(up, field, reference, in_plane_error=error)
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
+
+
+def field_at_start(
+    rule: Rule, times: FloatArray, angular_velocities: FloatArray, specific_forces: FloatArray, fields: FloatArray
+) -> FloatArray:
+    """The direction (3,) of the field in the rule's reference frame, from the rest at the start; as `apply_rule`.
+
+    Raises
+    ------
+    ValueError
+        If the recording does not start at rest, or contradicts the rule there.
+    """
+    assert rule.magnetometer is not None
+    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces)
+    shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
+    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
+    direction: FloatArray = reference / np.linalg.norm(reference)
+    return direction
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from elliptude import estimation, logs, plausibility, units
+from elliptude import estimation, logs, plausibility, suspicions, units
+from elliptude.body_at_rest import UpAtRest, up_in_log
 from elliptude.configuration import Configuration, GyroFlow
 from elliptude.files import FileError
 from elliptude.logs import Log, Samples
@@ -57,6 +58,7 @@ class Report:
 
     sensors: list[SensorReport]
     findings: list[Finding]
+    up_at_rest: UpAtRest | None = None
 
     @property
     def is_good(self) -> bool:
@@ -93,6 +95,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             except FileError as error:
                 messages.setdefault(str(error), name)
         findings += [Finding("error", "", message) for message in messages]
+    up = None
     if not findings:
         try:
             log = logs.read_log(path, configuration)
@@ -101,9 +104,14 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
         else:
             findings += plausibility.contradictions(log, configuration)
             findings += _start(log, configuration)
+            up = up_in_log(log, configuration)
+    findings += [
+        Finding("warning", one.sensor, f"suspicious: {one.message}")
+        for one in suspicions.of_configuration(configuration)
+    ]
     reports = [_report(one, configuration) for one in samples]
     findings += [finding for one in samples for finding in _suspicions(one, configuration)]
-    return Report(reports, findings)
+    return Report(reports, findings, up)
 
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:

@@ -15,7 +15,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude import logs, mapping, plausibility, proposals
+from elliptude import body_at_rest, logs, mapping, plausibility, proposals, suspicions
 from elliptude.cli_options import Force, refuse_to_replace, require_finite
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
@@ -95,8 +95,8 @@ def bounds(
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
-    if out is not None:
-        # What `estimate` would refuse, such as degrees that are called radians, is no log to write a configuration for.
+    if out is not None or rule is not None:
+        # What `estimate` would refuse, such as degrees that are called radians, is no log to write bounds for.
         next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log)), None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
@@ -115,8 +115,16 @@ def bounds(
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
         _write(rule, proposed, margin, log)
+    suspicious = [str(one) for one in suspicions.of_proposal(rule_tables(proposed, margin))]
+    up = None
+    if recording.specific_forces is not None:
+        up = body_at_rest.up_at_rest(
+            recording.times + origin, recording.angular_velocities, recording.specific_forces, recording.fields
+        )
     if as_json:
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
+        summary["suspicious"] = suspicious
+        summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
@@ -129,6 +137,10 @@ def bounds(
     Console(width=max(Console().width, 100)).print(_table(proposed))
     for line in _remarks(proposed):
         typer.echo(line)
+    if up is not None:
+        typer.echo(f"{up}.")
+    for one in suspicious:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     typer.echo(_NOTE)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
@@ -401,6 +413,9 @@ def _write(path: Path, proposed: Proposal, margin: float, log: Path) -> None:
         "the hand, as marked, and what it shows in part alone is not less than that.",
     ):
         document.add(tomlkit.comment(line))
+    document.add(tomlkit.nl())
+    document.add("bounds_from_recording", log.name)
+    document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
     for name, section in sections(rule_tables(proposed, margin)).items():
         document.add(tomlkit.nl())
         document.add(name, section)

@@ -35,6 +35,8 @@ def check(
     else:
         if report.sensors:
             Console(width=max(Console().width, 110)).print(_table(report))
+        if report.up_at_rest is not None:
+            typer.echo(f"{report.up_at_rest}.")
         for finding in report.findings:
             color = typer.colors.RED if finding.severity == "error" else typer.colors.YELLOW
             typer.secho(f"{finding.severity}: {finding}", fg=color)

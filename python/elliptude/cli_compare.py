@@ -22,6 +22,7 @@ from elliptude.cli_options import (
 )
 from elliptude.configuration import read_configuration
 from elliptude.files import FileError
+from elliptude.quaternion_readings import readings
 from elliptude.reference_attitudes import read_reference
 from elliptude.runs import read_run
 
@@ -46,7 +47,8 @@ def compare(
 ) -> None:
     """Compare results with a reference attitude: containment, error of the center, width of the sets.
 
-    Exit code 1 if the reference is outside a set that the table claims to hold without a condition.
+    Exit code 1 if the reference is outside a set that the table claims to hold without a condition, or if its
+    quaternions are read in a wrong order or as their inverse.
     """
     require_finite("--largest-gap-s", largest_gap_s)
     if tum is not None:
@@ -54,13 +56,14 @@ def compare(
     configuration = None if config is None else read_configuration(config)
     error_deg, source = reference_error(reference_error_deg, configuration)
     run, _ = read_run(result)
+    truth = None if configuration is None else configuration.truth
+    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
     try:
+        attitudes = read_reference(reference, configuration)
         compared = comparison.compare(
-            run,
-            read_reference(reference, configuration),
-            largest_gap=largest_gap_s,
-            reference_error=math.radians(error_deg),
+            run, attitudes, largest_gap=largest_gap_s, reference_error=math.radians(error_deg)
         )
+        misread = comparison.misread_reference(run, attitudes, choices, largest_gap=largest_gap_s)
     except ValueError as error:
         raise FileError(f"{result}, {reference}: {error}") from error
     written: tuple[Path, ...] = ()
@@ -74,6 +77,7 @@ def compare(
             "reference": str(reference),
             "reference_error_deg": error_deg,
             "reference_error_from": source,
+            "reference_misread": misread,
         }
         typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -84,6 +88,14 @@ def compare(
         Console(width=max(Console().width, 110)).print(_table(summary))
         for path in written:
             typer.echo(f"  {path}")
+    if misread is not None:
+        typer.secho(
+            f"the reference {misread}: its quaternions are not as declared; [truth] of a configuration (--config) says "
+            "how they are",
+            err=True,
+            fg=typer.colors.RED,
+        )
+        raise typer.Exit(1)
     if compared.broken_promises:
         typer.secho(
             f"{compared.broken_promises} rows claim a set that holds without a condition, and the reference is outside",

@@ -36,7 +36,7 @@ from elliptude.cli_options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation import Estimation, PieceEstimator
 from elliptude.files import FileError, replacing, write_json
-from elliptude.results import FloatArray
+from elliptude.results import IF_PROPOSED_BOUNDS_HOLD, FloatArray
 from elliptude.runs import read_run
 from elliptude.summary import SETTLED_UPDATE, Summary
 from elliptude.tables import Results, write_columns, writing_columns
@@ -59,6 +59,13 @@ def estimate(
         typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
     ] = None,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
+    ignore_implausible: Annotated[
+        bool,
+        typer.Option(
+            "--ignore-implausible",
+            help="Go on where sensors contradict one another as with a wrong unit, order or axis; the results say so.",
+        ),
+    ] = False,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -69,6 +76,8 @@ def estimate(
     names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
     configuration = read_configuration(config)
+    if ignore_implausible:
+        configuration = configuration.model_copy(update={"implausible": "ignore"})
     files = [out / f"results.{format}", out / _FIGURE, out / _SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
@@ -96,25 +105,47 @@ def estimate(
 
 def _say(log: Path, summary: dict[str, Any]) -> None:
     """The summary's essence."""
+    for one in summary["implausible"]:
+        typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
+    for one in summary["suspicious_statements"]:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     if summary["mode"] == "guaranteed":
         _say_of_guaranteed(log, summary)
     else:
         typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    _say_up(summary)
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
-    if summary["compared_with"] is not None and summary["inside_share_of_updates"] is not None:
+    if summary["compared_with"] is not None and summary["inside_share_of_rows"] is not None:
         error = summary["attitude_error_deg"]["mean"]
-        inside = 100.0 * summary["inside_share_of_updates"]
+        inside = 100.0 * summary["inside_share_of_rows"]
         typer.echo(
-            f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of updates"
+            f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
         )
+
+
+def _say_up(summary: dict[str, Any]) -> None:
+    """Which way up the body was taken to be, which nobody but a person can check."""
+    if summary["up_at_rest"] is not None:
+        typer.echo(f"  {summary['up_at_rest']['in_words']}")
 
 
 def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
     claims = summary["claim_share_of_rows"]
-    shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
-    typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    recording = summary["bounds_from_recording"]
+    if recording is None:
+        shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    else:
+        shares = ", ".join(f"{100.0 * share:.4g} % {IF_PROPOSED_BOUNDS_HOLD[name]}" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; {shares}")
+        typer.echo(
+            f"  the bounds are proposals from {recording}, so that the sets are no guarantee: once there is a reason "
+            "for each bound, delete bounds_from_recording in the configuration"
+        )
+    for hint in summary["why_no_set"]:
+        typer.secho(f"  no set at any row: {hint}", fg=typer.colors.YELLOW)
     for sensor, rows in summary["contradicted_rows"].items():
         what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
         typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
@@ -140,14 +171,15 @@ def _estimate_pieces(
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
-    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
+    heard = plausibility.Heard()
+    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
     estimator = PieceEstimator(configuration)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
     summary, thinned = Summary(), Thinned()
     try:
-        with writing_columns(out / table, "results") as write:
+        with writing_columns(out / table, "results", heard.notes) as write:
             for results in estimator.run(pieces):
                 progress.update(task, advance=0 if at_once else len(results.times), description="Estimating")
                 # It takes a third of a second, and the core is at work on the next piece.
@@ -166,6 +198,7 @@ def _estimate_pieces(
         vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
+        heard=heard,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

@@ -18,13 +18,16 @@ from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import elliptude
-from elliptude import adversary, validation
+from elliptude import adversary, trial_kinds, validation
 from elliptude.adversary import Case
 from elliptude.cli_options import SummaryAsJson
 from elliptude.files import FileError, write_json
+from elliptude.judge import Mode
 from elliptude.validation import Arguments
 
 _PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
+# Of the guaranteed mode: none of these may be counted.
+_FAULTS = ("escapes", "overclaimed", "refused", "failed", "stuck")
 # Between two writings of what is done, s.
 _KEEP_AFTER = 0.5
 
@@ -70,7 +73,16 @@ def validate(
             "initial state are moved towards leaving the set, from run to run."
         ),
     ] = "all",
-    mode: Annotated[validation.Mode, typer.Option(help="The estimator that is tried.")] = "guaranteed",
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="honest: all that was measured, as it was measured; "
+            + "; ".join(f"{name}: {kind.tries}" for name, kind in trial_kinds.KINDS.items())
+            + ". May be given several times; kinds other than honest are for mode guaranteed, and are not searched.",
+            show_default="honest",
+        ),
+    ] = None,
+    mode: Annotated[Mode, typer.Option(help="The estimator that is tried.")] = "guaranteed",
     processes: Annotated[
         int | None, typer.Option(min=1, max=1024, help="How many run side by side.", show_default="one for each core")
     ] = None,
@@ -81,9 +93,11 @@ def validate(
 
     Prints for each case how many updates were judged, how often the truth had left the set, the largest value of its
     form (the edge is at 1), how often the prediction went into the set, and the mean trace and volume radius against
-    those of mode paper and of the measurements alone on the same data. Writes summary.json and a figure.
+    those of mode paper and of the measurements alone on the same data; for other kinds than honest, what the sets
+    claim, and after how many updates a liar did no more harm. Writes summary.json and a figure.
 
-    The exit code is 1 if the guaranteed mode lost the truth, took true measurements for contradictory, or gave up.
+    The exit code is 1 if the guaranteed mode lost the truth, took true measurements for contradictory, gave up, or did
+    not get over a liar.
     """
     if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
         raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
@@ -91,19 +105,26 @@ def validate(
     for bound in bounds:
         if not 1e-3 <= bound <= 60.0:
             raise typer.BadParameter(f"{bound} is not between 0.001 and 60", param_hint="--bound-deg")
-    arguments = Arguments(
-        mode=mode,
-        trials=trials,
-        updates=updates,
-        seed=seed,
-        cases=tuple(
-            Case(one_scenario, one_set, bound, one_noise)
-            for one_scenario in (adversary.SCENARIOS if scenario == "all" else (scenario,))
-            for one_set in (adversary.DIRECTIONS if directions == "all" else (directions,))
-            for bound in bounds
-            for one_noise in (adversary.NOISES if noise == "all" else (noise,))
-        ),
+    every_kind = ("honest", *trial_kinds.KINDS)
+    for name in kind or ():
+        if name not in (*every_kind, "all"):
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(every_kind)}, all", param_hint="--kind")
+    kinds = every_kind if kind and "all" in kind else tuple(dict.fromkeys(kind or ("honest",)))
+    if mode != "guaranteed" and kinds != ("honest",):
+        raise typer.BadParameter("only mode guaranteed is tried with other kinds than honest", param_hint="--kind")
+    cases = tuple(
+        Case(one_scenario, one_set, bound, one_noise, one_kind)
+        for one_kind in kinds
+        for one_scenario in (adversary.SCENARIOS if scenario == "all" else (scenario,))
+        for one_set in (adversary.DIRECTIONS if directions == "all" else (directions,))
+        for bound in bounds
+        for one_noise in (adversary.NOISES if noise == "all" else (noise,))
+        if one_kind == "honest" or (one_scenario in trial_kinds.KINDS[one_kind].scenarios and one_noise != "search")
     )
+    if not cases:
+        where = ", ".join(f"{name} is of {', '.join(trial_kinds.KINDS[name].scenarios)}" for name in kinds)
+        raise typer.BadParameter(f"nothing is left to try: {where}; none is searched", param_hint="--kind")
+    arguments = Arguments(mode=mode, trials=trials, updates=updates, seed=seed, cases=cases)
     done = _begun(out, arguments, force)
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.
@@ -122,13 +143,17 @@ def validate(
     else:
         terminal = Console()
         # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
-        Console(width=max(terminal.width, 152)).print(_table(summary))
+        wide = Console(width=max(terminal.width, 152))
+        for table, is_honest in ((_table, True), (_table_of_kinds, False)):
+            shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
+            if shown:
+                wide.print(table(shown))
         _print_total(summary)
         if before == 0:
             typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
         typer.echo(f"{out / _SUMMARY}\n{out / _FIGURE}")
     total = summary["total"]
-    if mode == "guaranteed" and total["escapes"] + total["refused"] + total["failed"] > 0:
+    if mode == "guaranteed" and sum(total[name] for name in _FAULTS) > 0:
         raise typer.Exit(1)
 
 
@@ -201,25 +226,68 @@ def _results(
 # --- the table --------------------------------------------------------------------------------------------------------
 
 
-def _table(summary: dict[str, Any]) -> Table:
-    """A line for each scenario, set of directions and bound, over all noises."""
+def _new_table(names: tuple[str, ...], figures: tuple[str, ...]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
-    for heading in ("scenario", "directions"):
+    for heading in names:
         table.add_column(heading, no_wrap=True)
-    headings = ("bound °", "updates", "escapes", "refused", "no set", "failed", "worst form", "noise", "used %")
-    for heading in (*headings, "trace/paper", "/alone", "radius/paper", "/alone"):
+    for heading in figures:
         table.add_column(heading, justify="right", no_wrap=True)
-    groups: dict[tuple[str, str, float], list[dict[str, Any]]] = {}
-    for case in summary["cases"]:
-        groups.setdefault((case["scenario"], case["directions"], case["bound_deg"]), []).append(case)
-    for (scenario, directions, bound), cases in groups.items():
-        line = validation.combine(cases)
-        judged = [case for case in cases if case["worst"] is not None]
-        worst = max(judged, key=lambda case: case["worst"]["form"], default=None)
+    return table
+
+
+def _groups(
+    cases: list[dict[str, Any]],
+) -> Iterator[tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any] | None]]:
+    """Cases that differ in the noise alone, all of them together, and the one with the worst form."""
+    groups: dict[tuple[str, str, str, float], list[dict[str, Any]]] = {}
+    for case in cases:
+        groups.setdefault((case["kind"], case["scenario"], case["directions"], case["bound_deg"]), []).append(case)
+    for group in groups.values():
+        judged = [case for case in group if case["worst"] is not None]
+        yield group, validation.combine(group), max(judged, key=lambda case: case["worst"]["form"], default=None)
+
+
+def _table_of_kinds(cases: list[dict[str, Any]]) -> Table:
+    """A line for each kind, scenario, set of directions and bound, over all noises."""
+    counts = ("updates", "unconditional", "conditional", "without_set", *_FAULTS[:4], "misled")
+    of_liars = ("liars", "recoveries", "slowest", "stuck")
+    headings = (
+        "updates",
+        "uncond.",
+        "cond.",
+        "no set",
+        "escapes",
+        "overcl.",
+        "refused",
+        "failed",
+        "misled",
+        "worst form",
+    )
+    table = _new_table(
+        ("kind", "scenario", "directions"), ("bound °", *headings, "liars", "recovered", "within", "stuck")
+    )
+    for (first, *_), line, worst in _groups(cases):
         table.add_row(
-            scenario,
-            directions,
-            f"{bound:g}",
+            first["kind"],
+            first["scenario"],
+            first["directions"],
+            f"{first['bound_deg']:g}",
+            *(f"{line[name]}" for name in counts),
+            "" if worst is None else f"{worst['worst']['form']:.5g}",
+            *(f"{line[name]}" if line["recoveries"] + line["stuck"] else "" for name in of_liars),
+        )
+    return table
+
+
+def _table(cases: list[dict[str, Any]]) -> Table:
+    """A line for each scenario, set of directions and bound, over all noises."""
+    headings = ("bound °", "updates", "escapes", "refused", "no set", "failed", "worst form", "noise", "used %")
+    table = _new_table(("scenario", "directions"), (*headings, "trace/paper", "/alone", "radius/paper", "/alone"))
+    for (first, *_), line, worst in _groups(cases):
+        table.add_row(
+            first["scenario"],
+            first["directions"],
+            f"{first['bound_deg']:g}",
             *(f"{line[name]}" for name in ("updates", "escapes", "refused", "without_set", "failed")),
             "" if worst is None else f"{worst['worst']['form']:.5g}",
             "" if worst is None else worst["noise"],
@@ -241,7 +309,18 @@ def _print_total(summary: dict[str, Any]) -> None:
     typer.echo(
         f"\nMode {summary['mode']}: {total['updates']} updates, the truth outside at {total['escapes']}, "
         f"largest form {'not known' if worst is None else f'{worst:.6g}'}; "
-        f"{total['refused']} refused, {total['without_set']} without a set, {total['failed']} failed.\n"
-        "Used: the share of the predictions that went into the set. Trace, and radius of the ball of the same volume:\n"
-        f"means from the {validation.SETTLED_UPDATE}th update on, against mode paper and the measurements alone."
+        f"{total['refused']} refused, {total['without_set']} without a set, {total['failed']} failed."
     )
+    kinds = {case["kind"] for case in summary["cases"]}
+    if "honest" in kinds:
+        typer.echo(
+            "Used: the share of the predictions that went into the set. Trace, and radius of the ball of the same\n"
+            f"volume: means from the {validation.SETTLED_UPDATE}th update on, against mode paper and the measurements "
+            "alone."
+        )
+    if total["liars"]:
+        typer.echo(
+            f"{total['liars']} trials with liars, {total['stuck']} not got over within twice regain_after updates of "
+            "the first contradiction.\nMisled: unconditional sets without the truth that hold a lie which nothing has "
+            "contradicted yet."
+        )

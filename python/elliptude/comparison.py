@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.files import replacing
-from elliptude.reference_attitudes import Reference
+from elliptude.quaternion_readings import Reading, misread
+from elliptude.reference_attitudes import Reference, attitudes_at
 from elliptude.results import CLAIMS, FloatArray
 from elliptude.runs import Run
+
+# s; between attitudes whose turn is compared, the shortest; each next one is so many times as long.
+_SHORTEST_SPAN, _LONGER = 0.5, 4.0
+# Degrees and share: a reading is wrong where it is so far off and another one nearer than this share of that.
+_FAR_OFF, _MUCH_NEARER = 20.0, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,3 +147,51 @@ def compare(run: Run, reference: Reference, *, largest_gap: float = 0.0, referen
         half_widths_reference=along_reference,
         claims=None if run.claims is None else np.array(run.claims, dtype=object)[rows],
     )
+
+
+def misread_reference(
+    run: Run, reference: Reference, choices: tuple[Reading, ...], *, largest_gap: float = 0.0
+) -> str | None:
+    """What tells that the reference's quaternions are read in a wrong order or as their inverse.
+
+    They are where the reference does not turn as the estimate does, or is far off from it, and is not when its columns
+    are read another way: the test of `elliptude check`, with the estimate in the gyro's place.
+
+    Parameters
+    ----------
+    run : Run
+    reference : Reference
+    choices : tuple of Reading
+        Of `elliptude.quaternion_readings.readings`: what is declared, and the others.
+    largest_gap : float
+        As in `compare`.
+
+    Returns
+    -------
+    str, optional
+        In words; None where nothing is wrong, or there is too little to tell.
+    """
+    rows, read = attitudes_at(reference, run.times, np.flatnonzero(run.known), largest_gap)
+    if len(rows) < 2:
+        return None
+    estimated, times = Rotation.from_quat(run.quaternions[rows], scalar_first=True), run.times[rows]
+    span = _SHORTEST_SPAN
+    while span < times[-1] - times[0]:
+        later = np.searchsorted(times, times + span)
+        earlier = np.flatnonzero(later < len(times))
+        later = later[earlier]
+        turns = (estimated[earlier].inv() * estimated[later]).as_rotvec()
+        found = misread(read[earlier], read[later], turns, choices)
+        if found is not None and found.fitting is not None:
+            return f"turns {found.slope:.2g} times as far as the estimate, and as far when read {found.fitting}"
+        span *= _LONGER
+    if run.heading_from_start:  # the frames differ
+        return None
+    medians = [float(np.rad2deg(np.median((estimated.inv() * choice(read)).magnitude()))) for choice in choices]
+    best = int(np.argmin(medians))
+    if medians[0] > _FAR_OFF and medians[best] < _MUCH_NEARER * medians[0]:
+        return (
+            f"is {medians[0]:.3g} degrees off from the estimate (median), and {medians[best]:.3g} when read "
+            f"{choices[best]}"
+        )
+    return None

@@ -131,6 +131,8 @@ class RigidBodyFlow(Model):
     # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
     # body, N m s, body axes, each row until its time.
     inertia_error_kg_m2: NotNegative = 0.0
+    # Over more steps a prediction is refused: the time is then more likely wrong than meant.
+    most_steps: Annotated[int, Field(ge=1)] = 1_000_000
     wheel_momentum_columns: Columns | None = None
 
     @model_validator(mode="after")
@@ -148,6 +150,7 @@ class RigidBodyFlow(Model):
             step=self.step_s,
             unknown_torque=self.unknown_torque_n_m or None,
             inertia_error=self.inertia_error_kg_m2,
+            most_steps=self.most_steps,
         )
 
     def build(self) -> elliptude.RigidBodyFlow:
@@ -157,7 +160,12 @@ class RigidBodyFlow(Model):
         potential = self.potential.build(body)
         unknown_torque = self.unknown_torque_n_m or None
         return elliptude.RigidBodyFlow(
-            body, potential, step=self.step_s, order=self.order, unknown_torque=unknown_torque
+            body,
+            potential,
+            step=self.step_s,
+            order=self.order,
+            unknown_torque=unknown_torque,
+            most_steps=self.most_steps,
         )
 
 
@@ -357,6 +365,8 @@ class Configuration(Model):
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
+    # Which recording the bounds are proposals from; gone once there is a reason for each.
+    bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
     rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
     # The guaranteed mode starts from nothing if it is left out.
@@ -445,6 +455,12 @@ class Configuration(Model):
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         return self
+
+    @property
+    def proposed_from(self) -> str | None:
+        """The recording that the bounds are proposals from, here or in the file of a rule."""
+        of_rule = None if self.rule is None else self.rule.rule().bounds_from_recording
+        return self.bounds_from_recording or of_rule
 
     @property
     def truth_error(self) -> float:

@@ -4,6 +4,7 @@ import os
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,7 +14,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from elliptude import logs, tables
+from elliptude import logs, tables, units
+from elliptude.bound_rules import field_at_start
 from elliptude.configuration import Configuration
 from elliptude.files import FileError, replacing
 from elliptude.logs import Log
@@ -93,11 +95,34 @@ def convert_measurements(
     """
     count = 0
     label = f"elliptude measurements {tables.VERSION}"
+    pieces = logs.read_pieces(source, configuration)
+    if configuration.rule is not None and len(configuration.directions) > 1:
+        # The reference of the field is known once the rest at the start has been seen; the mode needs it whole as well.
+        pieces = iter([_with_field_of_rule(logs.joined(list(pieces)), configuration, str(source))])
     with replacing(target) as temporary, _writer(target, temporary, label) as write:
-        for log in logs.read_pieces(source, configuration):
+        for log in pieces:
             write(_measurements(log, configuration))
             count += len(log.times)
     return count
+
+
+def _with_field_of_rule(log: Log, configuration: Configuration, name: str) -> Log:
+    """The log with the reference of the field that its rule finds."""
+    assert configuration.rule is not None
+    assert log.rates is not None
+    rule, kinds = configuration.rule.rule(), [sensor.kind for sensor in configuration.directions]
+    i = kinds.index("magnetometer")
+    references = log.references.copy()
+    references[:, i] = np.nan
+    if rule.magnetometer is not None:
+        fields = log.directions[:, i] / units.FIELD["uT"]
+        try:
+            references[:, i] = field_at_start(
+                rule, log.times, log.rates, log.directions[:, kinds.index("accelerometer")], fields
+            )
+        except ValueError as error:
+            raise FileError(f"{name}: the reference of the field is that of the rest at the start: {error}") from error
+    return replace(log, references=references)
 
 
 def _measurements(log: Log, configuration: Configuration) -> dict[str, Cells]:

@@ -70,6 +70,7 @@ def _flow_to_dict(flow: _core.RigidBodyFlow | _core.GyroFlow) -> dict[str, Any]:
         "step": flow.step,
         "order": flow.order,
         "unknown_torque": flow.unknown_torque.tolist(),
+        "most_steps": flow.most_steps,
     }
 
 
@@ -84,6 +85,7 @@ def _flow_from_dict(fields: dict[str, Any]) -> _core.RigidBodyFlow | _core.GyroF
                 step=fields["step"],
                 order=fields["order"],
                 unknown_torque=np.asarray(fields["unknown_torque"]),
+                most_steps=fields.get("most_steps", 1_000_000),
             )
     raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither gyro nor rigid_body")
 

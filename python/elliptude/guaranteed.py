@@ -30,6 +30,7 @@ def _flow_to_dict(flow: _Flow) -> dict[str, Any]:
         "step": flow.step,
         "unknown_torque": flow.unknown_torque.tolist(),
         "inertia_error": flow.inertia_error,
+        "most_steps": flow.most_steps,
     }
 
 
@@ -52,6 +53,7 @@ def _flow_from_dict(fields: dict[str, Any]) -> _Flow:
                 step=fields["step"],
                 unknown_torque=np.asarray(fields["unknown_torque"]),
                 inertia_error=fields["inertia_error"],
+                most_steps=fields.get("most_steps", 1_000_000),
             )
     raise ValueError(f"flow.kind is {fields['kind']!r}, which is neither guaranteed_gyro nor guaranteed_rigid_body")
 

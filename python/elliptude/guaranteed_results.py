@@ -15,6 +15,7 @@ from elliptude.logs import Log
 from elliptude.proposals import rest_rows
 from elliptude.results import CLAIMS, FloatArray
 from elliptude.tables import Column, Results, names_of_chosen
+from elliptude.why_no_set import why_no_set
 
 
 def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
@@ -124,6 +125,7 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
         "void": list(run.rows.void),
         "gaps": gaps.summarize(run.gaps, run.rows.gyro),
+        "why_no_set": why_no_set(run, configuration),
     }
 
 

@@ -105,7 +105,7 @@ class GyroBounds:
         -------
         (N - 1,) array of bool
         """
-        missing = np.isnan(angular_velocities).any(axis=1)
+        missing = np.asarray(np.isnan(angular_velocities).any(axis=1))
         gaps: NDArray[np.bool_] = (np.diff(times) > self.longest_interval) | missing[1:] | missing[:-1]
         return gaps
 

@@ -7,15 +7,27 @@ Nothing is concluded from logs that do not turn.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from elliptude.axes_check import look_at_axes
+from elliptude.body_at_rest import UpAtRest, up_in_log
 from elliptude.configuration import Configuration
 from elliptude.files import FileError
 from elliptude.logs import Log, joined
+from elliptude.quaternion_readings import (
+    FEWEST_PAIRS,
+    LARGEST_TURN,
+    LEAST,
+    MOST,
+    STANDARD_ERROR,
+    misread,
+    readings,
+    slope,
+)
 from elliptude.results import FloatArray
 from elliptude.sensors import Accelerometer, AnyDirection
 
@@ -24,11 +36,7 @@ BLOCK_ROWS = 1 << 18
 
 Severity: TypeAlias = Literal["error", "warning"]
 
-_PAIRS, _FEWEST_PAIRS = 50_000, 30
-# rad; what a linear formula is good for.
-_LARGEST_TURN = 1.0
-# Of the slope: what counts as 1, and how well it must be known.
-_LEAST, _MOST, _STANDARD_ERROR = 0.7, 1.4, 0.1
+_PAIRS = 50_000
 # rad; a reference that moves by more is not used.
 _STILL = 0.02
 # Of an accelerometer's length about its median.
@@ -54,46 +62,35 @@ class Finding:
         return f"{self.sensor}: {self.message}" if self.sensor else self.message
 
 
-def require_plausible(log: Log, configuration: Configuration, name: str) -> None:
-    """Raise FileError where `contradictions` finds an error.
+@dataclass
+class Heard:
+    """What a look at a log says beside what is wrong, for whoever reads the results."""
 
-    Parameters
-    ----------
-    log : Log
-    configuration : Configuration
-        Its key ``implausible`` may say to ignore it.
-    name : str
-        Of the log, for the message.
-
-    Raises
-    ------
-    FileError
-        With all that was found.
-    """
-    if configuration.implausible == "refuse":
-        _require_plausible(log, configuration, name)
+    ignored: list[str] = field(default_factory=list)
+    """Errors that ``implausible = "ignore"`` goes on regardless of."""
+    notes: list[str] = field(default_factory=list)
+    """The same as notes in a table."""
+    up: UpAtRest | None = None
+    """What was up in the first rest."""
 
 
-def _require_plausible(log: Log, configuration: Configuration, name: str) -> bool:
-    """Whether the log has moved enough to tell."""
-    findings, is_told = _look(log, configuration)
-    errors = [str(finding) for finding in findings if finding.severity == "error"]
-    if errors:
-        raise FileError(f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore'")
-    return is_told
+def plausible_pieces(
+    pieces: Iterable[Log], configuration: Configuration, name: str, heard: Heard | None = None
+) -> Iterator[Log]:
+    """Pass the pieces of a log on, after `contradictions` has looked at them.
 
-
-def plausible_pieces(pieces: Iterable[Log], configuration: Configuration, name: str) -> Iterator[Log]:
-    """Pass the pieces of a log on, after `require_plausible` has looked at them.
-
-    A stated unit or order holds for the whole log. So it is looked at in blocks, each before any of its rows is passed
-    on, until one has moved enough to tell; a log of one block is looked at as a whole.
+    A stated unit, order or axis holds for the whole log. So it is looked at in blocks, each before any of its rows is
+    passed on, until one has moved enough to tell; a log of one block is looked at as a whole.
 
     Parameters
     ----------
     pieces : iterable of Log
-    configuration, name
-        As `require_plausible`.
+    configuration : Configuration
+        Its key ``implausible`` may say to go on regardless.
+    name : str
+        Of the log, for messages.
+    heard : Heard, optional
+        Takes what is found.
 
     Yields
     ------
@@ -103,22 +100,39 @@ def plausible_pieces(pieces: Iterable[Log], configuration: Configuration, name: 
     Raises
     ------
     FileError
-        As `require_plausible`.
+        With all the errors that were found, unless they are to be ignored.
     """
     waiting: list[Log] = []
-    is_told = configuration.implausible == "ignore"
+    heard = Heard() if heard is None else heard
+    is_told = False
     for piece in pieces:
         if is_told:
             yield piece
             continue
         waiting.append(piece)
         if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
-            is_told = _require_plausible(joined(waiting), configuration, name)
+            is_told = _require_plausible(joined(waiting), configuration, name, heard)
             yield from waiting
             waiting = []
     if waiting:
-        _require_plausible(joined(waiting), configuration, name)
+        _require_plausible(joined(waiting), configuration, name, heard)
         yield from waiting
+
+
+def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
+    """Whether the log has moved enough to tell, or nothing more is to be said."""
+    heard.up = heard.up or up_in_log(log, configuration)
+    findings, is_told = _look(log, configuration)
+    errors = [str(finding) for finding in findings if finding.severity == "error"]
+    if not errors:
+        return is_told
+    if configuration.implausible == "refuse":
+        raise FileError(
+            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore', or --ignore-implausible"
+        )
+    heard.ignored += errors
+    heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
+    return True
 
 
 def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
@@ -141,13 +155,20 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     turns = _Turns(log)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
+    is_confirmed = "confirmed" in by_direction
     # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
-    if "confirmed" in by_direction:
+    if is_confirmed:
         found = [replace(finding, severity="warning") for finding in found]
+    axes = look_at_axes(log, configuration)
+    if axes.wrong:
+        # What is sure, and says what would be right, goes before what a slope makes one suspect.
+        named = {wrong.sensor for wrong in axes.wrong}
+        found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
+        found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
     if not any(finding.severity == "error" for finding in found):
         attitude = _reference_attitude(log, turns, configuration)
         found += [attitude] if attitude is not None else []
-    return found, "confirmed" in by_direction
+    return found, is_confirmed and axes.is_told
 
 
 class _Turns:
@@ -155,7 +176,7 @@ class _Turns:
 
     def __init__(self, log: Log) -> None:
         known = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
-        self.is_known = bool(known.sum() > _FEWEST_PAIRS)
+        self.is_known = bool(known.sum() > FEWEST_PAIRS)
         if self.is_known and log.rates is not None:
             self._times, rates = log.times[known], log.rates[known]
             steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self._times)[:, None]
@@ -169,16 +190,6 @@ class _Turns:
         return np.column_stack([np.interp(times, self._times, column) for column in self._sums.T])
 
 
-def _slope(changes: FloatArray, predicted: FloatArray) -> tuple[float, float]:
-    """Of the least-squares line through 0, and its standard error."""
-    power = float((predicted * predicted).sum())
-    if power == 0.0:
-        return 0.0, np.inf
-    slope = float((changes * predicted).sum()) / power
-    rest = float(((changes - slope * predicted) ** 2).sum()) / changes.size
-    return slope, float(np.sqrt(rest / power))
-
-
 def _gyro_against_direction(
     log: Log, turns: _Turns, i: int, sensor: AnyDirection
 ) -> Finding | Literal["confirmed", "unknown"]:
@@ -189,7 +200,7 @@ def _gyro_against_direction(
         # Where it does not show gravity alone its direction does not stand still.
         lengths = np.linalg.norm(log.directions[there, i], axis=1)
         there = there[np.abs(lengths / np.median(lengths) - 1.0) < _GRAVITY_ALONE]
-    if not turns.is_known or len(there) <= _FEWEST_PAIRS:
+    if not turns.is_known or len(there) <= FEWEST_PAIRS:
         return "unknown"
     references = _unit(log.references[there, i])
     if np.linalg.norm(references - references[0], axis=1).max() > _STILL:
@@ -201,23 +212,23 @@ def _gyro_against_direction(
     changes, predicted = after - before, np.cross(0.5 * (before + after), turn)
     sizes = np.linalg.norm(turn, axis=1)
 
-    def slope(factor: float) -> tuple[float, float]:
-        small = factor * sizes < _LARGEST_TURN
-        if small.mean() < 0.9 or small.sum() < _FEWEST_PAIRS:
+    def times_as_far(factor: float) -> tuple[float, float]:
+        small = factor * sizes < LARGEST_TURN
+        if small.mean() < 0.9 or small.sum() < FEWEST_PAIRS:
             return 0.0, np.inf
-        return _slope(changes[small], factor * predicted[small])
+        return slope(changes[small], factor * predicted[small])
 
-    value, error = slope(1.0)
-    if error < _STANDARD_ERROR and _LEAST <= value <= _MOST:
+    value, error = times_as_far(1.0)
+    if error < STANDARD_ERROR and LEAST <= value <= MOST:
         return "confirmed"
     for factor, meaning in _FACTORS.items():
-        other, other_error = slope(factor)
-        if other_error < _STANDARD_ERROR and _LEAST <= other <= _MOST:
+        other, other_error = times_as_far(factor)
+        if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
             return Finding("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
-    if error >= _STANDARD_ERROR:
+    if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"
-    if -_MOST <= value <= -_LEAST:
+    if -MOST <= value <= -LEAST:
         return Finding(severity, name, f"turns {value:.3g} times as far as the rate says, as with a wrong sign")
     if abs(value) < 0.1:
         return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
@@ -228,82 +239,43 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
     if configuration.truth is None or log.true_attitudes is None:
         return None
     there = np.flatnonzero(np.isfinite(log.true_attitudes[:, 0, 0]))
-    if len(there) <= _FEWEST_PAIRS:
+    if len(there) <= FEWEST_PAIRS:
         return None
     chosen = _some(len(there) - 1)
     first = Rotation.from_matrix(log.true_attitudes[there[chosen]])
     second = Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
     label = configuration.truth.label
-    readings = _readings(configuration)
     if turns.is_known:
         turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
-        small = np.linalg.norm(turn, axis=1) < _LARGEST_TURN
-        if small.sum() < _FEWEST_PAIRS:
+        found = misread(first, second, turn, readings(configuration.truth.order, configuration.truth.turns))
+        if found is None:
             return None
-        slopes = {
-            reading: _slope((read(first).inv() * read(second)).as_rotvec()[small], turn[small])
-            for reading, read in readings.items()
-        }
-        value, error = slopes.pop("as declared")
-        if error >= _STANDARD_ERROR or _LEAST <= value <= _MOST:
-            return None
-        fitting = [reading for reading, (other, _) in slopes.items() if _LEAST <= other <= _MOST]
-        what = f"turns {value:.2g} times as far as the rate says"
-        if fitting:
-            return Finding("error", label, f"{what}, and as far when read {fitting[0]}")
+        what = f"turns {found.slope:.2g} times as far as the rate says"
+        if found.fitting is not None:
+            return Finding("error", label, f"{what}, and as far when read {found.fitting}")
         for factor, meaning in _FACTORS.items():
-            if _LEAST <= value / factor <= _MOST:
+            if LEAST <= found.slope / factor <= MOST:
                 return Finding("error", label, f"{what}: of the rate, {meaning}")
         return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
     return _reference_against_directions(log, configuration)
-
-
-def _readings(configuration: Configuration) -> dict[str, "_Reading"]:
-    """Ways to read the columns of a quaternion, applied to the rotations as they were read."""
-    assert configuration.truth is not None
-    truth = configuration.truth
-    order = "xyzw" if truth.order == "wxyz" else "wxyz"
-    turns = "reference_to_body" if truth.turns == "body_to_reference" else "body_to_reference"
-    return {
-        "as declared": _Reading(truth.order, truth.turns, truth.order, truth.turns),
-        f"as order = '{order}'": _Reading(truth.order, truth.turns, order, truth.turns),
-        f"as turns = '{turns}'": _Reading(truth.order, truth.turns, truth.order, turns),
-        f"as order = '{order}', turns = '{turns}'": _Reading(truth.order, truth.turns, order, turns),
-    }
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """What rotations would be if the order and the direction were others than declared."""
-
-    declared_order: str
-    declared_turns: str
-    order: str
-    turns: str
-
-    def __call__(self, rotations: Rotation) -> Rotation:
-        of_file = rotations if self.declared_turns == "body_to_reference" else rotations.inv()
-        columns = of_file.as_quat(scalar_first=self.declared_order == "wxyz")
-        read = Rotation.from_quat(columns, scalar_first=self.order == "wxyz")
-        return read if self.turns == "body_to_reference" else read.inv()
 
 
 def _reference_against_directions(log: Log, configuration: Configuration) -> Finding | None:
     """Where there is no rate: whether the attitude takes measured directions to their references."""
     assert log.true_attitudes is not None
     assert configuration.truth is not None
-    readings = _readings(configuration)
-    angles: dict[str, list[FloatArray]] = {reading: [] for reading in readings}
+    choices = readings(configuration.truth.order, configuration.truth.turns)
+    angles: dict[str, list[FloatArray]] = {str(read): [] for read in choices}
     for i in range(len(configuration.directions)):
         there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]) & np.isfinite(log.true_attitudes[:, 0, 0]))
-        if len(there) <= _FEWEST_PAIRS:
+        if len(there) <= FEWEST_PAIRS:
             continue
         there = there[_some(len(there))]
         rotations = Rotation.from_matrix(log.true_attitudes[there])
         directions, references = _unit(log.directions[there, i]), _unit(log.references[there, i])
-        for reading, read in readings.items():
+        for read in choices:
             cosines = (read(rotations).apply(directions) * references).sum(axis=1)
-            angles[reading].append(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
+            angles[str(read)].append(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
     if not angles["as declared"]:
         return None
     medians = {reading: float(np.median(np.concatenate(some))) for reading, some in angles.items()}

@@ -16,7 +16,7 @@ import elliptude
 from elliptude.files import FileError, replacing
 from elliptude.report_curves import PIECES, plots_over_time
 from elliptude.report_sphere import frame_rows, sphere_frames, sphere_plot
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD, FloatArray
 from elliptude.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS
 from elliptude.runs import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.thinning import chosen_rows, pieces
@@ -70,6 +70,12 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         del summary["left_out"]["dropped"]
     if run.listed is not None:
         summary["left_out"]["own bound"] = sum(why == "own_bound" for why in run.listed.contradicts)
+    if run.bounds_from_recording is not None:
+        summary["bounds_from_recording"] = run.bounds_from_recording
+    if run.implausible:
+        summary["implausible"] = list(run.implausible)
+    if run.up_at_rest is not None:
+        summary["up_at_rest"] = run.up_at_rest
     if run.void:
         summary["left_out_from_beginning_to_end"] = list(run.void)
     if run.tilt_bounds is not None:
@@ -195,8 +201,16 @@ def _summary_table(summary: dict[str, Any]) -> str:
     if summary["rows_with_a_set"] < count:
         lines.append(("rows of which nothing is known", f"{count - summary['rows_with_a_set']}"))
     if summary["claims"] is not None:
-        shares = [f"{claim} {_share(number, count)}" for claim, number in summary["claims"].items()]
+        recording = summary.get("bounds_from_recording")
+        shares = [
+            f"{claim} {_share(number, count)}"
+            if recording is None
+            else f"{_share(number, count)} {IF_PROPOSED_BOUNDS_HOLD[claim]}"
+            for claim, number in summary["claims"].items()
+        ]
         lines.append(("claim", ", ".join(shares)))
+        if recording is not None:
+            lines.append(("bounds", f"proposals from {recording}, so that the sets are no guarantee"))
     lines.append(("largest angle in the set", _degrees(summary["largest_angle_deg"])))
     lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in summary["half_width_deg"].items()]
     if "tilt_bound_deg" in summary:
@@ -216,7 +230,11 @@ def _summary_table(summary: dict[str, Any]) -> str:
     lines += [(names[what], f"{number}") for what, number in summary["left_out"].items()]
     if "left_out_from_beginning_to_end" in summary:
         lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
+    if "up_at_rest" in summary:
+        lines.append(("up", summary["up_at_rest"]))
     cells = [(escape(name), escape(text)) for name, text in lines]
+    for one in reversed(summary.get("implausible", [])):
+        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
     if summary["compared_with"] is None:
         cells.append(("compared with", "nothing: there is no reference"))
     else:

@@ -191,6 +191,12 @@ CLAIMS: tuple[Claim, ...] = get_args(Claim)
 What the truth's being in a set rests on: on what the filter was told of errors, for all that it has used; also on that
 what was dropped on the way was what was wrong; there is no set.
 """
+IF_PROPOSED_BOUNDS_HOLD: dict[str, str] = {
+    "unconditional": "have a set that holds if the proposed bounds do",
+    "conditional": "one that also rests on what was dropped",
+    "none": "none",
+}
+"""The claims in words, where nobody has given a reason for the bounds: no guarantee is spoken of then."""
 
 
 @dataclass(frozen=True)

@@ -140,6 +140,12 @@ class Run:
     """Whether the heading counts from the first row, because nothing told it."""
     gaps: tuple[str, ...] = ()
     """Lines about gaps in the gyro, and what they cost."""
+    implausible: tuple[str, ...] = ()
+    """What in the log contradicted the configuration, and was gone on with regardless."""
+    bounds_from_recording: str | None = None
+    """Which recording the bounds are proposals from; None where there is a reason for them."""
+    up_at_rest: str | None = None
+    """Which body axis was up at rest, in words."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -222,16 +228,39 @@ class Run:
         Returns
         -------
         Run
-            With errors and forms of the attitude; NaN where there is no reference.
+            With errors and forms of the attitude; NaN where there is no reference. Where the heading counts from the
+            first row, so does the reference's, as in what `elliptude estimate` compares.
+
+        Raises
+        ------
+        FileError
+            If the heading counts from the first row and that has no reference.
         """
         errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
         rows, true = attitudes_at(reference, self.times, np.flatnonzero(self.known), largest_gap)
         if len(rows):
+            if self.heading_from_start:
+                true = self._counted_from_start(rows, true)
             relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
             forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
         return replace(self, errors=errors, forms=forms, reference_error=reference_error)
+
+    def _counted_from_start(self, rows: NDArray[np.intp], true: Rotation) -> Rotation:
+        """References turned so that the first one differs from the first estimate by a tilt alone, section 18.6."""
+        if rows[0] != np.flatnonzero(self.known)[0]:
+            raise FileError(
+                f"the heading counts from the first row, at {self.times[0]:.6f} s, and the reference has nothing there"
+            )
+        estimated = Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)
+        up, true_up = (one.inv().apply([0.0, 0.0, 1.0]) for one in (estimated, true[0]))
+        axis = np.cross(true_up, up)
+        sine = float(np.linalg.norm(axis))
+        tilt = Rotation.identity()
+        if sine > 0.0:
+            tilt = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis)
+        return estimated * tilt * true[0].inv() * true
 
     def magnification(self, rows: NDArray[np.intp]) -> int:
         """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
@@ -325,6 +354,9 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         void=summary.void,
         heading_from_start=summary.heading_from_start,
         gaps=summary.gaps,
+        implausible=summary.implausible,
+        bounds_from_recording=summary.bounds_from_recording,
+        up_at_rest=summary.up_at_rest,
     )
     return run, summary.label
 
@@ -347,6 +379,9 @@ class _Summary(NamedTuple):
     void: tuple[str, ...] = ()
     heading_from_start: bool = False
     gaps: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
+    bounds_from_recording: str | None = None
+    up_at_rest: str | None = None
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -360,12 +395,16 @@ def _read_summary(path: Path) -> _Summary:
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
     gaps = read.get("gaps")
     said = gaps.get("said") if isinstance(gaps, dict) else None
+    implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",
         tuple(str(line) for line in said) if isinstance(said, list) else (),
+        tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
+        recording if isinstance(recording, str) else None,
+        str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
     )
 
 

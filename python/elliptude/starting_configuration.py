@@ -423,9 +423,13 @@ def _document(
     ):
         document.add(tomlkit.comment(line))
     document.add(tomlkit.nl())
+    full = {"bounds_from_recording": log, **full}
+    comments["bounds_from_recording",] = "delete this line once there is a reason for each bound"
     for key, value in full.items():
         if not isinstance(value, dict | list):
             document.add(key, value)
+            if (key,) in comments:
+                document[key].comment(comments[key,])
     for key, value in full.items():
         if key == "directions":
             array = tomlkit.aot()

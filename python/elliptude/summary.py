@@ -1,18 +1,21 @@
 """Figures of an estimation for ``summary.json``, gathered piece by piece: plain numbers, in degrees.
 
-Shares and errors are over the rows with an update, as what holds between them is the update's carried on.
+Shares and widths are over the rows with an update, as what holds between them is the update's carried on. The mean and
+the largest attitude error are over all rows with a set and a known truth, as `elliptude compare` has them.
 """
 
 import platform
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import guaranteed_results, tables
+from elliptude import guaranteed_results, suspicions, tables
 from elliptude.configuration import Configuration
 from elliptude.guaranteed_run import GuaranteedRun
+from elliptude.plausibility import Heard
 from elliptude.results import FloatArray
 from elliptude.tables import Results
 
@@ -55,7 +58,9 @@ class Summary:
         if results.errors is None or results.forms is None:
             return
         self._is_compared = True
-        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), rows, settled)
+        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        has_set = np.flatnonzero(np.isfinite(results.largest_angles))
+        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), has_set, settled)
         self._rates.add(np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1)), rows, settled)
         self._inside_updates.add(results.forms[rows])
         self._inside_rows.add(results.forms)
@@ -70,6 +75,7 @@ class Summary:
         vector_is_compared: bool,
         elapsed: float,
         guaranteed: GuaranteedRun | None = None,
+        heard: Heard | None = None,
     ) -> dict[str, Any]:
         """For ``summary.json``; None for what is not known.
 
@@ -82,11 +88,14 @@ class Summary:
             What the filter took, s.
         guaranteed : GuaranteedRun, optional
             What the results are of, in the guaranteed mode.
+        heard : Heard, optional
+            What a look at the log said.
 
         Returns
         -------
         dict
         """
+        heard = Heard() if heard is None else heard
         vector = "gyro_bias" if self._vector == "bias" else "angular_velocity"
         is_estimated = configuration.estimates_vector
         means = self._half_widths / max(self._updates, 1)
@@ -105,6 +114,10 @@ class Summary:
             "mean_half_width_attitude_deg": means[:3].tolist() if self._updates else None,
             f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
             "largest_angle_deg": self._largest.to_dict(),
+            "bounds_from_recording": configuration.proposed_from,
+            "implausible": list(heard.ignored),
+            "suspicious_statements": [str(one) for one in suspicions.of_configuration(configuration)],
+            "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,
         }
         if self._is_compared:

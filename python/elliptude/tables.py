@@ -375,7 +375,9 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
 
 
 @contextmanager
-def writing_columns(path: str | os.PathLike[str], kind: Kind) -> Iterator[Callable[[Mapping[str, Column]], None]]:
+def writing_columns(
+    path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()
+) -> Iterator[Callable[[Mapping[str, Column]], None]]:
     """Write a table piece by piece, in whole or not at all: see `write_columns`.
 
     A piece is written in the background, one at a time, while the next one is being made.
@@ -384,6 +386,9 @@ def writing_columns(path: str | os.PathLike[str], kind: Kind) -> Iterator[Callab
     ----------
     path : path-like
     kind : {"measurements", "results"}
+    notes : sequence of str
+        What whoever reads the table must know, as it is when the first rows are given: comments in CSV, in Parquet the
+        metadata's ``elliptude notes``.
 
     Yields
     ------
@@ -404,6 +409,7 @@ def writing_columns(path: str | os.PathLike[str], kind: Kind) -> Iterator[Callab
         writer: pa.parquet.ParquetWriter | None = None
         file = opened.enter_context(temporary.open("wb")) if suffix == ".csv" else None
         pending: list[Future[None]] = []
+        said: list[str] = []
 
         def write_piece(columns: Mapping[str, Column]) -> None:
             nonlocal writer
@@ -412,18 +418,22 @@ def writing_columns(path: str | os.PathLike[str], kind: Kind) -> Iterator[Callab
                     raise ValueError(f"column {name}: a table holds no infinite numbers")
             table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
             if file is None:
-                table = table.replace_schema_metadata({"elliptude": label})
+                metadata = {"elliptude": label} | ({"elliptude notes": "\n".join(said)} if said else {})
+                table = table.replace_schema_metadata(metadata)
                 writer = writer or opened.enter_context(pa.parquet.ParquetWriter(temporary, table.schema))
                 writer.write_table(table)
                 return
             if file.tell() == 0:
                 # Arrow would put every name in quotes.
-                file.write(f"# {label}\n{','.join(columns)}\n".encode())
+                head = [f"# {label}", *(f"# {' '.join(note.split())}" for note in said), ",".join(columns)]
+                file.write(("\n".join(head) + "\n").encode())
             pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
 
         def write(columns: Mapping[str, Column]) -> None:
             if pending:
                 pending.pop().result()
+            elif not said:
+                said.extend(notes)
             pending.append(pool.submit(write_piece, columns))
 
         yield write

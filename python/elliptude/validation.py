@@ -9,13 +9,13 @@ What is drawn and what comes of it is a function of the arguments alone.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import _core
+from elliptude import _core, trials
 from elliptude.adversary import (
     Case,
     Errors,
@@ -25,14 +25,13 @@ from elliptude.adversary import (
     Starts,
     draw_errors,
     draw_starts,
-    guaranteed,
     measure,
-    plant,
     propose,
 )
+from elliptude.judge import FORM_EDGES, Mode, forms_of, sizes
+from elliptude.plants import guaranteed, plant
 from elliptude.results import FloatArray
 
-Mode: TypeAlias = Literal["guaranteed", "first_order", "paper"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 CHUNK_TRIALS = 480
 """What is drawn at once, and the least that is kept of an interrupted run."""
@@ -42,10 +41,10 @@ SEARCH_DRAWN = 0.3
 """The share of them that is drawn at random; from the worst of these the search climbs."""
 SETTLED_UPDATE = 6
 """Sizes are means from this update on."""
-FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])
-"""Of the histogram of forms."""
 
 _COUNTS = ("updates", "escapes", "refused", "without_set", "failed", "predictions", "used")
+# Of trials of other kinds than honest ones, too.
+_ALL_COUNTS = tuple(dict.fromkeys((*_COUNTS, *trials.COUNTS)))
 _SIZES = ("trace", "volume_radius", "largest_angle_rad")
 
 
@@ -226,7 +225,7 @@ def measured_alone(of: Plant, mode: Mode, measured: Measured) -> FloatArray | No
 
 
 def forms(mode: Mode, runs: Runs, motion: Motion) -> FloatArray:
-    """xᵀP⁻¹x of the truth at the updates, in the chart of the set: Gibbs for ``guaranteed``, exponential otherwise.
+    """xᵀP⁻¹x of the truth at the updates, see `elliptude.judge.forms_of`.
 
     Parameters
     ----------
@@ -237,89 +236,8 @@ def forms(mode: Mode, runs: Runs, motion: Motion) -> FloatArray:
     Returns
     -------
     (T, U) array
-        At most 1 inside; infinite where P is not positive definite or the error is a half turn, NaN where there is no
-        set.
     """
-    arguments = (runs.attitudes, runs.vectors, motion.attitudes[:, 1:], motion.vectors[:, 1:])
-    states = _errors(mode, *arguments)
-    values = np.full(states.shape[:-1], np.nan)
-    known = np.isfinite(runs.shapes).all(axis=(-1, -2))
-    scales, eigenvalues, axes = _scaled_eigenvalues(runs.shapes[known])
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        along = np.einsum("nij,ni->nj", axes, states[known] / scales)
-        of_known = np.sum(along**2 / eigenvalues, axis=-1)
-    values[known] = np.where(np.all(eigenvalues > 0.0, axis=-1) & np.isfinite(of_known), of_known, np.inf)
-    # Thin sets cost digits: where that may decide, there are more of them.
-    near = np.abs(values - 1.0) < _NEAR_EDGE
-    if near.any():
-        precise = _errors(mode, *(array[near].astype(np.longdouble) for array in arguments))
-        values[near] = _precise_forms(runs.shapes[near].astype(np.longdouble), precise)
-    return values
-
-
-_NEAR_EDGE = 1e-2
-
-
-def _errors(mode: Mode, attitudes: Any, vectors: Any, true_attitudes: Any, true_vectors: Any) -> Any:
-    """Errors (..., 6) in the chart of the mode, in the precision of the arguments."""
-    error = attitudes.swapaxes(-1, -2) @ true_attitudes
-    skew = error - error.swapaxes(-1, -2)
-    # tan(θ/2) n = (R − Rᵀ)^∨ / (1 + tr R)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        tangent = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1) / (
-            1 + np.trace(error, axis1=-2, axis2=-1)[..., None]
-        )
-        length = np.sqrt(np.sum(tangent**2, axis=-1, keepdims=True))
-        ratio = np.ones_like(length)
-        if mode != "guaranteed":
-            np.divide(np.arctan(length), length, out=ratio, where=length > 0)
-    return np.concatenate([2 * ratio * tangent, true_vectors - vectors], axis=-1)
-
-
-def _precise_forms(shapes: Any, states: Any) -> Any:
-    """xᵀP⁻¹x of (n, 6, 6) and (n, 6) by Cholesky's method, in the precision of the arguments."""
-    root, white = np.zeros_like(shapes), np.zeros_like(states)
-    with np.errstate(invalid="ignore"):
-        for i in range(6):
-            for j in range(i):
-                rest = shapes[:, i, j] - np.sum(root[:, i, :j] * root[:, j, :j], axis=1)
-                root[:, i, j] = rest / root[:, j, j]
-            root[:, i, i] = np.sqrt(shapes[:, i, i] - np.sum(root[:, i, :i] ** 2, axis=1))
-            white[:, i] = (states[:, i] - np.sum(root[:, i, :i] * white[:, :i], axis=1)) / root[:, i, i]
-        result = np.sum(white**2, axis=1)
-    return np.where(np.isfinite(result), result, np.inf)
-
-
-def sizes(mode: Mode, shapes: FloatArray) -> FloatArray:
-    """Trace, radius of the ball of the same volume, and largest angle (rad) of sets; NaN where there is none.
-
-    Parameters
-    ----------
-    mode : Mode
-    shapes : (..., 6, 6) array
-
-    Returns
-    -------
-    (..., 3) array
-    """
-    result = np.full((*shapes.shape[:-2], 3), np.nan)
-    known = np.isfinite(shapes).all(axis=(-1, -2))
-    some = shapes[known]
-    scales, eigenvalues, _ = _scaled_eigenvalues(some)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = np.exp((np.log(eigenvalues).sum(axis=-1) + 2.0 * np.log(scales).sum(axis=-1)) / 12.0)
-        extent = np.sqrt(np.linalg.eigvalsh(some[:, :3, :3])[:, -1])
-    angle = 2.0 * np.arctan(0.5 * extent) if mode == "guaranteed" else extent
-    result[known] = np.column_stack([np.trace(some, axis1=-2, axis2=-1), radius, angle])
-    return result
-
-
-def _scaled_eigenvalues(shapes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Half-widths d (n, 6), then eigenvalues and eigenvectors of P with rows and columns divided by them."""
-    scales = np.sqrt(np.abs(np.diagonal(shapes, axis1=-2, axis2=-1)))
-    scales = np.where(scales > 0.0, scales, 1.0)
-    eigenvalues, axes = np.linalg.eigh(shapes / (scales[:, :, None] * scales[:, None, :]))
-    return scales, eigenvalues, axes
+    return forms_of(mode, runs.attitudes, runs.vectors, runs.shapes, motion.attitudes[:, 1:], motion.vectors[:, 1:])
 
 
 # --- a chunk of a case ------------------------------------------------------------------------------------------------
@@ -349,6 +267,8 @@ def validate_chunk(arguments: Arguments, case: Case, number: int) -> dict[str, A
     count = min(CHUNK_TRIALS, arguments.trials - number * CHUNK_TRIALS)
     key = (*case.name.encode(), number)
     draws = np.random.default_rng(np.random.SeedSequence(arguments.seed, spawn_key=key))
+    if case.kind != "honest":
+        return trials.try_kind(case, count, arguments.updates, draws)
     of = plant(case)
     tally = _Tally()
     if case.noise == "search":
@@ -479,14 +399,16 @@ def summarize(arguments: Arguments, done: Mapping[str, Mapping[str, Any]]) -> di
     cases = [asdict(case) | combine(by_case[case.name]) for case in arguments.cases]
     every = [chunk for case in arguments.cases for chunk in by_case[case.name]]
     settings = {key: value for key, value in arguments.to_dict().items() if key != "cases"}
-    total = {name: sum(chunk[name] for chunk in every) for name in _COUNTS}
+    total = {name: sum(chunk.get(name, 0) for chunk in every) for name in _ALL_COUNTS}
     total["worst_form"] = max((case["worst"]["form"] for case in cases if case["worst"]), default=None)
     return settings | {"total": total, "cases": cases, "form_edges": FORM_EDGES[:-1].tolist()}
 
 
 def combine(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Counts, worst form and mean sizes of chunks, or of cases that were combined before."""
-    counts: dict[str, Any] = {name: sum(part[name] for part in parts) for name in _COUNTS}
+    counts: dict[str, Any] = {name: sum(part[name] for part in parts) for name in _ALL_COUNTS if name in parts[0]}
+    if "slowest" in parts[0]:
+        counts["slowest"] = max(part["slowest"] for part in parts)
     worsts = [part["worst"] for part in parts if part["worst"] is not None]
     histogram = np.sum([part["histogram"] for part in parts], axis=0).tolist()
     return counts | {

@@ -385,6 +385,8 @@ void use_guaranteed_body(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& bo
   uncertainty.inertia = scalar::constant<Scalar>(1e-3L);
   Flow flow;
   tally.add(Flow::make(body, potential, seeds.step, uncertainty, flow));
+  tally.add(flow.set_most_steps(2 * flow.most_steps()));
+  flow.set_interruption({[](void*) noexcept { return false; }, nullptr});
   tally.add(flow.body().inertia());
   tally.add(flow.potential().torque(truth.attitude, Scalar(0)));
   BodyInput<Scalar> input;

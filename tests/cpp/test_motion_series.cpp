@@ -2,6 +2,9 @@
 // where the step is long and the error large.
 #include <doctest/doctest.h>
 
+#include <array>
+#include <vector>
+
 #include "guaranteed.hpp"
 
 using namespace elliptude;
@@ -67,9 +70,9 @@ void check_step(const RigidBody<double>& body, const Potential& potential, const
                                 static_cast<Real>(h) / parts, 1);
     }
     const RealVector w = rate(s, 0);
-    const RealVector defect = rate(s, 1) + inverse * RealVector(w.cross(RealVector(inertia * w + wheel)) -
-                                                                torque(motion.attitude, static_cast<Real>(time) + s) -
-                                                                control);
+    const RealVector defect =
+        rate(s, 1) + inverse * RealVector(w.cross(RealVector(inertia * w + wheel)) -
+                                          torque(motion.attitude, static_cast<Real>(time) + s) - control);
     impulse += defect.norm() * (k == 0 || k == parts ? 1 : k % 2 == 1 ? 4 : 2);
   }
   impulse *= static_cast<Real>(h) / (3 * parts);
@@ -140,6 +143,49 @@ TEST_CASE("the coefficients of the rate are its derivatives") {
   CHECK((first.cast<double>() - series.rate[1]).norm() < 1e-7 * series.rate[1].norm());
   CHECK((second.cast<double>() / 2 - series.rate[2]).norm() < 1e-3 * series.rate[2].norm());
   CHECK((third.cast<double>() / 6 - series.rate[3]).norm() < 1e-3 * series.rate[3].norm());
+}
+
+TEST_CASE("the bound of a tail covers the series that grows as fast as it may") {
+  // exp(g (Σ ‖ω_k‖ zᵏ + n) z) has coefficients that are not negative, and is as large as is allowed where z > 0.
+  Random random(20260506);
+  double least = 1;
+  double largest = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const RigidBody<double> body = random_body(random);
+    const double h = random.log_uniform(1e-4, 2);
+    MotionSeries<double, FreeBody<double>> series(body, FreeBody<double>{});
+    // Whether the step is refused for its attitude does not matter here.
+    (void)series.expand(body, 0, h, {}, {random.rotation(), random.log_uniform(0.01, 3) * random.unit_vector<3>()});
+    const Real growth = trial % 3 == 0 ? 0.5L : trial % 3;
+    const Real turn = trial % 2 == 0 ? 0 : static_cast<Real>(random.log_uniform(0.01, 3));
+    const int first = std::array<int, 3>{4, 8, 10}[static_cast<std::size_t>(trial / 3 % 3)];
+    const double bound = series.tail(first, static_cast<double>(growth), static_cast<double>(turn), h);
+    // (k + 1) f_{k+1} = Σ (i + 1) e_{i+1} f_{k−i} with the exponent's coefficients e, in units of the step.
+    std::array<Real, MotionSeries<double, FreeBody<double>>::terms + 1> exponent{};
+    for (std::size_t k = 0; k + 1 < exponent.size(); ++k) {
+      exponent[k + 1] = growth * (static_cast<Real>(series.rate_norms[k]) + (k == 0 ? turn : 0)) *
+                        std::pow(static_cast<Real>(h), static_cast<Real>(k + 1));
+    }
+    std::vector<Real> f{1};
+    Real tail = 0;
+    for (std::size_t k = 0; k < 2000; ++k) {
+      Real sum = 0;
+      for (std::size_t i = 0; i + 1 < exponent.size() && i <= k; ++i) {
+        sum += static_cast<Real>(i + 1) * exponent[i + 1] * f[k - i];
+      }
+      f.push_back(sum / static_cast<Real>(k + 1));
+      tail += static_cast<int>(k + 1) >= first ? f.back() : 0;
+    }
+    if (!std::isfinite(bound)) {
+      continue;
+    }
+    REQUIRE(tail > 0);
+    CHECK(tail <= static_cast<Real>(bound));
+    least = std::fmin(least, static_cast<double>(tail / static_cast<Real>(bound)));
+    largest = std::fmax(largest, static_cast<double>(tail / static_cast<Real>(bound)));
+  }
+  MESSAGE("the tail as a share of its bound: " << least << " to " << largest);
+  CHECK(largest > 0.1);
 }
 
 TEST_CASE("what is not a motion is refused") {

@@ -129,7 +129,7 @@ def test_gaps_and_empty_rows(tmp_path):
             np.pi / 180.0,
             "error: field: turns 5.* times as far as the rate says, as if its radians were declared",
         ),
-        ("gyr", -1.0, "error: field: turns -.* times as far as the rate says, as with a wrong sign"),
+        ("gyr", -1.0, r'error: the gyro: its axes .* With columns = \["gyr\[0\]", .* axes = \["-x", "-z", "-y"\] '),
         ("t", 1000.0, "error: up: .* as if the unit of time .* were 1000 times smaller"),
         ("q", 1.1, "warning: true attitude: quaternions are not of length 1"),
     ],
@@ -172,7 +172,10 @@ def test_a_reference_read_wrongly(tmp_path, truth, hint, seed):
     assert "implausible = 'ignore'" in done.output.replace("\n", " ")
     assert not (tmp_path / "out").exists()
     _, ignoring = files(tmp_path, recording(seed=seed), configuration | {"implausible": "ignore"})
-    plausibility.require_plausible(read_log(log, read_configuration(ignoring)), read_configuration(ignoring), "log")
+    ignored = read_configuration(ignoring)
+    heard = plausibility.Heard()
+    assert len(list(plausibility.plausible_pieces([read_log(log, ignored)], ignored, "log", heard))) == 1
+    assert [one.startswith("cameras: turns ") for one in heard.ignored] == [True]
 
 
 def test_a_reference_without_a_rate_is_compared_with_directions(tmp_path):
@@ -279,7 +282,7 @@ def test_broad(tmp_path, trial):
     (tmp_path / "log.toml").write_text(tomlkit.dumps(wrong))
     configuration = read_configuration(tmp_path / "log.toml")
     with pytest.raises(FileError, match="as if its radians were declared as degrees"):
-        plausibility.require_plausible(read_log(datasets.broad(trial), configuration), configuration, "log")
+        next(plausibility.plausible_pieces([read_log(datasets.broad(trial), configuration)], configuration, "log"))
 
 
 @datasets.needs_datasets

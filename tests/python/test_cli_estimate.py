@@ -35,7 +35,7 @@ def test_estimate(tmp_path, simulated, suffix):
     done = estimate(simulated, out, "--format", suffix)
     assert done.exit_code == 0, done.output
     assert "60 rows, 60 updates, 0 refused" in done.output
-    assert "inside at 100 % of updates" in done.output
+    assert "inside at 100 % of rows" in done.output
     assert {file.name for file in out.iterdir()} == {f"results.{suffix}", "estimate.png", "summary.json"}
     for file in out.iterdir():
         assert str(file) in done.output.replace("\n", "")

@@ -490,6 +490,35 @@ def test_a_prediction_that_grows_too_large_forgets_the_attitude() -> None:
     assert not log.prediction_used.any()
 
 
+@pytest.mark.parametrize("flow", [el.GuaranteedRigidBodyFlow, el.RigidBodyFlow])
+def test_the_most_steps_of_a_prediction_are_a_setting(flow: type) -> None:
+    body = el.RigidBody(np.diag([1.0, 2.0, 2.5]))
+    assert flow(body, step=0.1).most_steps == 1_000_000
+    few = flow(body, step=0.1, most_steps=10)
+    assert pickle.loads(pickle.dumps(few)).most_steps == 10
+    kind = el.GuaranteedFilter if flow is el.GuaranteedRigidBodyFlow else el.AttitudeFilter
+    shape = 1e-6 * np.eye(6)
+    chart = "gibbs" if kind is el.GuaranteedFilter else "exponential"
+    filter_ = kind(few, el.StateEllipsoid(np.eye(3), np.zeros(3), shape, chart))
+    filter_ = kind.from_dict(filter_.to_dict())
+    assert filter_.flow.most_steps == 10
+    filter_.predict(1.0)
+    for later in (2.2, 1e100):
+        with pytest.raises(ValueError, match="takes more than most_steps = 10 steps"):
+            filter_.predict(later)
+    assert filter_.time == 1.0
+    with pytest.raises(ValueError, match="most_steps must be positive, but is 0"):
+        flow(body, step=0.1, most_steps=0)
+
+
+@pytest.mark.parametrize("radius", [1e-320, 1e-170, 1e170, 1e300])
+def test_a_bound_beyond_the_domain_does_not_count_as_zero(radius: float) -> None:
+    with pytest.raises(ValueError, match=r"noise = .*: .*1e-138 to 1e137"):
+        el.GuaranteedGyroFlow(radius)
+    with pytest.raises(ValueError, match=r"unknown_torque = .*: .*1e-138 to 1e137"):
+        body_flow(unknown_torque=radius)
+
+
 def test_the_vectors_bound_helps() -> None:
     at = Case("orbit", seed=6).at(2)
     given = {k: at[k] for k in ("directions", "reference", "bounds")}
@@ -838,7 +867,7 @@ def changed(values: object, place: object, value: float) -> np.ndarray:
     ("call", "error", "message"),
     [
         (lambda f, m, g: f.predict(-1.0), ValueError, "time must not go backwards"),
-        (lambda f, m, g: f.predict(1e9), ValueError, "no more than 100000000 steps forwards"),
+        (lambda f, m, g: f.predict(1e9), ValueError, "takes more than most_steps = 1000000 steps"),
         (lambda f, m, g: f.predict(np.nan), ValueError, "time must be finite"),
         (lambda f, m, g: f.predict(1.0, control_torque=[0, np.inf, 0]), ValueError, "control_torque must be finite"),
         (lambda f, m, g: f.predict(1.0, wheel_momentum=[0, 0]), ValueError, "wheel_momentum must have the shape"),

@@ -572,7 +572,10 @@ def test_fermi_for_four_hours(real_recordings):
 
 @needs_datasets
 def test_a_users_csv(tmp_path):
-    """Its magnetometer contradicts the rule: attitude from the rest at the start, with a conditional claim."""
+    """Its magnetometer contradicts the rule: attitude from the rest at the start, with a conditional claim.
+
+    Ten times two samples are lost, in each of which a hand may turn by 60°: the heading is lost at the third of them.
+    """
     columns = {
         "flow": ("Gyroscope", "deg/s", "deg/s"),
         "up": ("Accelerometer", "g", "g"),
@@ -590,4 +593,9 @@ def test_a_users_csv(tmp_path):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["contradicted_rows"]["field"] == 11
     assert summary["claim_share_of_rows"]["unconditional"] == 0.0
-    assert summary["claim_share_of_rows"]["conditional"] > 0.25
+    found = summary["gaps"]
+    assert found["count"] == 10
+    assert [one["rows_without_set"] for one in found["listed"]][:2] == [0, 0]
+    third = found["listed"][2]["time_s"]
+    results = tables.Results.read(tmp_path / "out" / "results.csv")
+    assert (np.array(results.claims)[results.times <= third] == "conditional").all()

@@ -8,7 +8,7 @@ import guaranteed_stand_in
 import mpmath
 import numpy as np
 import pytest
-from elliptude import _core, adversary, validation
+from elliptude import _core, adversary, plants, validation
 from elliptude.adversary import Case
 from elliptude.validation import Arguments, Runs
 from reference import so3
@@ -25,7 +25,7 @@ def angles(a, b):
 
 
 def drawn(case, seed=0, count=40):
-    of, draws = adversary.plant(case), np.random.default_rng(seed)
+    of, draws = plants.plant(case), np.random.default_rng(seed)
     starts = adversary.draw_starts(of, count, draws)
     return of, starts, adversary.draw_errors(of, case.noise, starts, UPDATES, draws), draws
 
@@ -341,7 +341,7 @@ def test_a_run_that_gives_up_is_counted(monkeypatch):
 
 def test_every_case_has_a_plant():
     for scenario, directions in itertools.product(adversary.SCENARIOS, adversary.DIRECTIONS):
-        of = adversary.plant(Case(scenario, directions, 2.0, "inside"))
+        of = plants.plant(Case(scenario, directions, 2.0, "inside"))
         assert len(of.reference) == {"two": 2, "three": 3, "five": 5}[directions]
         np.testing.assert_allclose(np.linalg.norm(of.reference, axis=1), 1.0, atol=1e-15)
         assert dataclasses.is_dataclass(of)

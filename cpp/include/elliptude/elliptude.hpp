@@ -6,6 +6,7 @@
 // clang-format off
 #include "elliptude/version.hpp"
 #include "elliptude/status.hpp"
+#include "elliptude/interruption.hpp"
 #include "elliptude/scalar.hpp"
 #include "elliptude/factorization.hpp"
 #include "elliptude/so3.hpp"

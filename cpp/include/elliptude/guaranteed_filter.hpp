@@ -32,7 +32,8 @@ struct GuaranteedUpdate {
   Claim claim = Claim::none;
   bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
   Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
-  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`).
+  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 where that
+  /// has no measure, as of an angular velocity beyond the `FilterDomain`.
   Scalar margin = Scalar(1);
   Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
 };
@@ -83,9 +84,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     filter.flow_ = flow;
     filter.settings_ = settings;
     filter.time_ = time;
-    filter.known_ = {};
-    filter.trust_ = {};
-    filter.claim_ = Claim::none;
+    filter.known_.has_vector_bound = false;
+    filter.forget();
     return Status::ok;
   }
 

@@ -525,7 +525,7 @@ class GuaranteedGyroFlow {
     const Scalar moved =
         Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
     std::array<Matrix6<Scalar>, 2> others;
-    others[0] = tube::attitude_ball(Scalar((Scalar(1) + Scalar(256) * Scalar(scalar::epsilon<Scalar>)) * moved));
+    others[0] = tube::attitude_ball(rounding::enlarged(moved, rounding::bound));
     others[1].setZero();
     others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
     Matrix6<Scalar> sum;

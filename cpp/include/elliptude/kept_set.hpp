@@ -11,7 +11,7 @@ namespace elliptude {
 /// grows beyond it is forgotten.
 template <typename Scalar>
 struct FilterDomain {
-  static constexpr bool is_single = scalar::epsilon<Scalar> > 1e-10;
+  static constexpr bool is_single = static_cast<double>(scalar::epsilon<Scalar>) > 1e-10;
 
   /// Of an angular velocity or a bias, rad/s, of the half-widths of what bounds it, and of those of γ.
   [[nodiscard]] static Scalar largest() noexcept { return scalar::constant<Scalar>(is_single ? 1e6L : 1e9L); }

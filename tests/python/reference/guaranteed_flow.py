@@ -190,7 +190,10 @@ def predict_gyro(
     nonlinear = h * largest * difference * max(0.5, 0.25 * largest)
     turning = speed * h**2 / 4.0 * (noise + wander + 0.5 * h * drift)
     drifting = drift * h**2 / 2.0
-    ball = wander_angle + nonlinear + turning + drifting + 64.0 * ROUNDING
+    # Rounding of the turn, its Jacobian and the center (17.8).
+    slip = (32.0 + 12.0 * speed * h) * ROUNDING
+    slipping = slip * (radius(begin.shape[:3, :3]) + h * difference + 1.01 * (1.0 + largest**2 / 4.0))
+    ball = wander_angle + nonlinear + turning + drifting + slipping
     terms = [transition @ begin.shape @ transition.T]
     if increment is not None:
         ball += increment

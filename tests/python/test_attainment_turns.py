@@ -1,0 +1,188 @@
+"""Each term of the bounds of a gyro's turns and of stamps, alone: the truth comes to the edge, so that no term can be lost.
+
+Theory, sections 18.3 and 18.4. One source of error acts at its bound; a bound that leaves it out, or counts half of it, is
+smaller than the error (`tests/mutations`).
+"""
+
+import numpy as np
+import pytest
+from elliptude.gyro_bounds import GyroBounds
+from elliptude.time_offsets import time_offset_angles
+from scipy.spatial.transform import Rotation
+
+
+def turn_of(times, rates):
+    """The rotation that rates make, the rate in a step the mean of its ends."""
+    turn = Rotation.identity()
+    for step in Rotation.from_rotvec(0.5 * np.diff(times)[:, None] * (rates[1:] + rates[:-1])):
+        turn = turn * step
+    return turn
+
+
+def anchored(gyro, times, shown, duration):
+    """The bound of the last row's turn from its anchor."""
+    turns = gyro.anchored_turns(times, shown, duration)
+    return turns.angles[-1]
+
+
+def assert_reached(angle, *bounds, share=0.999):
+    for bound in bounds:
+        assert angle <= bound * (1.0 + 1e-9)
+        assert angle >= share * bound
+
+
+# --- one error alone, about one axis ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+@pytest.mark.parametrize("error", ["noise", "bias"])
+def test_a_gyro_that_shows_nothing(error, k):
+    """The body turns, and noise or bias hide it: (1 - k) ω - e = 0, so that the turn is e/(1 - k) times the time."""
+    gyro = GyroBounds(**({"noise": 0.0, "scale_error": k} | {error: 0.01}))
+    times = np.linspace(0.0, 3.0, 301)
+    shown = np.zeros((301, 3))
+    angle = 0.03 / (1.0 - k)
+    # The bounds' terms of second order: half of the angle squared.
+    share = 0.98
+    assert_reached(angle, gyro.window_angle(times, shown), anchored(gyro, times, shown, 10.0), share=share)
+
+
+def test_a_scale_error_hides_a_part_of_the_turn():
+    """Against what is shown it is k/(1 - k), which by one matrix of any kind may be √3 times as much."""
+    k, turned = 0.6, 0.02
+    gyro = GyroBounds(noise=0.0, scale_error=k)
+    times = np.linspace(0.0, 1.0, 101)
+    shown = np.tile([turned, 0.0, 0.0], (101, 1))
+    angle = k / (1.0 - k) * turned
+    assert_reached(angle, gyro.window_angle(times, shown), anchored(gyro, times, shown, 10.0))
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_a_drift_since_the_beginning(k):
+    """Anchors do not bring back what was known of the bias: the drift counts from the first row."""
+    gyro = GyroBounds(noise=0.0, drift=0.001, scale_error=k)
+    times = np.linspace(0.0, 8.0, 801)
+    shown = np.zeros((801, 3))
+    error = 0.001 * times / (1.0 - k)
+    last = times >= 6.0
+    angle = np.trapezoid(error[last], times[last])
+    turns = gyro.anchored_turns(times, shown, 2.0)
+    assert turns.anchors[-1] == 600
+    assert_reached(angle, turns.angles[-1], gyro.window_angle(times[last], shown[last], times[last]), share=0.98)
+
+
+# --- increments -------------------------------------------------------------------------------------------------------
+
+
+def test_noise_that_is_fixed_in_space_while_the_body_turns():
+    """Seen from the body it turns, so that it integrates to little; in space it adds up: 1 + Θ."""
+    speed, radius = 10.0, 1e-4
+    times = np.linspace(0.0, 3.0, 6001)
+    noise = speed * radius
+    body = np.array([0.0, 0.0, 1.0]) * speed
+    attitudes = Rotation.from_rotvec(times[:, None] * body)
+    errors = attitudes.inv().apply([noise, 0.0, 0.0])
+    shown = body + errors
+    angle = (turn_of(times, shown) * attitudes[-1].inv()).magnitude()
+    assert angle == pytest.approx(3.0 * noise, rel=1e-3)
+    # The integral of noise that turns with the rate `speed` stays on a circle.
+    gyro = GyroBounds(noise=noise, increment=2.0 * radius)
+    for bound in (gyro.window_angle(times, shown), anchored(gyro, times, shown, 10.0)):
+        assert 0.99 * bound <= angle <= bound
+
+
+def test_noise_that_goes_round_while_the_gyro_shows_nothing():
+    """Coning: each round leaves the area of its circle, which is all of second order."""
+    frequency, noise = 100.0, 5.0
+    times = np.linspace(0.0, 4.0, 40001)
+    rates = noise * np.column_stack([np.cos(frequency * times), np.sin(frequency * times), np.zeros_like(times)])
+    angle = turn_of(times, rates).magnitude()
+    gyro = GyroBounds(noise=noise, increment=2.0 * noise / frequency)
+    shown = np.zeros((401, 3))
+    rows = np.linspace(0.0, 4.0, 401)
+    assert angle > 4.0 * gyro.increment
+    for bound in (gyro.window_angle(rows, shown), anchored(gyro, rows, shown, 10.0)):
+        assert 0.4 * bound <= angle <= bound
+
+
+# --- one matrix -------------------------------------------------------------------------------------------------------
+
+
+def test_one_matrix_adds_up_where_the_body_turns_about_an_axis_in_space():
+    """The axis is the body's first, second and third in turn: a scale error of all three does √3 times what one does."""
+    k, rounds = 1e-4, 5
+    # Turns about a body axis in whole rounds, each followed by a quarter turn that brings the next axis to where it was.
+    quarter = 0.5 * np.pi
+    legs = [
+        (2.0 * np.pi * rounds, [1.0, 0.0, 0.0]),
+        (quarter, [0.0, 0.0, -1.0]),
+        (2.0 * np.pi * rounds, [0.0, 1.0, 0.0]),
+        (quarter, [-1.0, 0.0, 0.0]),
+        (2.0 * np.pi * rounds, [0.0, 0.0, 1.0]),
+    ]
+    times, shown = [0.0], [np.zeros(3)]
+    for angle, axis in legs:
+        # A rate that rises and falls, zero at both ends, so that rows say all of it.
+        steps = int(np.ceil(angle / 0.02))
+        profile = np.sin(np.pi * np.arange(1, steps + 1) / steps) ** 2
+        profile *= angle / (0.01 * profile.sum())
+        times += [times[-1] + 0.01 * (n + 1) for n in range(steps)]
+        shown += [rate * np.asarray(axis) for rate in profile]
+    times, shown = np.asarray(times), np.asarray(shown)
+    # Where the first axis is at the start, the second is after the first quarter, and the third after the second.
+    gyro = GyroBounds(noise=0.0, scale_error=k)
+    true = shown / (1.0 - k)
+    angle = (turn_of(times, true) * turn_of(times, shown).inv()).magnitude()
+    bound = anchored(gyro, times, shown, 1e3)
+    assert angle == pytest.approx(k / (1.0 - k) * 6.0 * np.pi * rounds, rel=1e-2)
+    assert 0.95 * bound <= angle <= bound
+
+
+def test_rotation_vectors_differ_by_more_than_the_turns():
+    """(18.12): about 2.5 rad, a small turn across the axis moves the rotation vector by θ/2 / sin(θ/2) times as much."""
+    gyro = GyroBounds(noise=0.01)
+    times = np.array([0.0, 1.0])
+    shown = np.tile([0.0, 0.0, 2.5], (2, 1))
+    turns = gyro.anchored_turns(times, shown, 1.0)
+    true = Rotation.from_rotvec(shown[0])
+    largest = 0.0
+    for direction in np.linspace(0.0, 2.0 * np.pi, 73):
+        off = 0.01 * np.array([np.cos(direction), np.sin(direction), 0.0])
+        moved = (true * Rotation.from_rotvec(off)).as_rotvec()
+        largest = max(largest, np.linalg.norm(moved - turns.rates[1]))
+    assert largest <= turns.noise[1]
+    assert largest > 0.99 * turns.noise[1]
+
+
+# --- stamps -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_stamp_that_is_off_while_the_gyro_shows_too_little():
+    gyro = GyroBounds(noise=0.01, bias=0.02, scale_error=0.2)
+    times = np.linspace(0.0, 2.0, 201)
+    true = 1.0
+    shown = np.tile([0.0, 0.0, 0.8 * true - 0.03], (201, 1))
+    angles = time_offset_angles(times, shown, 0.05, gyro=gyro)
+    np.testing.assert_allclose(angles, 0.05 * true, rtol=1e-12)
+
+
+def test_what_the_rate_may_do_between_samples():
+    """It rises from zero at one sample, and is zero again at the next: within an offset of a step it turns by ah²/4."""
+    step, acceleration = 0.1, 2.0
+    times = np.arange(0.0, 2.0, step)
+    angles = time_offset_angles(times, np.zeros((20, 3)), step, angular_acceleration=acceleration)
+    turned = 0.25 * acceleration * step**2
+    assert (angles >= turned).all()
+    assert (angles <= 2.0001 * turned).all()
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_samples_beyond_the_offset_count(side):
+    """A rate that is high at one sample only is high for a part of the steps beside it."""
+    times = np.arange(0.0, 2.0, 0.1)
+    rates = np.zeros((20, 3))
+    rates[10, 0] = 3.0
+    angles = time_offset_angles(times, rates, 0.15)
+    row = 10 + 2 * side
+    # From 0.05 to 0.15 s away, on the line between the samples: the mean of 0 and 1.5 rad/s for 0.05 s.
+    assert angles[row] >= 0.5 * 1.5 * 0.05
