@@ -73,7 +73,8 @@ class Bytes {
 
   /// Between two positive numbers, evenly in the logarithm.
   [[nodiscard]] double between(double low, double high) {
-    const double share = (256.0 * byte() + byte()) / 65535;
+    const unsigned coarse = byte();
+    const double share = (256.0 * coarse + byte()) / 65535;
     return std::fmin(std::fmax(low * std::pow(high / low, share), low), high);
   }
 
