@@ -49,21 +49,20 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
     const Vector3<float> shift = (random.log_uniform(1e-3, 10) * random.normal_matrix<3>()).cast<float>();
     const Vector3<float> reach = 1.001F * (shift.cwiseAbs() + factor.rowwise().norm());
     const float rounding = static_cast<float>(4 * (3 + 4) + 1) * epsilon;
-    for (const bool in_ball : {true, false}) {
-      const Quadric<float, 3> seen = fusion::relaxed<float, 3, 3>(given, factor, shift, reach, in_ball, rounding);
-      for (int k = 0; k < 8; ++k) {
-        // In the ball; and, if all u count, on rays to far away, where the matrix alone decides, and near zero.
-        const Vector3d u =
-            in_ball ? random.unit_vector<3>() : Vector3d(random.log_uniform(1e-2, 1e3) * random.unit_vector<3>());
-        const RealVector y = shift.cast<Real>() + factor.cast<Real>() * u.cast<Real>();
-        const Real gain = slack_of(seen, u.cast<Real>()) - slack_of(given, y);
-        CHECK(gain >= 0);
-        nearest = std::fmin(nearest, gain / (rounding * (std::fabs(Real(given.c)) + 1)));
-      }
-      if (!in_ball) {  // at zero the level alone
-        const Real gain = Real(seen.c) - slack_of(given, RealVector(shift.cast<Real>()));
-        CHECK(gain >= 0);
-      }
+    const auto seen = fusion::relaxed<float, 3, 3>(given, factor, shift, reach, true, rounding);
+    for (int k = 0; k < 8; ++k) {
+      const RealVector u = random.unit_vector<3>().cast<Real>();
+      const RealVector y = shift.cast<Real>() + factor.cast<Real>() * u;
+      const Real gain = slack_of(seen, u) - slack_of(given, y);
+      CHECK(gain >= 0);
+      nearest = std::fmin(nearest, gain / (rounding * (std::fabs(Real(given.c)) + 1)));
+    }
+    // Without a prediction coordinates are only scaled, and all u count: far away the matrix decides, and near zero the level.
+    const Matrix3<float> scale = factor.diagonal().cwiseAbs().asDiagonal();
+    const auto scaled = fusion::relaxed<float, 3, 3>(given, scale, Vector3<float>::Zero(), reach, false, rounding);
+    for (int k = 0; k < 8; ++k) {
+      const RealVector u = Real(random.log_uniform(1e-6, 1e6)) * random.unit_vector<3>().cast<Real>();
+      CHECK(slack_of(scaled, u) >= slack_of(given, RealVector(scale.cast<Real>() * u)));
     }
   }
   CHECK(nearest < 10);
@@ -239,7 +238,7 @@ TEST_CASE("balls of any sizes in any coordinates are empty exactly if they are a
 
 TEST_CASE("sets that touch in one point are not empty") {
   // In numbers that round nowhere.
-  for (const double small : {0.25, 0.5, 1.0, 2.0}) {
+  for (const double small : {0.5, 1.0, 2.0}) {
     const Ellipsoid<double, 3> first{Vector3d::Zero(), Matrix3d::Identity()};
     const Ellipsoid<double, 3> second{Vector3d(1 + small, 0, 0), small * small * Matrix3d::Identity()};
     for (const auto& criterion : {SizeCriterion<double, 3>::volume(), SizeCriterion<double, 3>::trace()}) {

@@ -1,7 +1,7 @@
 """Each term of the bounds of measured directions, alone: the truth comes to the edge, so that no term can be lost.
 
-Theory, sections 18.1 and 18.2. One source of error acts at its bound; a bound that leaves it out, or counts half of it, is
-smaller than the error (`tests/mutations`).
+Theory, sections 18.1 and 18.2. One source of error acts at its bound; a bound that leaves it out, or counts half of it,
+is smaller than the error (`tests/mutations`).
 """
 
 import numpy as np
@@ -102,7 +102,7 @@ def test_an_acceleration_across():
 
 @pytest.mark.parametrize("error", [-0.05, 0.05])
 def test_gravity_itself_may_be_off(error):
-    """Up and down: neither a shorter nor a longer vector than gravity is a contradiction, and a tangent one is wider."""
+    """Neither a shorter nor a longer vector than gravity is a contradiction, and a tangent one is wider."""
     radius = 1.0
     for rows in (np.tile((G + error) * UP, (101, 1)), np.tile(tangent(radius, G + error), (101, 1))):
         acceleration = 0.0 if rows[0, 0] == 0.0 else radius
