@@ -257,7 +257,7 @@ def rests_on_lies(of: Plant, told: Told, outcome: Outcome) -> tuple[NDArray[np.b
                 true_dropped and lied <= 2 and max(before, claim) <= CONDITIONAL and not outcome.refused[row]
             )
         regained = before == CONDITIONAL and claim == UNCONDITIONAL
-        now = has_kept if regained else now or has_kept
+        now = bool(has_kept) if regained else now or bool(has_kept)
         resting[row] = now
         before = claim
     return resting, refused

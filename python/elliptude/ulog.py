@@ -1,5 +1,6 @@
 """PX4's ULog files (``.ulg``), by way of pyulog: the extra ``elliptude[ulog]``."""
 
+import io
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -25,7 +26,7 @@ class UlogFile:
         except ModuleNotFoundError as error:
             raise FileError(f"{path}: reading a ULog needs pyulog: pip install 'elliptude[ulog]'") from error
         try:
-            with self.path.open("rb") as content:
+            with _Bounded(self.path) as content:
                 log = pyulog.ULog(content)
         except OSError as error:
             raise FileError(f"{path}: {error.strerror or error}") from error
@@ -62,6 +63,25 @@ class UlogFile:
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Nothing: a row of one topic is none of the others."""
         return [""] * len(rows)
+
+
+class _Bounded(io.BufferedReader):
+    """A file whose reading ends: where a log is damaged pyulog may go back to the same place for ever.
+
+    A message that it keeps, skips or searches through takes two reads and is a byte or longer, up to three times where
+    data were appended.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._reads_left = 8 * path.stat().st_size + 10_000
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file; raises EOFError where it has gone on for too long."""
+        self._reads_left -= 1
+        if self._reads_left < 0:
+            raise EOFError("damaged so that reading it does not end")
+        return super().read(size)
 
 
 def _topic(name: str, instance: int) -> str:

@@ -96,7 +96,7 @@ class FilterSession {
       require_valid(filter_.ellipsoid(), what);
       require(filter_.claim() != Claim::none, "a set comes with a claim", what);
       if (honest_) {
-        require(filter_.claim() == Claim::unconditional && !filter_.rests_on_drops(), "nothing true is dropped", what);
+        require(filter_.claim() == Claim::unconditional && !filter_.trust().rests_on_drops(), "nothing true is dropped", what);
         require_truth(what);
       }
     } else {
@@ -236,6 +236,12 @@ class FilterSession {
     update("an update with anything");
   }
 
+  [[nodiscard]] Trust any_trust() {
+    const bool rests = bytes_.choice(2) == 0;
+    const int agreeing = bytes_.choice(4) - 1;
+    return {rests, agreeing, bytes_.choice(4) - 1};
+  }
+
   /// Whatever else may be called.
   void any_function() {
     honest_ = false;
@@ -251,12 +257,12 @@ class FilterSession {
             bytes_.choice(2) == 0 ? Eigen::Matrix3d(bytes_.rotation().template cast<double>()) : bytes_.numbers<3, 3>(),
             bytes_.numbers<3, 1>()};
         set.shape = bytes_.any_shape<6>();
-        status = bytes_.choice(2) == 0 ? filter_.start(set) : filter_.resume(&set, nullptr, false, bytes_.choice(3));
+        status = bytes_.choice(2) == 0 ? filter_.start(set) : filter_.resume(&set, nullptr, any_trust());
         break;
       }
       default: {
         const Ellipsoid<double, 3> vector{bytes_.numbers<3, 1>(), bytes_.any_shape<3>()};
-        status = filter_.resume(nullptr, &vector, bytes_.choice(2) == 0, bytes_.choice(3));
+        status = filter_.resume(nullptr, &vector, any_trust());
       }
     }
     require(status == Status::ok || before.unchanged(), "nothing changed otherwise", "a function with anything");
@@ -288,7 +294,7 @@ class FilterSession {
     }
     world_.time = filter_.time();
     const int n = settings_.regain_after;
-    int since = filter_.rests_on_drops() || !filter_.knows_attitude() ? 0 : -1;
+    int since = filter_.trust().rests_on_drops() || !filter_.knows_attitude() ? 0 : -1;
     for (int cycle = 0; cycle < 5 * n + 2; ++cycle) {
       if (!world_.is_moderate(0.05)) {
         return;

@@ -71,7 +71,8 @@ def _read(path: Path) -> None:
         rows[stream] = sum(batch[columns[0]] for batch in batches)
         if rows[stream] > 0:
             file.place(columns[0], rows[stream] - 1)
-            file.place_of_row(rows[stream] - 1)
+            if len(file.places_of_rows([0, rows[stream] - 1])) != 2:
+                raise OracleBroken("a row without a place")
     target = path.with_name("converted.npz")
     try:
         written = convert(path, target)

@@ -125,7 +125,11 @@ def test_where_a_recording_without_a_heading_begins():
     """A disc across the measured up with the radius of its bound: every way to be as far off as it may be is inside."""
     angle, up = 0.1, Rotation.from_rotvec([0.3, -0.5, 0.2]).apply([0.0, 0.0, 1.0])
     rows = SimpleNamespace(
-        names=("up",), up_column=0, directions=up[None, None], angles=np.array([[angle]]), references=REFERENCES[None, :1]
+        names=("up",),
+        up_column=0,
+        directions=up[None, None],
+        angles=np.array([[angle]]),
+        references=REFERENCES[None, :1],
     )
     configuration = SimpleNamespace(start=None, rule=object(), flow=None)
     start, counts = guaranteed_run._start(None, configuration, rows)

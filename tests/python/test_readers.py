@@ -126,6 +126,18 @@ def test_npz_that_says_it_is_wider_than_memory(tmp_path):
     assert open_log(tmp_path / "log.npz").columns == ()
 
 
+def test_ulog_that_pyulog_reads_for_ever(tmp_path):
+    """Cut in a message of the definitions, after a damaged one: it then goes back further than it went."""
+    pytest.importorskip("pyulog")
+    content = (
+        "554c6f670112350100000000000000001d00466d3a75696e7436345f742074696d657374616d703b666c6f61743b0400410000006d"
+        "0400410101006d0e00440000ffffff00ffffffffffffffffffff00000000"
+    )
+    (tmp_path / "log.ulg").write_bytes(bytes.fromhex(content))
+    with pytest.raises(FileError, match=r"not a ULog that pyulog can read: .*does not end"):
+        open_log(tmp_path / "log.ulg")
+
+
 def test_ulog(tmp_path):
     pytest.importorskip("pyulog")
     stamps = np.array([1_000_000, 1_005_000, 1_010_000])

@@ -78,8 +78,26 @@ def predict_body(
     given: BodyInput | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> GibbsSet:
-    """The smaller of the sets of both courses, in equal steps (17.4, beginning again)."""
+    """In equal steps; where these have no bound, in three and nine times as many (17.4, the bootstrap)."""
     steps = body_steps(duration, longest_step)
+    for finer in (1, 3):
+        try:
+            return predict_body_in(steps * finer, body, begin, time, duration, given, uncertainty)
+        except Unbounded:
+            continue
+    return predict_body_in(9 * steps, body, begin, time, duration, given, uncertainty)
+
+
+def predict_body_in(
+    steps: int,
+    body: Body,
+    begin: GibbsSet,
+    time: float,
+    duration: float,
+    given: BodyInput | None,
+    uncertainty: Uncertainty | None,
+) -> GibbsSet:
+    """The smaller of the sets of both courses (17.4, beginning again)."""
 
     def course(longest: float) -> Course | None:
         try:
@@ -190,7 +208,10 @@ def predict_gyro(
     nonlinear = h * largest * difference * max(0.5, 0.25 * largest)
     turning = speed * h**2 / 4.0 * (noise + wander + 0.5 * h * drift)
     drifting = drift * h**2 / 2.0
-    ball = wander_angle + nonlinear + turning + drifting + 64.0 * ROUNDING
+    # Rounding of the turn, its Jacobian and the center (17.8).
+    slip = (32.0 + 12.0 * speed * h) * ROUNDING
+    slipping = slip * (radius(begin.shape[:3, :3]) + h * difference + 1.01 * (1.0 + largest**2 / 4.0))
+    ball = wander_angle + nonlinear + turning + drifting + slipping
     terms = [transition @ begin.shape @ transition.T]
     if increment is not None:
         ball += increment
