@@ -337,9 +337,10 @@ def _much_noise(of: Plant, draws: np.random.Generator) -> Plant:
     return replace(of, noise=of.rate_bound * draws.uniform(1.0, 10.0))
 
 
-def _no_drift(of: Plant, draws: np.random.Generator) -> Plant:
+def _any_bias(of: Plant, draws: np.random.Generator) -> Plant:
+    """A bias that moves as it likes, and nothing but the ellipsoid that it stays in is told."""
     assert isinstance(of, GyroPlant)
-    return replace(of, drift=0.0)
+    return replace(of, drift=of.rate_bound * 10.0 ** draws.uniform(-1.0, 1.5), tells_drift=False)
 
 
 # --- thin first sets --------------------------------------------------------------------------------------------------
@@ -472,7 +473,10 @@ KINDS = {
         scenarios=("gyro",),
     ),
     "bias": Kind(
-        "a gyro's bias that is bounded and not estimated", _bias_not_estimated, plant=_no_drift, scenarios=("gyro",)
+        "a gyro's bias that is bounded and not estimated, and moves",
+        _bias_not_estimated,
+        plant=_any_bias,
+        scenarios=("gyro",),
     ),
     "relaxed": Kind("one or two measurements of an update may be lies, and are", _relaxed),
 }

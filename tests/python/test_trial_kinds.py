@@ -168,6 +168,7 @@ def test_what_is_no_lie_keeps_its_bounds(kind, scenario):
             wrong[-1, -1] = one.lies[-1, -1]
         np.testing.assert_array_equal(wrong, one.lies)
         lies += int(one.lies.sum()) + one.start_lies
+        assert kind != "bias" or not of.guaranteed_flow().drift.any()
         if "vector_bound" in one.options:
             assert np.linalg.norm(motion.vectors[n], axis=1).max() <= one.options["vector_bound"]
         assert one.lies.sum(axis=1).max() <= (1 if kind == "liar" else one.most_lies or 10)
@@ -366,6 +367,8 @@ def story(claims, *, contradicted=(), dropped=(), lies=(), start_lies=False, gyr
             "",
             "",
         ),
+        ({"claims": "unccu", "contradicted": [1], "dropped": [(1, 0), (1, 1)], "lies": [(1, 1)]}, "", ""),
+        ({"claims": "unccu", "contradicted": [1], "dropped": [(1, 0), (1, 1)]}, "", "1"),
         # A gyro's sample is of the interval after it.
         ({"claims": "uuuu", "lies": [(1, 2)], "gyro": True}, "23", ""),
         ({"claims": "uuluu", "lies": [(1, 2)], "gyro": True}, "34", ""),
@@ -388,6 +391,7 @@ def test_what_a_set_rests_on(of_story, resting, refused):
         ({"claims": "uuuuu", "contradicted": [2]}, "23"),
         ({"claims": "uuccu", "contradicted": [2], "regain_after": 3}, "4"),
         ({"claims": "uuccu", "contradicted": [2], "most_lies": 1}, ""),
+        ({"claims": "unuuu", "contradicted": [1]}, ""),
     ],
 )
 def test_claims_that_are_too_large(of_story, rows):
