@@ -20,9 +20,9 @@ struct Case {
   double step = 0.1;
   double orbit_rate = 1e-6;
   Matrix3d attitude = Matrix3d::Identity();
-  double unknown = 0;  ///< half-width of the unknown torque
-  double inertia = 0;  ///< bound of the inertia's error
-  Matrix3d wrong = Matrix3d::Zero();  ///< that error
+  double unknown = 0;                  ///< half-width of the unknown torque
+  double inertia = 0;                  ///< bound of the inertia's error
+  Matrix3d wrong = Matrix3d::Zero();   ///< that error
   Vector3d torque = Vector3d::Zero();  ///< the unknown torque that acts
   Vector3d control = Vector3d::Zero();
   Vector3d wheel = Vector3d::Zero();
@@ -51,8 +51,9 @@ double final_form(const Case& c) {
     return RealVector(gradient_torque(inertia, Real(c.orbit_rate), a, t) + (c.control + c.torque).cast<Real>());
   };
   const auto end = [&](const RealVector6& u) {
-    return gibbs_error(after.center, independent_flow(inertia, torque, gibbs_motion(before.center, RealVector6(size * u)),
-                                                      0, Real(c.step), 1, c.wheel.cast<Real>()));
+    return gibbs_error(after.center,
+                       independent_flow(inertia, torque, gibbs_motion(before.center, RealVector6(size * u)), 0,
+                                        Real(c.step), 1, c.wheel.cast<Real>()));
   };
   const RealMatrix6 metric = RealMatrix6(after.shape.cast<Real>()).inverse();
   const RealVector6 middle = end(RealVector6::Zero());

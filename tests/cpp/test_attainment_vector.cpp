@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <elliptude/guaranteed_flow.hpp>
+#include <elliptude/measurement.hpp>
 
 #include "random.hpp"
 
@@ -102,4 +103,15 @@ TEST_CASE("an inertia error moves the gravity gradient") {
   // A sphere has no torque; with moments 2.2, 2 and 1.8 the error's own is 3n² · ½ · 0.4 at 45°, as large as 3n² e.
   const double torque = 3 * 0.25 * 0.2;
   check(duration * torque * (1 + 0.2 / 1.8) / moment, std::sqrt(after.shape(0, 0)), 0.99);
+}
+
+TEST_CASE("a measured rate is within its bound about any center") {
+  // 1.5 rad/s seen from 1 rad/s within 0.2: from 0.3 to 0.7.
+  Quadric<double, 3> quadric;
+  const AngularVelocity<double> measured{Vector3d(1.5, 0, 0), 0.04 * Matrix3d::Identity()};
+  REQUIRE(to_quadric(Vector3d(1, 0, 0), measured, quadric) == Status::ok);
+  CHECK(contains(quadric, Vector3d(0.699, 0, 0)));
+  CHECK(contains(quadric, Vector3d(0.301, 0, 0)));
+  CHECK_FALSE(contains(quadric, Vector3d(0.701, 0, 0)));
+  CHECK_FALSE(contains(quadric, Vector3d(0.299, 0, 0)));
 }
