@@ -16,7 +16,7 @@ from typing import Any
 import elliptude as el
 import mekf
 import numpy as np
-from elliptude import _core, adversary, figures, validation
+from elliptude import _core, adversary, figures, plants, validation
 from elliptude.adversary import Case, Measured, Plant, Starts
 from elliptude.plants import GyroPlant, RigidBodyPlant
 from elliptude.validation import Runs
@@ -75,7 +75,7 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
 
 def compare(case: Case, trials: int, seed: int) -> dict[str, dict[str, float]]:
     """Share of the updates with the truth outside, and mean sizes, of each estimator in one case."""
-    of, draws = adversary.plant(case), np.random.default_rng(np.random.SeedSequence(seed))
+    of, draws = plants.plant(case), np.random.default_rng(np.random.SeedSequence(seed))
     starts = adversary.draw_starts(of, trials, draws)
     # All begin with the first measurement, but where there is a bias that it says nothing of.
     starts = dataclasses.replace(starts, from_measurement=np.full(trials, not of.has_gyro))

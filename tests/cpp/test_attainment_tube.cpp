@@ -163,3 +163,56 @@ TEST_CASE("an inertia error changes what the body's own motion and the field do"
   }
   CHECK(largest > 0.9);
 }
+
+TEST_CASE("over a long step a small set holds what the series leave out") {
+  // Of the linear part that is carried to fourth order in time, and of the center to eighth: relative to the set the first does
+  // not depend on its size, and the second outweighs in a tiny one.
+  Random random(5);
+  int closed = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    const Vector3d moments(1, 1.5, 1.99);
+    RigidBody<double> body;
+    REQUIRE(RigidBody<double>::make(moments.asDiagonal().toDenseMatrix(), body) == Status::ok);
+    GravityGradient<double> gradient;
+    const double orbit_rate = trial % 3 == 0 ? 0.8 : 1e-6;
+    REQUIRE(GravityGradient<double>::make(body, orbit_rate, Matrix3d::Identity(), gradient) == Status::ok);
+    const double step = random.uniform(0.3, 0.7);
+    Flow flow;
+    REQUIRE(Flow::make(body, gradient, step, BodyUncertainty<double>{}, flow) == Status::ok);
+    BodyInput<double> input;
+    input.wheel_momentum = trial % 2 == 0 ? Vector3d(0.5 * random.unit_vector<3>()) : Vector3d::Zero();
+    const double size = trial % 4 < 2 ? 1e-5 : random.log_uniform(1e-11, 1e-8);
+    const GibbsEllipsoid<RigidBodyState<double>> before{{random.rotation(), 0.8 * random.unit_vector<3>()},
+                                                        size * size * Matrix6<double>::Identity()};
+    GibbsEllipsoid<RigidBodyState<double>> after;
+    if (flow.predict(0, step, input, before, after) != Status::ok) {
+      continue;
+    }
+    ++closed;
+    const RealTorque torque = [&](const RealMatrix& a, Real t) {
+      return gradient_torque(body.inertia().cast<Real>(), Real(orbit_rate), a, t);
+    };
+    const auto end = [&](const RealVector6& y) {
+      return gibbs_error(after.center,
+                         independent_flow(body.inertia().cast<Real>(), torque, gibbs_motion(before.center, y), 0,
+                                          Real(step), 3, input.wheel_momentum.cast<Real>()));
+    };
+    RealMatrix6 linear;
+    for (int i = 0; i < 6; ++i) {
+      const RealVector6 e = 1e-5L * RealVector6::Unit(i);
+      linear.col(i) = Real(size) * (end(e) - end(-e)) / 2e-5L;
+    }
+    const RealMatrix6 metric = RealMatrix6(after.shape.cast<Real>()).inverse();
+    const RealMatrix6 seen = linear.transpose() * metric * linear;
+    const Eigen::SelfAdjointEigenSolver<RealMatrix6> axes(seen);
+    CHECK(axes.eigenvalues().maxCoeff() <= 1);
+    const RealVector6 middle = end(RealVector6::Zero());
+    for (int i = 0; i < 6; ++i) {
+      for (const Real sign : {-1.0L, 1.0L}) {
+        const RealVector6 y = middle + linear * (sign * axes.eigenvectors().col(i));
+        CHECK(y.dot(metric * y) <= 1);
+      }
+    }
+  }
+  CHECK(closed >= 30);
+}

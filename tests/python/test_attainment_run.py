@@ -156,6 +156,18 @@ def test_rounding_of_many_steps_is_in_the_bound():
     assert error <= guaranteed_run._ROUNDING * (count - 1)
 
 
+def test_the_rounding_of_each_step_is_added(monkeypatch):
+    """It is far below what any log shows, so its unit is taken to be larger: each step since the anchor adds one."""
+    monkeypatch.setattr(guaranteed_run, "_ROUNDING", 1e-5)
+    times = np.linspace(0.0, 2.0, 101)
+    log = still_log(times, np.zeros((101, 3)), np.zeros(101, bool))
+    given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1e-4] * 6}
+    estimated = estimation.estimate(log, configured({"anchor_s": 10.0, "interval_rate": "mean_of_ends"}, start=given))
+    widths = np.sqrt(estimated.guaranteed.log.shapes[:, 0, 0])
+    np.testing.assert_allclose(widths[[0, 50, 100]], 0.01 + np.array([0.0, 5e-4, 1e-3]), rtol=0.01)
+    assert widths[100] >= 0.01 + 1e-3
+
+
 # --- the tilt ---------------------------------------------------------------------------------------------------------
 
 
