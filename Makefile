@@ -73,6 +73,10 @@ instructions: $(SYSTEM)-test $(SYSTEM)-bench ## Count the instructions of each o
 	cmake --build --preset bench --target instructions_core
 	tools/count_instructions.sh build/bench/cpp/benchmarks/instructions_core
 
+.PHONY: mutate
+mutate: $(SYSTEM)-test $(VENV)/package ## Change the source as a person might by mistake, place by place, and see whether a test notices
+	.venv/bin/python tools/mutate.py
+
 .PHONY: lint
 lint: $(VENV)/package $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
 	.venv/bin/ruff check .

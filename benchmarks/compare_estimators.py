@@ -17,7 +17,8 @@ import elliptude as el
 import mekf
 import numpy as np
 from elliptude import _core, adversary, figures, validation
-from elliptude.adversary import Case, GyroPlant, Measured, Plant, RigidBodyPlant, Starts
+from elliptude.adversary import Case, Measured, Plant, Starts
+from elliptude.plants import GyroPlant, RigidBodyPlant
 from elliptude.validation import Runs
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure

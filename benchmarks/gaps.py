@@ -47,6 +47,8 @@ class Simulated:
     """Begin and end, s."""
     true_times: FloatArray
     true_attitudes: Rotation
+    largest_rate: float
+    """rad/s."""
 
     def attitudes_at(self, times: FloatArray) -> Rotation:
         """True attitudes; the simulation's own steps are 1 ms."""
@@ -79,6 +81,7 @@ def simulate(
     moving = np.clip(2.0 * (fine - REST_S), 0.0, 1.0) * np.clip(2.0 * np.abs(fine - pause) - 1.0, 0.0, 1.0)
     moving = moving**2 * (3.0 - 2.0 * moving)
     rates = moving[:, None] * _waves(draws, fine, 5, draws.uniform(0.2, 0.8))
+    largest = float(np.linalg.norm(rates, axis=1).max())
     middles = Rotation.from_rotvec(_FINE_S * 0.5 * (rates[1:] + rates[:-1]))
     turns = np.empty((len(fine), 4))
     turns[0], steps = Rotation.random(rng=draws).as_quat(), middles.as_quat()
@@ -110,7 +113,7 @@ def simulate(
             for begin, length in gaps:
                 keep &= (times < begin) | (times > begin + length)
         stamps[name], values[name] = times[keep], measured[keep]
-    return Simulated(stamps, values, [(begin, begin + length) for begin, length in gaps], fine, attitudes)
+    return Simulated(stamps, values, [(begin, begin + length) for begin, length in gaps], fine, attitudes, largest)
 
 
 def _unit(draws: np.random.Generator) -> FloatArray:
@@ -175,8 +178,10 @@ def write(simulated: Simulated, path: Path) -> None:
     np.savez(path, **arrays, **simulated.values)
 
 
-def bounds_and_estimate(path: Path, mapped: dict[str, Any]) -> tuple[Estimation, Configuration]:
-    """What `elliptude bounds` and `elliptude estimate` do."""
+def bounds_and_estimate(
+    path: Path, mapped: dict[str, Any], largest_rate_deg_per_s: float | None = None
+) -> tuple[Estimation, Configuration]:
+    """What `elliptude bounds` and `elliptude estimate` do, with a largest rate that the user knows if one is given."""
     reading = mapping.configuration_of(mapped, path)
     recording, origin = mapping.read_recording(path, reading)
     document = starting_configuration(
@@ -188,7 +193,11 @@ def bounds_and_estimate(path: Path, mapped: dict[str, Any]) -> tuple[Estimation,
         origin=origin,
         shared_stamps=recording.shared_stamps,
     )
-    configuration = Configuration.model_validate(document.unwrap())
+    full = document.unwrap()
+    if largest_rate_deg_per_s is not None:
+        gyro = full["rule"]["gyro"] if "rule" in full else full["flow"]
+        gyro["largest_rate_deg_per_s"] = largest_rate_deg_per_s
+    configuration = Configuration.model_validate(full)
     return estimation.estimate(logs.read_log(path, configuration), configuration), configuration
 
 
@@ -215,14 +224,17 @@ def forms(estimated: Estimation, simulated: Simulated) -> FloatArray:
     return result
 
 
-def attempt(seed: int, folder: Path, gaps: list[tuple[float, float]] | None = None) -> dict[str, Any]:
-    """One log: what kind it was, and what came of it."""
+def attempt(
+    seed: int, folder: Path, gaps: list[tuple[float, float]] | None = None, *, knows_rate: bool = False
+) -> dict[str, Any]:
+    """One log: what kind it was, and what came of it; with the true largest rate stated if that is known."""
     kind = seed % 4
     magnetometer, own_stamps = kind != 1, kind == 2
     simulated = simulate(seed, gaps, magnetometer=magnetometer, own_stamps=own_stamps)
     path = folder / "log.npz"
     write(simulated, path)
-    estimated, _ = bounds_and_estimate(path, tables(simulated, own_stamps=own_stamps))
+    rate = float(np.rad2deg(simulated.largest_rate)) if knows_rate else None
+    estimated, _ = bounds_and_estimate(path, tables(simulated, own_stamps=own_stamps), rate)
     found = forms(estimated, simulated)
     claims = np.array(estimated.results.claims)
     unconditional = claims == "unconditional"
@@ -243,6 +255,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=1000, help="how many")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
+    parser.add_argument("--known-rate", action="store_true", help="state the true largest rate, not what bounds wrote")
     parser.add_argument("--json", type=Path, help="write what came of each log to this file")
     arguments = parser.parse_args()
     lines: list[dict[str, Any]] = []
@@ -251,7 +264,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         for seed in range(arguments.first, arguments.first + arguments.logs):
             try:
-                lines.append(attempt(seed, Path(name)))
+                lines.append(attempt(seed, Path(name), knows_rate=arguments.known_rate))
             except ValueError as error:
                 failed[str(error).split(";")[0]] += 1
             if len(lines) % 50 == 0 and lines:

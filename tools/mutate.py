@@ -1,24 +1,25 @@
 """Change the source as a person might by mistake, one place at a time, and see whether a test notices.
 
-`make mutate`, or `.venv/bin/python tools/mutate.py [--only TEXT] [--language cpp|python] [--jobs N]`. The mistakes are listed in
-`tests/mutations/*.toml`:
+`make mutate`, or `.venv/bin/python tools/mutate.py [--only TEXT] [--language cpp|python] [--jobs N]`. The mistakes are
+listed in `tests/mutations/*.toml`:
 
     file = "cpp/include/elliptude/state.hpp"        what is changed
     tests = ["test_fusion", "test_chart"]           what is run, the likeliest to notice first
 
     [[mutation]]
     name = "recentring_by_half"                     unique in all files
-    at = "Scalar e = «scalar::sqrt(x) / scale»;"    a piece of the source that occurs once; what is replaced is between « and »
+    at = "Scalar e = «scalar::sqrt(x) / scale»;"    a piece of source that occurs once; replaced is what « and » enclose
     to = "half * scalar::sqrt(x) / scale"
     why = "a bound that is not doubled"
     equivalent = "..."                              why no test can notice it, if none can
 
-Spaces and line breaks count for nothing. What is replaced in C++ is an expression, or one or more statements with the semicolon;
-all are compiled in at once, `mutant(123) ? (to) : (from)`, and the environment variable ELLIPTUDE_MUTANT says which one acts. In
-Python the text is replaced in a copy of the package.
+Spaces and line breaks count for nothing. What is replaced in C++ is an expression, or one or more statements with the
+semicolon; all are compiled in at once, `mutant(123) ? (to) : (from)`, and the environment variable ELLIPTUDE_MUTANT
+says which one acts. In Python the text is replaced in a copy of the package.
 
 It fails if a piece of source is not found, if the unchanged source fails a test, if a mutation that is not argued to be
-equivalent is not noticed, and if one is noticed that is. A test that runs much longer than it should counts as noticing.
+equivalent is not noticed, and if one is noticed that is. A test that runs much longer than it should counts as
+noticing.
 """
 
 import argparse
@@ -89,7 +90,7 @@ def read_lists() -> list[Mutation]:
         for entry in table["mutation"]:
             entry.setdefault("equivalent", "")
             tests = tuple(entry.pop("tests", table["tests"]))
-            # A number that does not depend on what else is in the lists: headers stay as they are where nothing in them changes.
+            # A number that does not depend on what else is in the lists: other headers stay as they are.
             number = zlib.crc32(entry["name"].encode()) & 0x7FFFFFFF
             found.append(Mutation(number, file=table["file"], tests=tests, **entry))
     names = [mutation.name for mutation in found]
@@ -209,9 +210,9 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
                 sys.exit(f"{name} does not compile:\n{error[:6000]}")
     for name in names:
         program, objects = BUILD / "cpp" / name, [str(BUILD / "cpp" / f"{part}.o") for part in (name, "main")]
-        if not program.exists():
-            if error := run([*compiler[-1:], *objects, "-o", str(program)], 600, dict(os.environ), ROOT):
-                sys.exit(f"{name} does not link:\n{error[:6000]}")
+        link = [*compiler[-1:], *objects, "-o", str(program)]
+        if not program.exists() and (error := run(link, 600, dict(os.environ), ROOT)):
+            sys.exit(f"{name} does not link:\n{error[:6000]}")
 
 
 def core_command(test: str) -> list[str]:
@@ -345,8 +346,8 @@ def main() -> int:
     counted = len(chosen) - len(equivalent)
     noticed = counted - len(survivors)
     summary = (
-        f"{noticed} of {counted} noticed ({100.0 * noticed / max(counted, 1):.1f} %), {len(equivalent)} argued equivalent, "
-        f"in {time.monotonic() - began:.0f} s"
+        f"{noticed} of {counted} noticed ({100.0 * noticed / max(counted, 1):.1f} %), "
+        f"{len(equivalent)} argued equivalent, in {time.monotonic() - began:.0f} s"
     )
     describe: Callable[[Mutation], str] = lambda m: f"  {m.name} ({m.file}): {m.why}"  # noqa: E731
     report = [*lines, "", summary]

@@ -220,10 +220,10 @@ def apply_rule(
     """
     stamps = np.asarray(times, dtype=np.float64)
     rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
-    gyro, accelerometer = rule.gyro.bounds(), rule.accelerometer
+    accelerometer = rule.accelerometer
     if longest_interval is None:
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
-    gyro = dataclasses.replace(gyro, longest_interval=longest_interval)
+    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
     rest = _rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = rates[rest].mean(axis=0)
     rates = rates - bias
@@ -302,7 +302,9 @@ def field_at_start(
         If the recording does not start at rest, or contradicts the rule there.
     """
     assert rule.magnetometer is not None
-    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces)
+    longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
+    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
+    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
     reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
     direction: FloatArray = reference / np.linalg.norm(reference)

@@ -5,6 +5,7 @@ import dataclasses
 import json
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -95,9 +96,7 @@ def bounds(
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
-    if out is not None or rule is not None:
-        # What `estimate` would refuse, such as degrees that are called radians, is no log to write bounds for.
-        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log)), None)
+    implausible = _look(log, configuration, refuse=out is not None or rule is not None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:
@@ -123,7 +122,7 @@ def bounds(
         )
     if as_json:
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
-        summary["suspicious"] = suspicious
+        summary |= {"implausible": implausible, "suspicious": suspicious}
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
@@ -139,6 +138,8 @@ def bounds(
         typer.echo(line)
     if up is not None:
         typer.echo(f"{up}.")
+    for one in implausible:
+        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
     for one in suspicious:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     typer.echo(_NOTE)
@@ -150,6 +151,21 @@ def bounds(
         typer.echo(
             f"Written: {rule}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
         )
+
+
+def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
+    """What in the log contradicts its configuration: degrees that are called radians, or wrong axes.
+
+    What `estimate` would refuse is no log to write bounds for.
+    """
+    heard = plausibility.Heard()
+    if refuse:
+        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
+        return heard.ignored
+    ignoring = configuration.model_copy(update={"implausible": "ignore"})
+    with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
+        next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
+    return heard.ignored
 
 
 def _mode(mode: Mode | None, tables: Tables) -> Mode:

@@ -114,6 +114,8 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
     else:
         typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
     _say_up(summary)
+    for line in summary["gaps"]["said"]:
+        typer.echo(f"  {line}")
     largest = summary["largest_angle_deg"]["mean_settled"]
     if largest is not None:
         typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
@@ -153,8 +155,6 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
         typer.echo(
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
-    for line in summary["gaps"]["said"]:
-        typer.echo(f"  {line}")
     if summary["heading"] == "from the first row":
         typer.echo("  nothing tells the heading: it counts from the first row")
     for name, part in summary["sizes"].items():
@@ -199,6 +199,7 @@ def _estimate_pieces(
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
         heard=heard,
+        bridged=estimator.bridged,
     )
     return _finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

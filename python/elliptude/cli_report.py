@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from elliptude import comparison
 from elliptude.cli_options import (
     Force,
     LargestGap,
@@ -19,6 +20,7 @@ from elliptude.cli_options import (
 )
 from elliptude.configuration import read_configuration
 from elliptude.files import FileError
+from elliptude.quaternion_readings import readings
 from elliptude.reference_attitudes import read_reference
 from elliptude.runs import Run, read_run
 
@@ -69,7 +71,13 @@ def make_report(
     if reference is not None:
         configuration = None if config is None else read_configuration(config)
         error_deg, _ = reference_error(reference_error_deg, configuration)
-        run = run.against(read_reference(reference, configuration), largest_gap_s, math.radians(error_deg))
+        attitudes = read_reference(reference, configuration)
+        truth = None if configuration is None else configuration.truth
+        choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+        misread = comparison.misread_reference(run, attitudes, choices, largest_gap=largest_gap_s)
+        if misread is not None:
+            raise FileError(f"{reference}: {misread}: its quaternions are not as declared")
+        run = run.against(attitudes, largest_gap_s, math.radians(error_deg))
         read_label = reference.name
         if not run.compared.any():
             raise FileError(

@@ -17,6 +17,7 @@ from elliptude import guaranteed_results, logs, tables
 from elliptude.background import ahead
 from elliptude.configuration import Configuration, GivenStart, GyroFlow
 from elliptude.containment import compare
+from elliptude.gaps import Bridged
 from elliptude.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.logs import Log, interval_rates
 from elliptude.results import FilterLog
@@ -37,6 +38,8 @@ class Estimation:
     """What filter and bounds took, s."""
     guaranteed: GuaranteedRun | None = None
     """What the guaranteed mode did, in that mode."""
+    bridged: Bridged | None = None
+    """Gaps of the gyro, in the modes of first order."""
 
 
 def estimate(log: Log, configuration: Configuration) -> Estimation:
@@ -66,6 +69,7 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
+        bridged=estimator.bridged,
     )
 
 
@@ -87,6 +91,8 @@ class PieceEstimator:
         """As `Estimation` has it, of the rows so far."""
         self.guaranteed: GuaranteedRun | None = None
         """As `Estimation` has it, after the last row."""
+        self.bridged = Bridged(configuration)
+        """Gaps of the gyro so far, in the modes of first order."""
 
     def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
         """Go through the pieces of a log.
@@ -131,6 +137,7 @@ class PieceEstimator:
         """Rows, what the filter made of them, and whether the first is the start."""
         for piece in pieces:
             begin = time.perf_counter()
+            self.bridged.add(piece)
             filtered = self._take(piece)
             self.elapsed += time.perf_counter() - begin
             self.vector_is_compared = piece.true_vectors is not None and self._configuration.compares_vector
@@ -303,4 +310,5 @@ def summarize(estimation: Estimation, configuration: Configuration) -> dict[str,
         vector_is_compared=estimation.vector_is_compared,
         elapsed=estimation.elapsed,
         guaranteed=estimation.guaranteed,
+        bridged=estimation.bridged,
     )

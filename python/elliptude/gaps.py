@@ -143,6 +143,46 @@ def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog)
     return tuple(gaps)
 
 
+class Bridged:
+    """Gaps that a mode of first order bridges by straight lines, found piece by piece."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        flow = configuration.flow
+        self._has_gyro = isinstance(flow, GyroFlow)
+        self._longest = flow.longest_interval_s if isinstance(flow, GyroFlow) else None
+        self._last = np.empty(0)
+        self._count, self._total = 0, 0.0
+        self._longest_gap = 0.0, 0.0
+
+    def add(self, log: Log) -> None:
+        """Look at the next rows. What is usual is what the first of them show."""
+        if not self._has_gyro:
+            return
+        samples = np.unique(np.concatenate([self._last, _samples(log)]))
+        self._last = samples[-1:]
+        intervals = np.diff(samples)
+        if self._longest is None and len(intervals):
+            self._longest = longest_interval_of(intervals, None)
+        for at in np.flatnonzero(intervals > (np.inf if self._longest is None else self._longest)):
+            self._count, self._total = self._count + 1, self._total + float(intervals[at])
+            self._longest_gap = max(self._longest_gap, (float(intervals[at]), float(samples[at])))
+
+    def summarize(self) -> dict[str, Any]:
+        """For ``summary.json``."""
+        duration, time = self._longest_gap
+        said = []
+        if self._count:
+            said = [
+                f"{_counted(self._count)} in the gyro, longer than {self._longest:.4g} s ({self._total:.3g} s in all, "
+                f"the longest {duration:.4g} s from {time:.4f} s on): taken for straight lines, which no bound covers"
+            ]
+        return {"longest_interval_s": self._longest, "count": self._count, "total_s": self._total, "said": said}
+
+
+def _counted(count: int) -> str:
+    return f"{count} gap{'s' if count > 1 else ''}"
+
+
 def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     """For ``summary.json``: s, degrees; the longest ones are listed one by one."""
 
@@ -183,7 +223,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     rate = summary["largest_rate_deg_per_s"]
     known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
     lines = [
-        f"{count} gap{'s' if count > 1 else ''} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
+        f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
         f"({summary['total_s']:.3g} s in all; {known}): {summary['rows_without_set']} rows without a set"
     ]
     listed: list[dict[str, Any]] = summary["listed"]

@@ -55,8 +55,8 @@ def one_word(name: str) -> str:
 
 def _squarable(bound: float) -> float:
     """A bound becomes a shape matrix by its square."""
-    if bound != 0.0 and not 1e-150 <= bound <= 1e150:
-        raise ValueError("must be from 1e-150 to 1e150, where its square is a number")
+    if bound != 0.0 and not 1e-130 <= bound <= 1e130:
+        raise ValueError("must be from 1e-130 to 1e130, where the core holds its square")
     return bound
 
 

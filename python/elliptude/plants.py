@@ -153,6 +153,8 @@ class GyroPlant:
     largest_rate: float = 1.0
     angular_acceleration: float = 1.0
     """rad/s²."""
+    tells_drift: bool = True
+    """Whether the filter is told that the bias drifts."""
     has_gyro: bool = True
 
     def motion(self, starts: Starts, errors: Errors) -> Motion:
@@ -180,7 +182,7 @@ class GyroPlant:
         """Of the guaranteed mode."""
         return guaranteed("GuaranteedGyroFlow")(
             noise=self.noise,
-            drift=self.drift,
+            drift=self.drift if self.tells_drift else 0.0,
             angular_acceleration=self.angular_acceleration,
             interval_rate="first_sample",
         )

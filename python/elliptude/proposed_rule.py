@@ -119,7 +119,7 @@ def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal |
     )
     table["longest_interval_s"] = Proposed(
         upward(gyro.longest_interval),
-        "1.5 times the usual interval between samples: what the bounds above were seen at, and speak of",
+        "no guarantee: 1.5 times the usual interval between samples, at which the bounds above were seen",
     )
     table["largest_rate_deg_per_s"] = _seen(
         _in_degrees(gyro.speed), "the rate", margin, table["largest_rate_deg_per_s"], in_full=False

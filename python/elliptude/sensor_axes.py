@@ -96,11 +96,15 @@ def misfits(
         return None
     offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
     speeds = np.linalg.norm(rates, axis=1)
-    steps = np.diff(times)
-    # Over a gap the turn may be anything.
-    gaps = np.concatenate([[0.0], np.cumsum(np.where(steps > _LONGEST_STEP * np.median(steps), np.pi, 0.0))])
+    elapsed, steps = times - times[0], np.diff(times)
+    # Over a gap the turn may be anything. Its length says nothing, and a stamp far ahead would make cells without end.
+    is_gap = steps > _LONGEST_STEP * np.median(steps)
+    gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
+    enough = (_LONGEST_STEP + 1.0) * float(np.median(np.diff(times[there])))
+    steps = np.where(is_gap, np.minimum(steps, enough), steps)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
     # Where the carried frame may have turned to since the beginning, without the noise; and the angle that it turned.
-    steady = running_integral(times, gyro.steady_error(speeds, times - times[0])) + gaps
+    steady = running_integral(times, gyro.steady_error(speeds, elapsed)) + gaps
     turned = running_integral(times, speeds)
     attitudes = attitudes_from_rates(steps, sign * rates)
     cells = _Cells(times[there], attitudes[there], vectors[there], steady[there], turned[there], offset[there])

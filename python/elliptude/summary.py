@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude import guaranteed_results, suspicions, tables
 from elliptude.configuration import Configuration
+from elliptude.gaps import Bridged
 from elliptude.guaranteed_run import GuaranteedRun
 from elliptude.plausibility import Heard
 from elliptude.results import FloatArray
@@ -75,6 +76,7 @@ class Summary:
         vector_is_compared: bool,
         elapsed: float,
         guaranteed: GuaranteedRun | None = None,
+        bridged: Bridged | None = None,
         heard: Heard | None = None,
     ) -> dict[str, Any]:
         """For ``summary.json``; None for what is not known.
@@ -88,6 +90,8 @@ class Summary:
             What the filter took, s.
         guaranteed : GuaranteedRun, optional
             What the results are of, in the guaranteed mode.
+        bridged : Bridged, optional
+            Gaps of the gyro, in the modes of first order.
         heard : Heard, optional
             What a look at the log said.
 
@@ -131,6 +135,8 @@ class Summary:
                 "inside_share_of_rows": self._inside_rows.value(),
                 "largest_form": self._largest_form if np.isfinite(self._largest_form) else None,
             }
+        if bridged is not None:
+            summary["gaps"] = bridged.summarize()
         if guaranteed is not None:
             summary |= guaranteed_results.summarize(guaranteed, configuration)
             if self._is_compared:

@@ -72,7 +72,9 @@ def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated")
     list of Suspicion
     """
     names = {name for name, _ in _USUAL}
-    return [one for name in numbers if name in names for one in _of_table(name, numbers[name], name, stated)]
+    # A rule may be without a magnetometer.
+    tables = {name: table for name, table in numbers.items() if name in names and table is not None}
+    return [one for name, table in tables.items() for one in _of_table(name, table, name, stated)]
 
 
 def of_proposal(tables: RuleTables) -> list[Suspicion]:

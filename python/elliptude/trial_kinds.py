@@ -337,9 +337,10 @@ def _much_noise(of: Plant, draws: np.random.Generator) -> Plant:
     return replace(of, noise=of.rate_bound * draws.uniform(1.0, 10.0))
 
 
-def _no_drift(of: Plant, draws: np.random.Generator) -> Plant:
+def _any_bias(of: Plant, draws: np.random.Generator) -> Plant:
+    """A bias that moves as it likes, and nothing but the ellipsoid that it stays in is told."""
     assert isinstance(of, GyroPlant)
-    return replace(of, drift=0.0)
+    return replace(of, drift=of.rate_bound * 10.0 ** draws.uniform(-1.0, 1.5), tells_drift=False)
 
 
 # --- thin first sets --------------------------------------------------------------------------------------------------
@@ -373,10 +374,12 @@ def _thin_starts(
 ) -> Starts:
     """As wide as given, one axis thinner by the given ratio, the others between them.
 
-    Axes have any direction in all six numbers, or in the attitude's three; the vector is then known far better, so
-    that it does not widen the attitude.
+    Axes have any direction in all six numbers, or in the attitude's three; the vector is then known better, a gyro's
+    bias far better, so that it does not widen the attitude. A bias is small, too: its rounding must not take the truth
+    out of a thin set.
     """
     count = len(starts.vectors)
+    share = 1e-3 if of.has_gyro else 1.0
     shapes, roots, shares = np.empty((count, 6, 6)), np.empty((count, 6, 6)), np.empty(count)
     for trial in range(count):
         ratio, in_six = ratios[trial], draws.random() < 0.5
@@ -387,7 +390,7 @@ def _thin_starts(
                 axes[:], _ = np.linalg.qr(draws.standard_normal((6, 6)))
             else:
                 of_attitude = widest[trial] * ratio ** draws.permutation([0.0, 1.0, draws.random()])
-                of_vector = 1e-3 * of_attitude.min() * draws.uniform(0.5, 1.0, 3)
+                of_vector = share * of_attitude.min() * draws.uniform(0.5, 1.0, 3)
                 lengths = np.concatenate([of_attitude, of_vector])
                 axes[:3, :3], axes[3:, 3:] = (np.linalg.qr(draws.standard_normal((3, 3)))[0] for _ in range(2))
             root = axes * lengths
@@ -398,10 +401,10 @@ def _thin_starts(
                 break
             ratio *= 1.1  # rounding has made it indefinite
         shapes[trial], roots[trial] = shape, np.array(exact, np.float64)
-        shares[trial] = max(0.0, 1.0 - 3e-15 / min(lengths[:3].min(), lengths.min() * 1e3))
+        shares[trial] = max(0.0, 1.0 - 3e-15 / min(lengths[:3].min(), lengths.min() / share))
     return ThinStarts(
         attitudes=starts.attitudes,
-        vectors=starts.vectors,
+        vectors=(1e-6 if of.has_gyro else 1.0) * starts.vectors,
         rates=starts.rates,
         roots=roots,
         from_measurement=np.zeros(count, bool),
@@ -472,7 +475,10 @@ KINDS = {
         scenarios=("gyro",),
     ),
     "bias": Kind(
-        "a gyro's bias that is bounded and not estimated", _bias_not_estimated, plant=_no_drift, scenarios=("gyro",)
+        "a gyro's bias that is bounded and not estimated, and moves",
+        _bias_not_estimated,
+        plant=_any_bias,
+        scenarios=("gyro",),
     ),
     "relaxed": Kind("one or two measurements of an update may be lies, and are", _relaxed),
 }

@@ -80,14 +80,20 @@ class _Runner:
             refused=np.zeros(count, bool),
             forgotten=np.zeros(count, bool),
         )
-        start = None
-        if told.shape is not None:
-            try:
-                start = _core.StateEllipsoid(told.attitude, told.vector, told.shape, told.chart)  # type: ignore[arg-type]
-            except ValueError:
-                if not told.start_lies:
-                    raise
-        self.filter = self._new(start, self.times[0])
+        self.filter = self._first()
+
+    def _first(self) -> Any:
+        """A filter that is told the first set; one that is refused, which only a lie may be, is not told."""
+        told = self.told
+        if told.shape is None:
+            return self._new(None, self.times[0])
+        try:
+            start = _core.StateEllipsoid(told.attitude, told.vector, told.shape, told.chart)  # type: ignore[arg-type]
+            return self._new(start, self.times[0])
+        except ValueError:
+            if not told.start_lies:
+                raise
+        return self._new(None, self.times[0])
 
     def _new(self, start: Any, time: float) -> Any:
         return guaranteed("GuaranteedFilter")(self.flow, start, time=time, **self.told.options)
@@ -243,14 +249,15 @@ def rests_on_lies(of: Plant, told: Told, outcome: Outcome) -> tuple[NDArray[np.b
                 outcome.contradicted[row] and not outcome.dropped[row].any()
             )
         elif not now and not has_kept:
-            # Three lies cost all measurements of an update, by design, and without a set nobody knows who lies.
+            # Three lies cost all measurements of an update, by design, and without a set, or where the past is given
+            # up, nobody knows who lies.
             lied = np.count_nonzero(measured_lies[row])
             true_dropped = bool((outcome.dropped[row] & ~measured_lies[row]).any())
             refused[row] = (outcome.contradicted[row] and lied == 0) or (
-                true_dropped and lied <= 2 and before <= CONDITIONAL and not outcome.refused[row]
+                true_dropped and lied <= 2 and max(before, claim) <= CONDITIONAL and not outcome.refused[row]
             )
         regained = before == CONDITIONAL and claim == UNCONDITIONAL
-        now = has_kept if regained else now or has_kept
+        now = bool(has_kept) if regained else now or bool(has_kept)
         resting[row] = now
         before = claim
     return resting, refused
@@ -275,9 +282,9 @@ def overclaimed(told: Told, outcome: Outcome) -> NDArray[np.bool_]:
     for row in range(1, len(result)):
         if outcome.claims[row] == TOO_LATE or outcome.refused[row]:
             continue
-        if outcome.forgotten[row]:
-            agreeing = None
-        if outcome.contradicted[row]:
+        if outcome.claims[row] == NO_SET:
+            agreeing = None  # what comes next does not rest on what was dropped, as nothing was kept
+        elif outcome.contradicted[row]:
             agreeing = 0
         elif agreeing is not None and _has_measurement(told, row):
             agreeing += 1
@@ -357,6 +364,18 @@ def try_kind(case: Case, count: int, updates: int, draws: np.random.Generator) -
     return tally.to_dict()
 
 
+def _forms(told: Told, outcome: Outcome, truth: Motion) -> FloatArray:
+    """Of the truth in each set; the larger of both parts where the vector is not estimated, as the set is a product."""
+    centers = (outcome.attitudes, outcome.vectors)
+    true = (truth.attitudes[0], truth.vectors[0])
+    if told.options.get("estimate_vector", True):
+        return forms_of("guaranteed", *centers, outcome.shapes, *true)
+    return np.maximum(
+        forms_of("guaranteed", *centers, outcome.shapes, true[0], centers[1]),
+        forms_of("guaranteed", *centers, outcome.shapes, centers[0], true[1]),
+    )
+
+
 class Tally:
     """Counts over the trials of a chunk."""
 
@@ -369,9 +388,7 @@ class Tally:
 
     def add(self, of: Plant, told: Told, outcome: Outcome, truth: Motion) -> None:
         """Judge a trial."""
-        values = forms_of(
-            "guaranteed", outcome.attitudes, outcome.vectors, outcome.shapes, truth.attitudes[0], truth.vectors[0]
-        )
+        values = _forms(told, outcome, truth)
         there = outcome.claims != TOO_LATE
         there[0] = False
         has_set = there & (outcome.claims <= CONDITIONAL)

@@ -87,7 +87,7 @@ TEST_CASE("the defect of a needle's motion is bounded by its rounding") {
     const RigidBodyState<double> state{random.rotation(), random.unit_vector<3>()};
     BodyInput<double> input;
     if (trial % 2 == 1) {
-      input.wheel_momentum = random.log_uniform(1e-3, 1) * random.unit_vector<3>();
+      input.wheel_momentum = random.log_uniform(1e-3, 1) / ratio * random.unit_vector<3>();
     }
     MotionSeries<double, FreeBody<double>> series(body, FreeBody<double>{});
     REQUIRE(series.expand(body, 0, h, input, state) == Status::ok);

@@ -1,7 +1,7 @@
-"""Each bound that becomes an input of the filter, alone: the truth comes to the edge, so that no term can be lost.
+"""Each bound that becomes an input of the filter, alone: the truth comes to the edge, so that no term is lost.
 
-Theory, sections 18.5 and 18.6. One source of error acts at its bound; a bound that leaves it out, or counts half of it, is
-smaller than the error (`tests/mutations`).
+Theory, sections 18.5 and 18.6. One source of error acts at its bound; a bound that leaves it out, or counts half of it,
+is smaller than the error (`tests/mutations`).
 """
 
 import dataclasses
@@ -75,7 +75,7 @@ def test_the_flows_noise_is_what_the_gyro_may_be_off(estimate_bias):
 
 @pytest.mark.parametrize("part", ["noise", "bias", "scale_error"])
 def test_a_gyro_that_hides_a_turn(part):
-    """The body turns by (ν + b)/(1 - k), or with a rate of which a share k does not show, and nothing else is measured."""
+    """It turns by (ν + b)/(1 - k), or at a rate of which a share k does not show; nothing else is measured."""
     times = np.linspace(0.0, 2.0, 41)
     k, true = 0.25, 0.04
     shown = {"noise": 0.0, "bias": 0.0, "scale_error": (1.0 - k) * true}[part]
@@ -125,7 +125,11 @@ def test_where_a_recording_without_a_heading_begins():
     """A disc across the measured up with the radius of its bound: every way to be as far off as it may be is inside."""
     angle, up = 0.1, Rotation.from_rotvec([0.3, -0.5, 0.2]).apply([0.0, 0.0, 1.0])
     rows = SimpleNamespace(
-        names=("up",), up_column=0, directions=up[None, None], angles=np.array([[angle]]), references=REFERENCES[None, :1]
+        names=("up",),
+        up_column=0,
+        directions=up[None, None],
+        angles=np.array([[angle]]),
+        references=REFERENCES[None, :1],
     )
     configuration = SimpleNamespace(start=None, rule=object(), flow=None)
     start, counts = guaranteed_run._start(None, configuration, rows)
@@ -204,7 +208,7 @@ def test_the_tilt_by_the_set():
 
 
 def test_a_stamp_that_is_off_by_what_is_known_of_the_gyro():
-    """The known bias is taken away; what is left shows (1 - k) of the rate less the noise, and may change between samples."""
+    """The known bias is taken away; the rest shows (1 - k) of the rate less the noise, and may change."""
     k, noise, true, acceleration, offset, step = 0.2, 0.01, 0.5, 0.3, 0.02, 0.05
     bias = np.array([0.1, -0.2, 0.05])
     shown = (1.0 - k) * true - noise

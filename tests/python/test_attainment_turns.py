@@ -1,7 +1,7 @@
-"""Each term of the bounds of a gyro's turns and of stamps, alone: the truth comes to the edge, so that no term can be lost.
+"""Each term of the bounds of a gyro's turns and of stamps, alone: the truth comes to the edge, so that none is lost.
 
-Theory, sections 18.3 and 18.4. One source of error acts at its bound; a bound that leaves it out, or counts half of it, is
-smaller than the error (`tests/mutations`).
+Theory, sections 18.3 and 18.4. One source of error acts at its bound; a bound that leaves it out, or counts half of it,
+is smaller than the error (`tests/mutations`).
 """
 
 import numpy as np
@@ -109,9 +109,9 @@ def test_noise_that_goes_round_while_the_gyro_shows_nothing():
 
 
 def test_one_matrix_adds_up_where_the_body_turns_about_an_axis_in_space():
-    """The axis is the body's first, second and third in turn: a scale error of all three does √3 times what one does."""
+    """The axis is the body's first, second and third: a scale error of all three does √3 times what one does."""
     k, rounds = 1e-4, 5
-    # Turns about a body axis in whole rounds, each followed by a quarter turn that brings the next axis to where it was.
+    # Turns about a body axis in whole rounds, each followed by a quarter turn that brings the next axis there.
     quarter = 0.5 * np.pi
     legs = [
         (2.0 * np.pi * rounds, [1.0, 0.0, 0.0]),
@@ -139,7 +139,7 @@ def test_one_matrix_adds_up_where_the_body_turns_about_an_axis_in_space():
 
 
 def test_rotation_vectors_differ_by_more_than_the_turns():
-    """(18.12): about 2.5 rad, a small turn across the axis moves the rotation vector by θ/2 / sin(θ/2) times as much."""
+    """(18.12): about 2.5 rad, a small turn across the axis moves its vector by θ/2 / sin(θ/2) times as much."""
     gyro = GyroBounds(noise=0.01)
     times = np.array([0.0, 1.0])
     shown = np.tile([0.0, 0.0, 2.5], (2, 1))

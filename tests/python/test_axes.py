@@ -140,6 +140,17 @@ def test_nothing_is_known_over_a_gap():
     assert quotients[1:].min() > 1.0
 
 
+def test_a_stamp_far_ahead_costs_nothing():
+    """Cells are as many as there are rows, not as there are seconds."""
+    times, rates, attitudes = motion(3)
+    vectors = attitudes.inv().apply([0.0, 0.0, G])
+    statement = dataclasses.replace(EXACT, averaged_error=0.05)
+    late = np.where(times < 15.0, times, times + 1e9)
+    quotients = misfits(late, rates, vectors, GyroBounds(0.001), statement)
+    assert quotients[0] <= 1.0
+    assert quotients[1:].min() > 1.0
+
+
 def test_a_slow_sensor_and_missing_rows():
     times, rates, attitudes = motion(4)
     vectors = attitudes.inv().apply([0.0, 20.0, -40.0])

@@ -11,7 +11,7 @@ from typing import get_args, get_type_hints
 import elliptude
 import guaranteed_stand_in
 import pytest
-from elliptude import adversary, cli, cli_validate, validation
+from elliptude import adversary, cli, cli_validate, trial_kinds, trials, validation
 from typer.testing import CliRunner
 
 PROGRAM = [sys.executable, "-c", "from elliptude.cli import main; main()"]
@@ -113,6 +113,52 @@ def test_exit_code_of_the_guaranteed_mode(tmp_path, monkeypatch, settings, code)
     assert (tmp_path / "summary.json").exists()
 
 
+def test_kinds(tmp_path):
+    options = ["--scenario", "gyro", "--directions", "two", "--bound-deg", 1, "--trials", 6, "--processes", 1]
+    done = run("--out", tmp_path, "--kind", "liar", "--kind", "bias", "--kind", "honest", *options)
+    assert done.exit_code == 0, done.output
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert [line[:5] for line in lines if line[:1] in (["liar"], ["bias"])] == [
+        [kind, "gyro", "two", "1", "480"] for kind in ("liar", "bias")
+    ]
+    assert [line[:4] for line in lines if line[:2] == ["gyro", "two"]] == [["gyro", "two", "1", "600"]]
+    assert "24 trials with liars, 0 not got over" in done.stdout
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert {case["kind"] for case in summary["cases"]} == {"honest", "liar", "bias"}
+    assert summary["total"]["updates"] == 1560
+    assert summary["total"]["liars"] == 24
+
+
+def test_every_kind_may_be_asked_for(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(validation, "validate_chunk", lambda arguments, case, number: asked.append(case))
+    run(
+        "--out",
+        tmp_path,
+        "--kind",
+        "all",
+        "--noise",
+        "inside",
+        "--directions",
+        "two",
+        "--bound-deg",
+        1,
+        "--processes",
+        1,
+    )
+    expected = {("honest", scenario) for scenario in adversary.SCENARIOS}
+    expected |= {(name, scenario) for name, kind in trial_kinds.KINDS.items() for scenario in kind.scenarios}
+    assert {(case.kind, case.scenario) for case in asked} == expected
+
+
+@pytest.mark.parametrize("fault", ["escapes", "overclaimed", "refused", "failed", "stuck"])
+def test_exit_code_of_a_kind(tmp_path, monkeypatch, fault):
+    real = trials.try_kind
+    monkeypatch.setattr(trials, "try_kind", lambda *arguments: real(*arguments) | {fault: 1})
+    options = ["--scenario", "gyro", "--directions", "two", "--bound-deg", 1, "--trials", 2, "--noise", "inside"]
+    assert run("--out", tmp_path, "--kind", "bias", "--processes", 1, *options).exit_code == 1
+
+
 def test_escapes_of_other_modes_are_no_failure(tmp_path):
     done = run("--out", tmp_path, "--mode", "paper", "--scenario", "orbit", "--bound-deg", 20, "--directions", "two")
     assert done.exit_code == 0
@@ -134,6 +180,10 @@ def test_escapes_of_other_modes_are_no_failure(tmp_path):
         (["--out", "x", "--mode", "paper", "--directions", "four"], "four"),
         (["--out", "x", "--mode", "paper", "--noise", "loud"], "loud"),
         (["--out", "x", "--mode", "paper", "--processes", 0], "--processes"),
+        (["--out", "x", "--kind", "fraud"], "'fraud' is none of honest, liar, liars, gaps"),
+        (["--out", "x", "--kind", "liar", "--mode", "paper"], "only mode guaranteed is tried with other kinds"),
+        (["--out", "x", "--kind", "bias", "--scenario", "free"], "nothing is left to try: bias is of gyro"),
+        (["--out", "x", "--kind", "gaps", "--noise", "search"], "none is searched"),
     ],
 )
 def test_wrong_command_line(tmp_path, monkeypatch, arguments, words):

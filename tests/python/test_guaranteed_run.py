@@ -315,7 +315,7 @@ def test_dropped_measurements_are_listed(policy):
     columns = guaranteed_results.dropped_columns(estimated.guaranteed)
     assert columns["time_s"][0] == pytest.approx(10.0)
     assert columns["contradicts"][0] == "prediction"
-    with pytest.raises(elliptude.InconsistentMeasurement, match=r"at 10\.000000 s"):
+    with pytest.raises(elliptude.InconsistentMeasurement, match=r"10\.000000 s: the measurement of two"):
         estimation.estimate(log, configured(flow))
     anchored = configured(
         flow | {"anchor_s": 1.0, "interval_rate": "mean_of_ends", "noise_deg_per_s": 3.0},

@@ -31,13 +31,13 @@ def words(done):
 def recording(duration=30.0, heading=0.0):
     """A sensor that lies with its y axis up for three seconds, and is then turned about by a hand."""
     rng = np.random.default_rng(7)
-    times = np.arange(0.0, duration, 0.02)
+    times = np.arange(0.0, duration, 0.01)
     moving = np.clip(times - 3.5, 0.0, 1.0)[:, None]
     rates = moving * np.column_stack(
         [1.1 * np.sin(1.3 * times), 0.9 * np.cos(0.7 * times), 1.2 * np.sin(0.4 * times + 1.0)]
     )
     attitudes = [Rotation.from_euler("z", heading, degrees=True) * Rotation.from_euler("x", 90, degrees=True)]
-    for step in Rotation.from_rotvec(0.01 * (rates[1:] + rates[:-1])):
+    for step in Rotation.from_rotvec(0.005 * (rates[1:] + rates[:-1])):
         attitudes.append(attitudes[-1] * step)
     attitudes = Rotation.concatenate(attitudes)
     noise = rng.uniform(-1.0, 1.0, (3, len(times), 3))
@@ -153,6 +153,10 @@ def test_bounds_are_not_proposed_for_wrong_axes(tmp_path):
         assert "the gyro: its axes are not as stated" in words(done)
         assert 'columns = ["gyr[0]", "gyr[1]", "gyr[2]"]' in words(done)
         assert not (tmp_path / "new.toml").exists()
+    # Its quantiles may be looked at.
+    done = run("bounds", tmp_path / "log.npz", tmp_path / "log.toml")
+    assert done.exit_code == 0, done.output
+    assert "implausible: the gyro: its axes are not as stated" in words(done)
 
 
 # --- which way is up --------------------------------------------------------------------------------------------------
@@ -257,7 +261,7 @@ def test_why_there_is_no_set(tmp_path):
     assert done.exit_code == 0, done.output
     assert "no set at any row: the bounds of 'up' allow any direction, at every row" in words(done)
     assert "no set at any row: an attitude needs two directions at the same time" in words(done)
-    assert "no set at any row: the gyro may be off by 1e+09 deg/s, so that over one step of 0.02 s" in words(done)
+    assert "no set at any row: the gyro may be off by 1e+09 deg/s, so that over one step of 0.01 s" in words(done)
     assert "suspicious: the gyro: stated is noise_deg_per_s = 1e+09" in words(done)
     log, config = files(tmp_path, by_sensor())
     done = run("estimate", log, "--config", config, "--out", tmp_path / "good", "--json")

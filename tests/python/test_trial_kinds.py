@@ -168,6 +168,7 @@ def test_what_is_no_lie_keeps_its_bounds(kind, scenario):
             wrong[-1, -1] = one.lies[-1, -1]
         np.testing.assert_array_equal(wrong, one.lies)
         lies += int(one.lies.sum()) + one.start_lies
+        assert kind != "bias" or not of.guaranteed_flow().drift.any()
         if "vector_bound" in one.options:
             assert np.linalg.norm(motion.vectors[n], axis=1).max() <= one.options["vector_bound"]
         assert one.lies.sum(axis=1).max() <= (1 if kind == "liar" else one.most_lies or 10)
@@ -221,9 +222,7 @@ def test_thin_sets_are_thin_and_hold_the_truth_at_their_edge(scenario):
             form = (state.T * (exact**-1) * state)[0]
             values = mpmath.eigsy(mpmath.matrix(shape[:3, :3].tolist()), eigvals_only=True)
             thinnest.append(float(mpmath.sqrt(min(values) / max(values))))
-        share = starts.shares[n] ** 2
-        assert form <= 1
-        assert form > share - 20 * (1 - share) - 1e-6
+        assert 0.99 < form <= 1
     assert min(thinnest) < 3e-8
     assert of.interval > 0
 
@@ -276,16 +275,15 @@ def test_a_gyro_of_constant_rate_turns_by_its_closed_form():
     assert of.largest_rate * of.interval > 1.0
     for n, row in itertools.product(range(5), (1, 20)):
         with mpmath.workdps(50):
-            rate = [
-                mpmath.mpf(float(s)) - mpmath.mpf(float(b)) for s, b in zip(measured.rates[n, 0], motion.vectors[n, 0])
-            ]
+            pairs = zip(measured.rates[n, 0], motion.vectors[n, 0], strict=True)
+            rate = [mpmath.mpf(float(sample)) - mpmath.mpf(float(bias)) for sample, bias in pairs]
             speed = mpmath.sqrt(sum(x * x for x in rate))
             angle, axis = speed * mpmath.mpf(float(of.interval * row)), [x / speed for x in rate]
             hat = mpmath.matrix([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
             turn = mpmath.eye(3) + mpmath.sin(angle) * hat + (1 - mpmath.cos(angle)) * hat * hat
             expected = mpmath.matrix(motion.attitudes[n, 0].tolist()) * turn
             off = max(abs(expected[i, j] - float(motion.attitudes[n, row, i, j])) for i in range(3) for j in range(3))
-        assert off < 3e-16
+        assert off < 3e-16 + 1e-19 * angle
     assert starts.from_measurement.sum() == 0
 
 
@@ -308,8 +306,7 @@ def test_forms_of_nearly_singular_sets():
         )
         np.testing.assert_allclose(form, expected, rtol=1e-12)
     assert judge.exact_root(np.diag([1.0, -1.0])) is None
-    flat = np.full((2, 2), 0.1)
-    assert judge.exact_root(flat) is None
+    assert judge.exact_root(np.ones((2, 2))) is None
     np.testing.assert_allclose(np.array(judge.exact_root(np.array([[4.0, 2.0], [2.0, 5.0]])), float), [[2, 0], [1, 2]])
 
 
@@ -367,6 +364,8 @@ def story(claims, *, contradicted=(), dropped=(), lies=(), start_lies=False, gyr
             "",
             "",
         ),
+        ({"claims": "unccu", "contradicted": [1], "dropped": [(1, 0), (1, 1)], "lies": [(1, 1)]}, "", ""),
+        ({"claims": "unccu", "contradicted": [1], "dropped": [(1, 0), (1, 1)]}, "", "1"),
         # A gyro's sample is of the interval after it.
         ({"claims": "uuuu", "lies": [(1, 2)], "gyro": True}, "23", ""),
         ({"claims": "uuluu", "lies": [(1, 2)], "gyro": True}, "34", ""),
@@ -389,6 +388,7 @@ def test_what_a_set_rests_on(of_story, resting, refused):
         ({"claims": "uuuuu", "contradicted": [2]}, "23"),
         ({"claims": "uuccu", "contradicted": [2], "regain_after": 3}, "4"),
         ({"claims": "uuccu", "contradicted": [2], "most_lies": 1}, ""),
+        ({"claims": "unuuu", "contradicted": [1]}, ""),
     ],
 )
 def test_claims_that_are_too_large(of_story, rows):

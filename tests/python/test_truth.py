@@ -58,6 +58,54 @@ def test_motion_is_that_of_dop853(seed):
     np.testing.assert_allclose(attitudes @ attitudes.swapaxes(1, 2), np.broadcast_to(np.eye(3), (6, 3, 3)), atol=2e-15)
 
 
+@pytest.mark.parametrize("eccentricity", [0.001, 0.3, 0.9])
+def test_eccentric_orbit(eccentricity):
+    rng = np.random.default_rng(8)
+    body, attitude, rate = inertia(rng), rotation(rng), rng.standard_normal(3)
+    times = np.array([0.0, 0.4, 1.5, 4.0, 7.0])
+    # The orbit itself, as Newton has it: at its perigee at time 0, with a semi-major axis of 1.
+    start = [1.0 - eccentricity, 0.0, 0.0, ORBIT_RATE * np.sqrt((1.0 + eccentricity) / (1.0 - eccentricity))]
+    orbit = solve_ivp(
+        lambda _, s: [*s[2:], *(-(ORBIT_RATE**2) * s[:2] / np.hypot(*s[:2]) ** 3)],
+        (0.0, times[-1]),
+        start,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+        dense_output=True,
+    ).sol
+
+    def acceleration(at, c, omega, interval):
+        place = np.append(orbit(at)[:2], 0.0)
+        radius = np.linalg.norm(place)
+        radial = c.T @ place / radius
+        moment = 3 * ORBIT_RATE**2 / radius**3 * np.cross(radial, body @ radial)
+        return np.linalg.solve(body, moment - np.cross(omega, body @ omega))
+
+    attitudes, rates = _core._true_motion(times, attitude, rate, body, orbit_rate=ORBIT_RATE, eccentricity=eccentricity)
+    expected = dop853(times, attitude, rate, acceleration)
+    np.testing.assert_allclose(attitudes[:3], expected[0][:3], atol=1e-8)
+    np.testing.assert_allclose(rates[:3], expected[1][:3], atol=1e-7)
+    circle, _ = _core._true_motion(times, attitude, rate, body, orbit_rate=ORBIT_RATE)
+    assert np.abs(circle - attitudes).max() > 1e-4
+
+
+def test_in_long_double_to_the_last_digit():
+    body, rate = np.diag([1.0, 2.8, 2.0]), np.array([0.0, 3.0, 0.0])
+    of_body, _ = _core._true_motion([0.0, 100.0], np.eye(3), rate, body, precise=True)  # about a principal axis
+    given, _ = _core._true_rotation([0.0, 100.0], np.eye(3), rate, [[0.0, 0.0, 0.0]], precise=True)
+    for attitudes in (of_body, given):
+        np.testing.assert_allclose(attitudes[1], so3.exp(100.0 * rate), atol=1e-15)
+    # Energy and momentum of a tumbling body to the rounding of the results.
+    times = np.linspace(0.0, 20.0, 11)
+    attitudes, rates = _core._true_motion(times, np.eye(3), [0.3, 0.2, 5.0], body, precise=True)
+    momentum = np.einsum("nij,nj->ni", attitudes, rates @ body)
+    np.testing.assert_allclose(momentum, momentum[:1] + 0 * momentum, atol=2e-14)
+    single, _ = _core._true_motion(times, np.eye(3), [0.3, 0.2, 5.0], body)
+    np.testing.assert_allclose(single, attitudes, atol=1e-10)
+    assert (single != attitudes).any()
+
+
 @pytest.mark.parametrize("name", ["free", "orbit", "pendulum"])
 def test_scenarios_are_those_of_the_simulation(name):
     scenario = scenarios.load(name)
@@ -131,5 +179,7 @@ def test_bad_arguments():
         _core._true_motion([0.0, 1.0], np.eye(3), np.zeros(3), body, torque=np.zeros((2, 3)))
     with pytest.raises(ValueError, match=r"angular_acceleration must have the shape"):
         _core._true_rotation([0.0, 1.0], np.eye(3), np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match=r"eccentricity must be from 0 to 0\.9, not 0\.95"):
+        _core._true_motion([0.0, 1.0], np.eye(3), np.zeros(3), body, orbit_rate=1.0, eccentricity=0.95)
     with pytest.raises(ArithmeticError, match=r"the motion\[1\] cannot be integrated from 0 s to 1 s"):
         _core._true_motion([0.0, 1.0], np.eye(3), [[1.0, 2.0, 3.0], [1e200, 1e200, 0.0]], np.diag([1.0, 2.0, 2.5]))

@@ -551,6 +551,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       }
     };
     sensors::for_each_choice(all, wrong, add);
+    if (failure != Status::ok) {
+      result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
+      result.contradicting = 0;
+    }
     if (failure != Status::ok && !known_.has_attitude) {
       return Status::unbounded;
     }

@@ -256,7 +256,8 @@ class GuaranteedRigidBodyFlow {
     const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
     ErrorTube<Scalar, Potential> tube;
     if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
-      return status;
+      Matrix6<Scalar> factor;  // of a set that is as it should be, h² has overflowed
+      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
     }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
@@ -477,12 +478,6 @@ class GuaranteedGyroFlow {
     return Status::ok;
   }
 
-  /// Whether anything but `largest_rate` is known of an interval.
-  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
-    const Scalar& longest = uncertainty_.longest_interval;
-    return input.is_measured && (longest < Scalar(0) || duration <= longest);
-  }
-
   /// The bias without the attitude: it drifts.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
@@ -506,6 +501,12 @@ class GuaranteedGyroFlow {
   }
 
  private:
+  /// Whether anything but `largest_rate` is known of an interval.
+  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
+    const Scalar& longest = uncertainty_.longest_interval;
+    return input.is_measured && (longest < Scalar(0) || duration <= longest);
+  }
+
   /// Over an interval of which nothing is known but that the body turns by no more than an angle, about any axis: the center
   /// stays, and the errors move by at most what (17.10) says. (theory, section 17.6)
   /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.

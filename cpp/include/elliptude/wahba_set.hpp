@@ -518,7 +518,8 @@ template <typename Reference, typename Body, typename Bounds, typename Weights>
 /// \param reference 3 × m, directions in reference axes, of any length; m is at most 32.
 /// \param body 3 × m, the same directions as measured in body axes.
 /// \param bounds m angles between 0 and π, rad: the measured direction is at most so far from the true one.
-/// \param weights m numbers, not negative, not all zero. A direction with weight zero is not used.
+/// \param weights m numbers of any magnitude, not negative, not all zero: they count as shares of the largest. A direction with
+/// weight zero is not used.
 /// \return what `cone_sum` says; `empty_intersection`, a proof that some bound is wrong; `unbounded` if half turns about the
 /// attitude cannot be excluded, as with one direction, collinear ones, or very large bounds.
 template <typename Chart, typename Reference, typename Body, typename Bounds, typename Weights>

@@ -80,10 +80,10 @@ Motion draw_start(Random& random, const Vector3<float>& vector, GibbsEllipsoid<S
   axes.bottomRightCorner<3, 3>() = random.orthogonal<3>();
   const Eigen::Matrix<double, 6, 6> shape = axes * lengths.cwiseAbs2().asDiagonal() * axes.transpose();
   set.shape = ((shape + shape.transpose()) / 2).cast<float>();
-  Eigen::LLT<Eigen::Matrix<Real, 6, 6>> factor(set.shape.cast<Real>());
+  Eigen::LLT<Eigen::Matrix<Real, 6, 6>> factor(set.shape.template cast<Real>());
   while (factor.info() != Eigen::Success) {  // rounding has made it flat
     set.shape += (1e-7F * set.shape.trace()) * Matrix6<float>::Identity();
-    factor.compute(set.shape.cast<Real>());
+    factor.compute(set.shape.template cast<Real>());
   }
   const Vector6r out = factor.matrixL() * random.unit_vector<6>().cast<Real>();
   return moved(set.center, Vector6r((1 - 1e-6L) * out));

@@ -278,11 +278,7 @@ def step(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube)
         if left <= 0.5:
             return math.inf, math.inf, math.inf, math.inf
         jump = 2.0 * tangent * (1.0 + gibbs**2) / left
-        impulses = shrink * (
-            rho * linear.error
-            + linear.by_rate * series.rate_defect
-            + linear.by_attitude * jump
-        )
+        impulses = shrink * (rho * linear.error + linear.by_rate * series.rate_defect + linear.by_attitude * jump)
         fifth = 1.0 + 0.625 * (2.0 * gibbs)
         speed = fastest * rho**2 + shrink * (
             unknown_size

@@ -78,8 +78,26 @@ def predict_body(
     given: BodyInput | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> GibbsSet:
-    """The smaller of the sets of both courses, in equal steps (17.4, beginning again)."""
+    """In equal steps; where these have no bound, in three and nine times as many (17.4, the bootstrap)."""
     steps = body_steps(duration, longest_step)
+    for finer in (1, 3):
+        try:
+            return predict_body_in(steps * finer, body, begin, time, duration, given, uncertainty)
+        except Unbounded:
+            continue
+    return predict_body_in(9 * steps, body, begin, time, duration, given, uncertainty)
+
+
+def predict_body_in(
+    steps: int,
+    body: Body,
+    begin: GibbsSet,
+    time: float,
+    duration: float,
+    given: BodyInput | None,
+    uncertainty: Uncertainty | None,
+) -> GibbsSet:
+    """The smaller of the sets of both courses (17.4, beginning again)."""
 
     def course(longest: float) -> Course | None:
         try:
