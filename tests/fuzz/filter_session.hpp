@@ -96,7 +96,8 @@ class FilterSession {
       require_valid(filter_.ellipsoid(), what);
       require(filter_.claim() != Claim::none, "a set comes with a claim", what);
       if (honest_) {
-        require(filter_.claim() == Claim::unconditional && !filter_.trust().rests_on_drops(), "nothing true is dropped", what);
+        require(filter_.claim() == Claim::unconditional && !filter_.trust().rests_on_drops(), "nothing true is dropped",
+                what);
         require_truth(what);
       }
     } else {

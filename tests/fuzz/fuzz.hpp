@@ -282,10 +282,11 @@ Real outside_by(const Eigen::Matrix<double, N, N>& p, const Eigen::Matrix<Real, 
   const Eigen::LLT<Eigen::Matrix<Real, N, N>> factor(scaled);
   const Eigen::Matrix<Real, N, N> l = factor.matrixL();
   const Eigen::Matrix<Real, N, 1> u = l.template triangularView<Eigen::Lower>().solve(inverse.cwiseProduct(x));
-  const Real least = l.diagonal().minCoeff();
-  const Eigen::Matrix<Real, N, N> narrow =
-      l.template triangularView<Eigen::Lower>().solve(Eigen::Matrix<Real, N, N>(inverse.asDiagonal()));
-  const Real rounding = 256 * std::numeric_limits<Real>::epsilon() / (least * least) + 2 * digits * narrow.norm();
+  // The factor is that of a matrix within a few roundings of each entry of the scaled one.
+  const Eigen::Matrix<Real, N, N> identity = Eigen::Matrix<Real, N, N>::Identity();
+  const Eigen::Matrix<Real, N, N> narrow = l.template triangularView<Eigen::Lower>().solve(identity);
+  const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * narrow.squaredNorm() +
+                        2 * digits * Eigen::Matrix<Real, N, N>(narrow * inverse.asDiagonal()).norm();
   const Real excess = u.squaredNorm() - 1 - rounding * (1 + u.squaredNorm());
   return excess <= 0 ? Real(0) : excess;  // NaN stays
 }
