@@ -401,7 +401,7 @@ def _thin_starts(
                 break
             ratio *= 1.1  # rounding has made it indefinite
         shapes[trial], roots[trial] = shape, np.array(exact, np.float64)
-        shares[trial] = max(0.0, 1.0 - 3e-15 / min(lengths[:3].min(), lengths.min() / share))
+        shares[trial] = max(0.0, 1.0 - 3e-15 / (lengths if in_six else lengths[:3]).min())
     return ThinStarts(
         attitudes=starts.attitudes,
         vectors=(1e-6 if of.has_gyro else 1.0) * starts.vectors,
