@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from elliptude import adversary, validation
+from elliptude import adversary, plants, validation
 from elliptude.adversary import Case
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -29,7 +29,7 @@ def test_mekf_is_consistent_under_the_noise_that_it_is_told(comparison, scenario
     """Its form has the mean and the quantiles of χ² with six degrees of freedom."""
     # Small, as the motion stretches sets until what is linear is no longer so.
     case = Case(scenario, directions, 0.05, "inside")
-    of, draws = adversary.plant(case), np.random.default_rng(3)
+    of, draws = plants.plant(case), np.random.default_rng(3)
     count, updates = 400, 20
     starts = adversary.draw_starts(of, count, draws)
     drawn = adversary.draw_errors(of, "inside", starts, updates, draws)
