@@ -55,7 +55,7 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
       const RealVector y = shift.cast<Real>() + factor.cast<Real>() * u;
       const Real gain = slack_of(seen, u) - slack_of(given, y);
       CHECK(gain >= 0);
-      nearest = std::fmin(nearest, gain / (rounding * (std::fabs(Real(given.c)) + 1)));
+      nearest = std::fmin(nearest, gain / (Real(rounding) * (std::fabs(Real(given.c)) + 1)));
     }
     // Without a prediction coordinates are only scaled, and all u count: far away the matrix decides, and near zero the level.
     const Matrix3<float> scale = factor.diagonal().cwiseAbs().asDiagonal();
@@ -95,7 +95,7 @@ TEST_CASE("what the inversion may add to the level is enough for every point of 
       continue;
     }
     // uᵀAu + 2gᵀu ≤ c of the numbers as they are, on its boundary towards any side, if that is in the ball.
-    RealMatrix sum = mu[1] * q.a.cast<Real>();
+    RealMatrix sum = Real(mu[1]) * q.a.cast<Real>();
     sum.diagonal().array() += Real(mu[0]);
     const RealVector g = Real(mu[1]) * q.g.cast<Real>();
     const RealVector center = -sum.inverse() * g;
