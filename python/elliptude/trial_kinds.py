@@ -289,7 +289,9 @@ def _body(of: Plant, moments: list[float], draws: np.random.Generator) -> RigidB
 def _needle(of: Plant, draws: np.random.Generator) -> Plant:
     """One moment is up to 1e5 times smaller than the others, which differ by as much as a body's may."""
     smallest = 10.0 ** -draws.uniform(1.0, 5.0)
-    return _body(of, [smallest, 1.0, 1.0 + smallest * draws.random()], draws)
+    needle = _body(of, [smallest, 1.0, 1.0 + smallest * draws.random()], draws)
+    # As much as it is for the scenario's body: it spins up about the needle.
+    return replace(needle, unknown_torque=smallest * needle.unknown_torque)
 
 
 def _nearly_spherical(of: Plant, draws: np.random.Generator) -> Plant:
