@@ -24,6 +24,9 @@ enum class [[nodiscard]] Status : std::uint8_t {
   empty_intersection,     ///< the sets have no common point: some bound is wrong
   unbounded,              ///< no ellipsoid bounds the set
   callback_failed,        ///< a user's function reported a failure
+  beyond_domain,          ///< a number is too large or too small for this precision (docs/domain.md)
+  too_many_steps,         ///< the interval takes more steps than the flow's limit
+  interrupted,            ///< the caller's interruption hook said to stop
 };
 
 /// One line for a log or an exception; never null.
@@ -59,6 +62,12 @@ enum class [[nodiscard]] Status : std::uint8_t {
       return "the set is not bounded";
     case Status::callback_failed:
       return "a function given by the user failed";
+    case Status::beyond_domain:
+      return "a number is too large or too small for what this precision can bound";
+    case Status::too_many_steps:
+      return "the interval takes more steps than the flow's limit: lengthen the step, or raise most_steps";
+    case Status::interrupted:
+      return "stopped by the caller before the end";
   }
   return "unknown status";
 }
