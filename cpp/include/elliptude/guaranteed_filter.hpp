@@ -202,17 +202,19 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return Status::ok;
       }
       status = status == Status::ok ? Status::unbounded : status;
-      if (status != Status::unbounded && (settings_.policy == Policy::raise || !predicts_another(duration, input))) {
+      if (status == Status::interrupted ||
+          (status != Status::unbounded && (settings_.policy == Policy::raise || !predicts_another(duration, input)))) {
         return status;
       }
     }
     Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
     bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
     if (has_vector) {
-      if (const Status status = flow_.predict_vector(time_, duration, input, vector, vector); status != Status::ok) {
+      const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
+      if (status != Status::ok && status != Status::beyond_domain) {
         return status;
       }
-      has_vector = can_be_kept(vector);
+      has_vector = status == Status::ok && can_be_kept(vector);
     } else if (!scalar::isfinite(duration)) {
       return Status::not_finite;
     } else if (!(duration >= Scalar(0))) {
