@@ -64,7 +64,7 @@ class Truth {
     const RigidBodyState<double> as_body{before_.center.attitude, before_.center.gyro_bias};
     const Motion start = gibbs_motion(as_body, y);
     const RealVector bias = start.angular_velocity;
-    const Real h = case_.duration;
+    const auto h = static_cast<Real>(case_.duration);
     const Real part = h / pieces;
     std::array<RealVector, pieces + 1> drifted;  // β − β₀
     std::array<RealVector, pieces + 1> moved;    // what ω has changed by

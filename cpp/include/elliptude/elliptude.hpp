@@ -19,6 +19,7 @@
 #include "elliptude/potential.hpp"
 #include "elliptude/integrator.hpp"
 #include "elliptude/linearization.hpp"
+#include "elliptude/rounding.hpp"
 #include "elliptude/state.hpp"
 #include "elliptude/flow.hpp"
 #include "elliptude/torque_expansion.hpp"
@@ -33,5 +34,10 @@
 #include "elliptude/convergence.hpp"
 #include "elliptude/estimator.hpp"
 #include "elliptude/filter.hpp"
+#include "elliptude/sensors.hpp"
+#include "elliptude/kept_set.hpp"
+#include "elliptude/guaranteed_solution.hpp"
+#include "elliptude/union_set.hpp"
+#include "elliptude/recovery.hpp"
 #include "elliptude/guaranteed_filter.hpp"
 // clang-format on

@@ -5,6 +5,7 @@
 /// 16.10)
 
 #include "elliptude/quadric_fusion.hpp"
+#include "elliptude/state.hpp"
 
 namespace elliptude {
 

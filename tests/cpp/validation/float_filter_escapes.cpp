@@ -183,7 +183,7 @@ void try_body(Random& random, Row& row, int updates, const Potential& potential,
     return RealVector(moment.cross(RealVector(attitude.row(2).transpose())));
   };
   for (int k = 1; k <= updates; ++k) {
-    truth = independent_flow(inertia, torque, truth, 0, interval, 1);
+    truth = independent_flow(inertia, torque, truth, 0, static_cast<Real>(interval), 1);
     if (filter.predict(static_cast<float>(k) * interval, {}) != Status::ok) {
       ++row.failed;
       return;
