@@ -196,7 +196,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (known_.has_attitude) {
       Set predicted;
       Status status = predicted_set(duration, input, predicted);
-      if (status == Status::ok && can_be_kept(predicted)) {
+      // A rigid body's flow has factored the shape itself.
+      if (status == Status::ok && (measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
         known_.set = predicted;
         time_ = time;
         return Status::ok;

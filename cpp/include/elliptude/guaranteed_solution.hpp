@@ -82,22 +82,22 @@ class SetSolver {
   /// A center for coordinates where there is no prediction: any will do, one near the truth does best. Only what is selected may
   /// choose it, and of the vector what is known best: seen from far away a sharp set is lost in rounding.
   [[nodiscard]] Status measured_center(Sensors selected, Past past, State& center) const noexcept {
-    const Ellipsoid<Scalar, 3>* best = nullptr;
-    Ellipsoid<Scalar, 3> measured;
-    const auto offer = [&best](const Ellipsoid<Scalar, 3>& ellipsoid) {
-      if (best == nullptr || ellipsoid.shape.trace() < best->shape.trace()) {
-        best = &ellipsoid;
+    Vector3<Scalar> vector = Vector3<Scalar>::Zero();
+    Scalar least_trace(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+    const auto offer = [&](const Vector3<Scalar>& value, const Matrix3<Scalar>& shape) {
+      if (shape.trace() < least_trace) {
+        vector = value;
+        least_trace = shape.trace();
       }
     };
     if ((selected & angular_velocity_bit) != 0) {
-      measured = {measurements.angular_velocity->value, measurements.angular_velocity->bound};
-      offer(measured);
+      offer(measurements.angular_velocity->value, measurements.angular_velocity->bound);
     }
     if (past == Past::used && !known.has_attitude && known.has_vector) {
-      offer(known.vector);
+      offer(known.vector.center, known.vector.shape);
     }
     if (known.has_vector_bound) {
-      offer(known.vector_bound);
+      offer(known.vector_bound.center, known.vector_bound.shape);
     }
     Matrix3<Scalar> attitude;
     if ((selected & attitude_bit) != 0) {
@@ -121,7 +121,7 @@ class SetSolver {
         return Status::unbounded;
       }
     }
-    center = State{attitude, best != nullptr ? best->center : Vector3<Scalar>(Vector3<Scalar>::Zero())};
+    center = State{attitude, vector};
     return Status::ok;
   }
 

@@ -42,15 +42,20 @@ template <typename Scalar>
          cholesky(vector.shape, factor) == Status::ok;
 }
 
+/// Whether a set is finite and within the domain; false of NaN.
+template <typename State>
+[[nodiscard]] bool in_domain(const GibbsEllipsoid<State>& set) noexcept {
+  using Scalar = StateScalar<State>;
+  const Scalar largest = FilterDomain<Scalar>::largest();
+  return scalar::all_finite(set.center.attitude) && scalar::all_finite(set.shape) &&
+         vector_part(set.center).cwiseAbs().maxCoeff() <= largest && set.shape.trace() <= largest * largest;
+}
+
 /// Whether a filter may keep a set: the one test that all sets pass before they are taken up.
 template <typename State>
 [[nodiscard]] bool can_be_kept(const GibbsEllipsoid<State>& set) noexcept {
-  using Scalar = StateScalar<State>;
-  const Scalar largest = FilterDomain<Scalar>::largest();
-  Matrix6<Scalar> factor;
-  return scalar::all_finite(set.center.attitude) && scalar::all_finite(vector_part(set.center)) &&
-         scalar::all_finite(set.shape) && vector_part(set.center).cwiseAbs().maxCoeff() <= largest &&
-         set.shape.trace() <= largest * largest && cholesky(set.shape, factor) == Status::ok;
+  Matrix6<StateScalar<State>> factor;
+  return scalar::all_finite(vector_part(set.center)) && in_domain(set) && cholesky(set.shape, factor) == Status::ok;
 }
 
 }  // namespace elliptude
