@@ -240,6 +240,19 @@ TEST_CASE("a width beyond the domain is refused by a status of its own") {
   CHECK(validate(small) == Status::beyond_domain);
 }
 
+TEST_CASE("what a quadric leaves of an ellipsoid is a set or beyond the domain") {
+  // x² + y² + z² ≤ 1e-300: semi-axes of 1e-150. Of 1e-100 they are within.
+  const Quadric<double, 3> tiny{Matrix3<double>::Identity(), Vector3<double>::Zero(), 1e-300};
+  const Ellipsoid<double, 3> ball{Vector3<double>::Zero(), Matrix3<double>::Identity()};
+  Intersection<double, 3> result{ball, 0.25};
+  CHECK(minimal_intersection(tiny, ball, SizeCriterion<double, 3>::volume(), result) == Status::beyond_domain);
+  CHECK(result.share == 0.25);
+  CHECK(result.set.shape == ball.shape);
+  const Quadric<double, 3> small{Matrix3<double>::Identity(), Vector3<double>::Zero(), 1e-200};
+  REQUIRE(minimal_intersection(small, ball, SizeCriterion<double, 3>::volume(), result) == Status::ok);
+  CHECK(result.set.shape(0, 0) == doctest::Approx(1e-200).epsilon(1e-9));
+}
+
 TEST_CASE("the first-order attitude does not depend on the unit of the weights") {
   Random random(7);
   const Matrix3<double> truth = random.rotation();

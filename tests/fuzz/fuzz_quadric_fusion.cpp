@@ -1,6 +1,8 @@
 /// Guaranteed fusion: what satisfies a prediction and many quadrics is in the set, which is no larger than the prediction; and
 /// two ellipsoids, or one and a quadric, whose set holds a common point.
 
+#include <Eigen/Eigenvalues>
+
 #include "fuzz.hpp"
 
 namespace elliptude::fuzz {
@@ -159,8 +161,53 @@ void many(Bytes& bytes) {
   }
 }
 
-/// Two ellipsoids, or one with a quadric. These are of the first-order modes, and right to as many digits as the sharpness of
-/// one against the other leaves.
+/// Of two sets about nearly one center, both in the table of docs/domain.md: how much one may be sharper than the other.
+template <int N>
+bool are_alike(const Ellipsoid<double, N>& first, const Ellipsoid<double, N>& second) {
+  const double widest = first.shape.trace() + second.shape.trace();
+  return widest * (first.shape.inverse().norm() + second.shape.inverse().norm()) <= 1e7;
+}
+
+/// The sum T of the magnitudes of a quadric's terms on an ellipsoid about zero. (docs/domain.md)
+template <int N>
+Real terms_on(const Quadric<double, N>& quadric, const Ellipsoid<double, N>& ellipsoid) {
+  const RealN<N> width = ellipsoid.shape.diagonal().template cast<Real>().cwiseSqrt();
+  Real magnitude;
+  static_cast<void>(value_at<N>(quadric, width, magnitude));
+  return magnitude + std::abs(static_cast<Real>(quadric.c));
+}
+
+/// Of a shape after its diagonal is made one. (docs/domain.md)
+template <int N>
+Real condition(const Eigen::Matrix<double, N, N>& shape) {
+  using Square = Eigen::Matrix<Real, N, N>;
+  const RealN<N> inverse = shape.diagonal().template cast<Real>().cwiseSqrt().cwiseInverse();
+  const Square scaled = inverse.asDiagonal() * shape.template cast<Real>() * inverse.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Square> eigen(scaled);
+  const Real least = eigen.eigenvalues()(0);
+  return least > 0 ? eigen.eigenvalues()(N - 1) / least : std::numeric_limits<Real>::infinity();
+}
+
+/// Whether the result is of the domain: N and A at the weight that was found, in long double. (docs/domain.md)
+template <int N>
+bool is_moderate(const Quadric<double, N>& quadric, const Ellipsoid<double, N>& ellipsoid, double share) {
+  if (share == 1) {
+    return true;  // the ellipsoid itself
+  }
+  using Square = Eigen::Matrix<Real, N, N>;
+  const Real q = static_cast<Real>(share) / (1 - static_cast<Real>(share));
+  const Square l = Eigen::LLT<Square>(ellipsoid.shape.template cast<Real>()).matrixL();
+  const Square a = l.transpose() * quadric.a.template cast<Real>() * l + q * Square::Identity();
+  const RealN<N> v = l.transpose() * quadric.g.template cast<Real>();
+  const Eigen::SelfAdjointEigenSolver<Square> eigen(a);
+  const RealN<N> seen = eigen.eigenvectors().transpose() * v;
+  const Real level = static_cast<Real>(quadric.c) + q + (seen.cwiseAbs2().array() / eigen.eigenvalues().array()).sum();
+  const Real least = std::fmin(eigen.eigenvalues()(0), level);
+  return least > 0 && terms_on<N>(quadric, ellipsoid) + q <= 1e6L * least;
+}
+
+/// Two ellipsoids, or one with a quadric. These are of the first-order modes: sets are asked for always, common points in the
+/// domain.
 template <int N>
 void two(Bytes& bytes) {
   constexpr Real digits = 1e-7L;
@@ -185,29 +232,35 @@ void two(Bytes& bytes) {
   const Quadric<double, N> quadric = honest_quadric<N>(bytes, point);
   const Status status = with_quadric ? minimal_intersection(quadric, first, criterion, result)
                                      : minimal_intersection(first, second, criterion, result);
+  const bool alike = honest && are_alike<N>(first, second);
+  Real ignored;
+  const Real slack_at_point = static_cast<Real>(quadric.c) - value_at<N>(quadric, point, ignored);
   if (status != Status::ok) {
     require(before.unchanged(), "nothing changed otherwise", "two sets");
-    require(!honest || (status != Status::empty_intersection && status != Status::not_finite),
-            "what is true is not refused", message(status));
+    const bool sure = with_quadric
+                          ? condition<N>(first.shape) <= 1e8L && slack_at_point > 1e-6L * terms_on<N>(quadric, first)
+                          : alike;
+    require(!honest || status != Status::not_finite, "what is true is not refused", message(status));
+    require(!(honest && sure) || status != Status::empty_intersection, "what is true is not refused", message(status));
     return;
   }
   require(validate(result.set) == Status::ok, "ok means finite and not negative", "two sets");
   require(result.share >= 0 && result.share <= 1, "a share is one", "two sets");
   if (honest) {
-    require(is_shape<N>(result.set.shape), "ok means finite and positive definite", "two sets");
-    const Eigen::Matrix<double, N, N> sharp =
-        with_quadric ? quadric.a : Eigen::Matrix<double, N, N>(second.shape.inverse());
-    const double sharpness = sharp.norm() * (first.shape.trace() + second.shape.trace()) +
-                             first.shape.inverse().norm() * (first.shape.trace() + second.shape.trace());
-    const Real rounding = 256 * static_cast<Real>(std::numeric_limits<double>::epsilon() * sharpness);
-    require_contains<N>(result.set, point, 10 * digits + rounding,
-                        with_quadric ? "an ellipsoid and a quadric" : "two ellipsoids");
+    require(is_shape<N>(result.set.shape) || result.set.shape.isZero(0), "ok means finite and positive definite",
+            "two sets");
+    const bool holds = with_quadric ? condition<N>(first.shape) <= 1e8L && condition<N>(result.set.shape) <= 1e8L &&
+                                          is_moderate<N>(quadric, first, result.share)
+                                    : alike;
+    if (holds) {
+      require_contains<N>(result.set, point, 1e-6L, with_quadric ? "an ellipsoid and a quadric" : "two ellipsoids");
+    }
   }
   double margin = 0.25;
   const Status overlap = overlap_margin(first, second, margin);
   require(overlap == Status::ok || margin == 0.25, "nothing changed otherwise", "the margin");
   require(overlap != Status::ok || margin <= 1, "a margin is at most one", "the margin");
-  require(!honest || overlap != Status::ok || margin >= 0, "what is true is not refused", "the margin");
+  require(!(honest && alike) || overlap != Status::ok || margin >= 0, "what is true is not refused", "the margin");
 }
 
 void session(Bytes bytes) {

@@ -404,6 +404,18 @@ void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
   }
 }
 
+/// Of a set that was combined: positive definite, but where the second set is flat or the two have one point in common.
+/// \return `beyond_domain` of anything else: a width that cannot be represented, or a shape that rounding left indefinite.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
+  Matrix<Scalar, N> factor;
+  if (validate(set) != Status::ok) {
+    return Status::beyond_domain;
+  }
+  const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
+  return may_be_flat || cholesky(set.shape, factor) == Status::ok ? Status::ok : Status::beyond_domain;
+}
+
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
@@ -422,7 +434,7 @@ template <typename Scalar, int N>
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
 /// \return what `validate` says; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
-/// common point.
+/// common point; `beyond_domain` also of what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
                                           const SizeCriterion<Scalar, N>& criterion,
@@ -491,6 +503,9 @@ template <typename Scalar, int N>
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (problem.is_ill_conditioned(q, best)) {
       fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
+    }
+    if (const Status validity = fusion::validate_combined(intersection.set, flat); validity != Status::ok) {
+      return validity;
     }
   }
   result = intersection;

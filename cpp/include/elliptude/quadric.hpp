@@ -155,7 +155,8 @@ template <typename Scalar, int N>
 /// A small ellipsoid that contains the intersection of an ellipsoid, which may be flat, with a quadric, which may be
 /// unbounded or indefinite: the smallest of the family that two multipliers give, never larger than the ellipsoid.
 /// `share` 0 is the quadric alone, 1 the ellipsoid.
-/// \return what `validate` says; `empty_intersection` if they have no common point.
+/// \return what `validate` says; `empty_intersection` if they have no common point; `beyond_domain` also of
+/// what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Quadric<Scalar, N>& quadric, const Ellipsoid<Scalar, N>& ellipsoid,
                                           const SizeCriterion<Scalar, N>& criterion,
@@ -203,6 +204,10 @@ template <typename Scalar, int N>
         intersection.set = ellipsoid;
         intersection.share = Scalar(1);
       }
+    }
+    if (const Status status = fusion::validate_combined(intersection.set, present.sum() < Scalar(N));
+        status != Status::ok) {
+      return status;
     }
   }
   result = intersection;
