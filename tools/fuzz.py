@@ -44,7 +44,7 @@ def commands(build: Path) -> dict[str, list[str]]:
     return programs | {f"readers_{kind}": [sys.executable, str(READERS), kind] for kind in FORMATS}
 
 
-def run(target: str, command: list[str], folder: Path, seconds: int) -> bool:
+def run(target: str, command: list[str], folder: Path, seconds: int, seed: int) -> bool:
     """Runs one target. Returns whether nothing was found."""
     inputs, found = folder / "inputs", folder / "found"
     for path in (inputs, found):
@@ -53,7 +53,7 @@ def run(target: str, command: list[str], folder: Path, seconds: int) -> bool:
         (inputs / f"kept{number:04}").write_bytes(data)
     before = set(found.iterdir())
     limit = MOST_BYTES.get(target.partition("_")[0], 600)
-    options = [f"-max_total_time={seconds}", f"-max_len={limit}", "-timeout=25", "-rss_limit_mb=3000"]
+    options = [f"-max_total_time={seconds}", f"-seed={seed}", f"-max_len={limit}", "-timeout=25", "-rss_limit_mb=3000"]
     arguments = [*command, *options, "-print_final_stats=1", f"-artifact_prefix={found}/", str(inputs)]
     with (folder / "log").open("wb") as log:
         status = subprocess.run(arguments, stdout=log, stderr=log, check=False).returncode
@@ -96,6 +96,9 @@ def main() -> int:
     parser.add_argument("build", type=Path)
     parser.add_argument("targets", nargs="*", help="all, unless some are named")
     parser.add_argument("--seconds", type=int, default=600, help="for each target")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of what is tried; 0, the default, is another one each time"
+    )
     parser.add_argument("--keep", action="store_true", help="write the corpora anew")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many targets at a time")
     options = parser.parse_args()
@@ -106,7 +109,7 @@ def main() -> int:
 
     def whole(target: str) -> bool:
         folder = options.build / "fuzz" / target
-        clean = run(target, there_are[target], folder, options.seconds)
+        clean = run(target, there_are[target], folder, options.seconds, options.seed)
         if options.keep:
             keep(target, there_are[target], folder)
         return clean
