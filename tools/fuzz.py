@@ -96,9 +96,7 @@ def main() -> int:
     parser.add_argument("build", type=Path)
     parser.add_argument("targets", nargs="*", help="all, unless some are named")
     parser.add_argument("--seconds", type=int, default=600, help="for each target")
-    parser.add_argument(
-        "--seed", type=int, default=0, help="0, the default, is another one each time"
-    )
+    parser.add_argument("--seed", type=int, default=0, help="0, the default, is another one each time")
     parser.add_argument("--keep", action="store_true", help="write the corpora anew")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many targets at a time")
     options = parser.parse_args()
