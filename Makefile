@@ -53,11 +53,13 @@ FUZZ_SECONDS ?= 600
 FUZZ_PRESET ?= fuzz
 # 0 is another seed each time.
 FUZZ_SEED ?= 0
+# All, unless some are named.
+FUZZ_TARGETS ?=
 .PHONY: fuzz
 fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/fuzz ## Fuzz the core and the readers of files, each target for FUZZ_SECONDS (600)
 	cmake --preset $(FUZZ_PRESET)
 	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
-	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
+	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) $(FUZZ_TARGETS) --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 .PHONY: demo
 demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
