@@ -269,7 +269,9 @@ bool is_shape(const Eigen::Matrix<double, N, N>& p) {
   }
   const Eigen::Matrix<Real, N, 1> inverse = d.cwiseInverse();
   const Eigen::Matrix<Real, N, N> scaled = inverse.asDiagonal() * p.template cast<Real>() * inverse.asDiagonal();
-  return Eigen::LLT<Eigen::Matrix<Real, N, N>>(scaled).info() == Eigen::Success;
+  // As it is, too: `point_of` takes that factor, and of a shape that is flat to rounding one may exist without the other.
+  return Eigen::LLT<Eigen::Matrix<Real, N, N>>(scaled).info() == Eigen::Success &&
+         Eigen::LLT<Eigen::Matrix<Real, N, N>>(p.template cast<Real>()).info() == Eigen::Success;
 }
 
 /// By how much xᵀP⁻¹x exceeds 1, less what its own evaluation may round, and what x, known to `digits`, may be off: positive
