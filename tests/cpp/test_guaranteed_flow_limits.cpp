@@ -225,3 +225,27 @@ TEST_CASE("finer steps before a set is given up") {
   MESSAGE("closed by finer steps alone " << closed_by_finer << ", refused " << refused);
   CHECK(closed_by_finer > 0);
 }
+
+TEST_CASE("a step that turns the body too far is divided before it is refused") {
+  Random random(20261122);
+  int divided = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const RigidBody<double> body = random_body(random);
+    const double step = random.log_uniform(0.05, 2);
+    const Set before{{random.rotation(), 5 * random.unit_vector<3>()}, 1e-6 * Matrix6<double>::Identity()};
+    const Flow flow = free_flow(body, step);
+    Flow strict = flow;  // with no steps to spare there is no finer try
+    REQUIRE(strict.set_most_steps(1) == Status::ok);
+    Set after;
+    const Status status = flow.predict(0, step, {}, before, after);
+    Set once;
+    const Status coarse = strict.predict(0, step, {}, before, once);
+    REQUIRE((coarse != Status::ok || status == Status::ok));
+    if (coarse == Status::step_too_long && status == Status::ok) {
+      ++divided;
+      CHECK(worst_form(body, before, after, step, 24, random) <= 1);
+    }
+  }
+  MESSAGE("divided " << divided);
+  CHECK(divided > 0);
+}

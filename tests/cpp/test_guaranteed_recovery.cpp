@@ -268,6 +268,30 @@ TEST_CASE("a rate known without an attitude is given up as a set is") {
   }
 }
 
+TEST_CASE("a bias known without an attitude that contradicts its bound is given up") {
+  for (const Policy policy : {Policy::drop_measurement, Policy::restart}) {
+    GyroFilter::Settings settings;
+    settings.policy = policy;
+    settings.regain_after = 3;
+    GyroFilter filter = gyro_filter(settings, 0.01);
+    const Ellipsoid<double, 3> wrong{{0.5, 0, 0}, 1e-6 * Matrix3d::Identity()};
+    REQUIRE(filter.resume(nullptr, &wrong, {}) == Status::ok);
+    const Direction<double> directions[] = {
+        {Vector3d::UnitX(), Vector3d::UnitX(), 1e-4 * Matrix3d::Identity(), 1},
+        {Vector3d::UnitY(), Vector3d::UnitY(), 1e-4 * Matrix3d::Identity(), 1},
+    };
+    for (int k = 0; k <= 6; ++k) {
+      GuaranteedUpdate<double> update;
+      REQUIRE(filter.predict(0.1 * k, {}) == Status::ok);
+      REQUIRE(filter.update({directions, 2, nullptr, nullptr}, update) == Status::ok);
+    }
+    REQUIRE(filter.knows_attitude());
+    CHECK(filter.claim() == Claim::unconditional);
+    const GyroState<double> truth{Matrix3d::Identity(), Vector3d::Zero()};
+    CHECK(contains(filter.ellipsoid().in_coordinates(), state_error<GibbsChart>(filter.ellipsoid().center, truth)));
+  }
+}
+
 TEST_CASE("a first set that rests on a drop is conditional") {
   Scene scene(39);
   BodyFilter filter = with_policy(Policy::drop_measurement);

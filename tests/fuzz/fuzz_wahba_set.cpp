@@ -95,6 +95,7 @@ void session(Bytes bytes) {
                    : weights == 1 ? bytes.between(1e-3, 1e3)
                    : weights == 2 ? bytes.between(1e-300, 1e300)
                                   : std::abs(bytes.number());
+    c.honest = c.honest && std::isfinite(c.weights(i));
   }
   for (int garbage = bytes.choice(4) == 3 ? 1 + bytes.choice(3) : 0; garbage > 0; --garbage) {
     c.honest = false;

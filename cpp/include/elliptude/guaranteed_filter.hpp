@@ -324,14 +324,17 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       status = minimal_intersection(&predicted, &quadric, 1, settings_.criterion, fusion);
     } else {
       QuadricFusion<Scalar, 3> found;
+      found.margin = Scalar(1);
       const Ellipsoid<Scalar, 3> predicted = attitude_of(known_.set);
       const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
                                            quadric.c};
       status = minimal_intersection(&predicted, &of_attitude, 1, attitude_criterion(settings_.criterion), found);
       fusion.margin = found.margin;
-      fusion.prediction_alone = found.prediction_alone;
-      fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
-      fusion.set.shape = product_shape(found.set.shape, known_.vector_bound.shape);
+      if (status == Status::ok) {
+        fusion.prediction_alone = found.prediction_alone;
+        fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
+        fusion.set.shape = product_shape(found.set.shape, known_.vector_bound.shape);
+      }
     }
     if (status != Status::ok) {
       if (status == Status::empty_intersection) {
@@ -617,7 +620,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if (all != 0 || result.dropped != 0) {
       // Where nothing is taken up there is nothing that could rest on what was left out.
       const bool contradicted = result.margin < Scalar(0) || (!may_be_wrong() && result.dropped != 0);
-      trust.count(contradicted, bounded || known_.has_attitude);
+      trust.count(contradicted, bounded || known_.has_attitude || known_.has_vector);
     }
     if (trust.past_is_due(settings_.regain_after)) {
       Solution alone;

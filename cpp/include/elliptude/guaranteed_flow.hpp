@@ -140,9 +140,9 @@ class GuaranteedRigidBodyFlow {
   }
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
-  /// Where the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// Where the motion or the set has no bound with these steps, three and nine times as many are tried before it is given up.
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
-  /// `callback_failed`; `step_too_long` if the motion itself turns too far in a step; `unbounded` if the set is too large, or
+  /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
   /// the step too long for it, for the prediction to say anything; `interrupted`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
@@ -166,7 +166,8 @@ class GuaranteedRigidBodyFlow {
     const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
     const Status status = divided(time, duration, steps, input, ellipsoid, result);
     long finer = steps;
-    for (int retry = 0; retry < 2 && status == Status::unbounded && finer <= most_steps_ / 3; ++retry) {
+    const bool may_close = status == Status::unbounded || status == Status::step_too_long;
+    for (int retry = 0; retry < 2 && may_close && finer <= most_steps_ / 3; ++retry) {
       finer *= 3;
       const Status again = divided(time, duration, finer, input, ellipsoid, result);
       if (again == Status::ok || again == Status::interrupted) {
