@@ -92,8 +92,9 @@ class FilterSession {
 
   /// What holds of a filter at all times.
   void check(const char* what) {
+    const Real slack = honest_ ? Real(0) : flat_to_rounding;
     if (filter_.knows_attitude()) {
-      require_valid(filter_.ellipsoid(), what);
+      require_valid(filter_.ellipsoid(), what, slack);
       require(filter_.claim() != Claim::none, "a set comes with a claim", what);
       if (honest_) {
         require(filter_.claim() == Claim::unconditional && !filter_.trust().rests_on_drops(), "nothing true is dropped",
@@ -103,7 +104,7 @@ class FilterSession {
     } else {
       require(filter_.claim() == Claim::none, "no set means no claim", what);
       if (filter_.knows_vector()) {
-        require_valid(filter_.vector(), what);
+        require_valid(filter_.vector(), what, slack);
         const RealVector error = world_.vector() - filter_.vector().center.template cast<Real>();
         require(!honest_ || outside_by<3>(filter_.vector().shape, error) <= 0, "the truth is inside", "the vector");
       }

@@ -257,9 +257,10 @@ inline RealMatrix gibbs_attitude(const Eigen::Matrix3d& center, const RealVector
          RealMatrix(RealMatrix::Identity() + (2 / (1 + g.squaredNorm())) * (s + s * s));
 }
 
-/// Whether P is finite, symmetric and positive definite, by a factorisation in long double.
+/// Whether P is finite, symmetric and positive definite, by a factorisation in long double; with `slack` added to it, in
+/// multiples of each diagonal entry.
 template <int N>
-bool is_shape(const Eigen::Matrix<double, N, N>& p) {
+bool is_shape(const Eigen::Matrix<double, N, N>& p, Real slack = 0) {
   if (!p.allFinite() || (p - p.transpose()).cwiseAbs().maxCoeff() > 1e-12 * p.cwiseAbs().maxCoeff()) {
     return false;
   }
@@ -268,11 +269,15 @@ bool is_shape(const Eigen::Matrix<double, N, N>& p) {
     return false;
   }
   const Eigen::Matrix<Real, N, 1> inverse = d.cwiseInverse();
-  const Eigen::Matrix<Real, N, N> scaled = inverse.asDiagonal() * p.template cast<Real>() * inverse.asDiagonal();
+  Eigen::Matrix<Real, N, N> scaled = inverse.asDiagonal() * p.template cast<Real>() * inverse.asDiagonal();
+  scaled.diagonal().array() += slack;
   // As it is, too: `point_of` takes that factor, and of a shape that is flat to rounding one may exist without the other.
   return Eigen::LLT<Eigen::Matrix<Real, N, N>>(scaled).info() == Eigen::Success &&
-         Eigen::LLT<Eigen::Matrix<Real, N, N>>(p.template cast<Real>()).info() == Eigen::Success;
+         (slack > 0 || Eigen::LLT<Eigen::Matrix<Real, N, N>>(p.template cast<Real>()).info() == Eigen::Success);
 }
+
+/// What a factorisation in double cannot tell from zero: a shape that the user gave may be as flat.
+constexpr Real flat_to_rounding = 64 * static_cast<Real>(std::numeric_limits<double>::epsilon());
 
 /// By how much xᵀP⁻¹x exceeds 1, less what its own evaluation may round, and what x, known to `digits`, may be off: positive
 /// only where x is outside.
@@ -306,8 +311,8 @@ inline double rotation_error(const Eigen::Matrix3d& c) {
 
 /// Of an ellipsoid that was returned with `ok`.
 template <int N>
-void require_valid(const Ellipsoid<double, N>& set, const char* what) {
-  if (!set.center.allFinite() || !is_shape<N>(set.shape)) {
+void require_valid(const Ellipsoid<double, N>& set, const char* what, Real slack = 0) {
+  if (!set.center.allFinite() || !is_shape<N>(set.shape, slack)) {
     show("center", set.center);
     show("shape", set.shape);
     broken("ok means finite and positive definite", what);
@@ -316,13 +321,14 @@ void require_valid(const Ellipsoid<double, N>& set, const char* what) {
 
 /// Of a set of states that was returned with `ok`.
 template <typename State, typename Chart>
-void require_valid(const StateEllipsoid<State, Chart>& set, const char* what) {
+void require_valid(const StateEllipsoid<State, Chart>& set, const char* what, Real slack = 0) {
   if (!(rotation_error(set.center.attitude) < 1e-12 && set.center.attitude.determinant() > 0)) {
     show("attitude", set.center.attitude);
     broken("the center is a rotation", what);
   }
-  require_valid(Ellipsoid<double, 3>{vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()}, what);
-  require_valid(set.in_coordinates(), what);
+  require_valid(Ellipsoid<double, 3>{vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()}, what,
+                slack);
+  require_valid(set.in_coordinates(), what, slack);
 }
 
 /// A direction, seen in an attitude with an error of its own within its bound, to rounding; a share of the bound is left for

@@ -87,10 +87,21 @@ struct BodyWorld {
     const auto torque = [&](const RealMatrix& c, Real) {
       return RealVector(real_moment.cross(RealVector(c.row(2).transpose())) + extra);
     };
-    const Real turn = static_cast<Real>(duration) * (truth.angular_velocity.norm() + 2);
-    const int intervals = 1 + static_cast<int>(turn * 2);
-    truth = testing::independent_flow(inertia, torque, truth, static_cast<Real>(time), static_cast<Real>(duration),
-                                      intervals, input.wheel_momentum.cast<Real>());
+    // As many intervals as it takes until twice as many are the same.
+    const auto after = [&](int intervals) {
+      return testing::independent_flow(inertia, torque, truth, static_cast<Real>(time), static_cast<Real>(duration),
+                                       intervals, input.wheel_momentum.cast<Real>());
+    };
+    int intervals = 1 + static_cast<int>(static_cast<Real>(duration) * (truth.angular_velocity.norm() + 2));
+    testing::Motion coarse = after(intervals);
+    testing::Motion fine = after(2 * intervals);
+    while (!(testing::distance(coarse, fine) <= Real(1e-12) * (1 + fine.angular_velocity.norm()))) {
+      intervals *= 2;
+      require(intervals < 10000, "the oracle knows the truth", "the integrator");
+      coarse = fine;
+      fine = after(2 * intervals);
+    }
+    truth = fine;
     time = end;
     return input;
   }
