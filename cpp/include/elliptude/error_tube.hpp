@@ -540,7 +540,9 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
   };
 
-  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less.
+  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less: in v, and in u,
+  // where the widest axes count. Of a thin set the larger ball can be wider where the set is widest, and what is of second order
+  // grows with the square of that: a step after another would make it wider without end.
   Matrix6<Scalar> ball = Matrix6<Scalar>::Identity();
   const Scalar share = share_of(Scalar(moved.trace()));
   if (moved.trace() > Scalar(0)) {
@@ -563,7 +565,10 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     Matrix6<Scalar> larger;
     if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
         larger.trace() < Scalar(6) * (one + share) * (one + share)) {
-      ball = larger;
+      const Vector6<Scalar> widths = set_.colwise().squaredNorm();
+      if (widths.dot(larger.diagonal()) < widths.dot(ball.diagonal())) {
+        ball = larger;
+      }
     }
   }
   const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
