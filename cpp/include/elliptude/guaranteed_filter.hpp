@@ -212,7 +212,9 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
     if (has_vector) {
       const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
-      if (status != Status::ok && status != Status::beyond_domain) {
+      // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
+      const bool is_flat = status == Status::not_positive_definite && settings_.policy != Policy::raise;
+      if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
         return status;
       }
       has_vector = status == Status::ok && can_be_kept(vector);
