@@ -249,3 +249,34 @@ TEST_CASE("a step that turns the body too far is divided before it is refused") 
   MESSAGE("divided " << divided);
   CHECK(divided > 0);
 }
+
+TEST_CASE("a thin set does not become wider and wider to stay thin") {
+  Random random(20261123);
+  const double h = 1e-3;
+  const double width = 0.03;
+  const int steps = 200;
+  for (int trial = 0; trial < 10; ++trial) {
+    Eigen::Matrix<double, 6, 1> squares;
+    for (int i = 0; i < 6; ++i) {
+      squares(i) = std::pow(width * std::pow(1e-6, i / 5.0), 2);
+    }
+    const Matrix6<double> shape = random.symmetric<6>(squares);
+    const auto widest = [](const Matrix6<double>& p) {
+      return std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix6<double>>(p).eigenvalues().maxCoeff());
+    };
+
+    Set body_set{{random.rotation(), random.in_ball<3>()}, shape};
+    const Flow body = free_flow(random_body(random), h);
+    GibbsEllipsoid<GyroState<double>> gyro_set{{random.rotation(), random.in_ball<3>()}, shape};
+    GuaranteedGyroFlow<double> gyro;
+    REQUIRE(gyro.make({}, GuaranteedGyroFlow<double>::IntervalRate::mean, gyro) == Status::ok);
+    const Vector3d rate = random.in_ball<3>();
+    for (int k = 0; k < steps; ++k) {
+      REQUIRE(body.predict(k * h, h, {}, body_set, body_set) == Status::ok);
+      REQUIRE(gyro.predict(k * h, h, {rate}, gyro_set, gyro_set) == Status::ok);
+    }
+    // What the motion does to the widest axis in 0.2 s is less than a fifth of it.
+    CHECK(widest(body_set.shape) < 3 * width);
+    CHECK(widest(gyro_set.shape) < 3 * width);
+  }
+}

@@ -125,8 +125,15 @@ class FilterSession {
     measurements_ = {directions_.data(), directions_.size(), nullptr, nullptr};
     if (measures_rate && bytes_.choice(3) != 0) {
       rate_.bound = bytes_.shape<3>(1e-6, 0.1);
-      rate_.value = RealVector(world_.vector() - (1 - Real(1e-9)) * point_of<3>(rate_.bound, bytes_.in_ball<3>()))
-                        .template cast<double>();
+      const RealVector error = point_of<3>(rate_.bound, bytes_.in_ball<3>());
+      // What is fast is rounded by more than a small bound has to spare.
+      for (Real share = 1 - Real(1e-9);; share *= Real(0.99)) {
+        rate_.value = RealVector(world_.vector() - share * error).template cast<double>();
+        const RealVector rounded = world_.vector() - rate_.value.template cast<Real>();
+        if (share < Real(0.5) || outside_by<3>(rate_.bound, RealVector(rounded * (1 + Real(1e-12)))) <= 0) {
+          break;
+        }
+      }
       measurements_.angular_velocity = &rate_;
     }
     if (bytes_.choice(4) == 1) {

@@ -261,7 +261,9 @@ inline RealMatrix gibbs_attitude(const Eigen::Matrix3d& center, const RealVector
 /// multiples of each diagonal entry.
 template <int N>
 bool is_shape(const Eigen::Matrix<double, N, N>& p, Real slack = 0) {
-  if (!p.allFinite() || (p - p.transpose()).cwiseAbs().maxCoeff() > 1e-12 * p.cwiseAbs().maxCoeff()) {
+  // What a user gives is taken as it is if it is symmetric to √ε (`is_symmetric`).
+  const double asymmetry = slack > 0 ? 2e-8 : 1e-12;
+  if (!p.allFinite() || (p - p.transpose()).cwiseAbs().maxCoeff() > asymmetry * p.cwiseAbs().maxCoeff()) {
     return false;
   }
   const Eigen::Matrix<Real, N, 1> d = p.diagonal().template cast<Real>().cwiseSqrt();

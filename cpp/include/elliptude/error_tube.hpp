@@ -18,6 +18,31 @@
 
 namespace elliptude {
 
+namespace tube {
+
+/// A growth in a prediction that is never too much.
+template <typename Scalar>
+[[nodiscard]] Scalar always_moderate() noexcept {
+  return scalar::constant<Scalar>(0.01L);
+}
+
+/// By how much a set is made larger everywhere for what is added to it: by the share that makes the sum smallest in volume, unless
+/// that keeps a thin set thin by making it wider and wider, prediction after prediction. What is of second order grows with the
+/// square of the width. A hundredth, or five times what is added against the whole set, is moderate. (theory, section 17.9)
+/// \param added, whole traces of what is added, and of the set, where it is widest.
+template <typename Scalar>
+[[nodiscard]] Scalar moderate_growth(const Scalar& share, const Scalar& added, const Scalar& whole) noexcept {
+  const Scalar always = always_moderate<Scalar>();
+  if (!(share > always)) {
+    return share;
+  }
+  const Scalar moderate = Scalar(5) * scalar::sqrt(Scalar(added / whole));
+  const Scalar most = moderate > always ? moderate : always;
+  return share < most ? share : most;
+}
+
+}  // namespace tube
+
 /// What is not known of a rigid body.
 template <typename Scalar>
 struct BodyUncertainty {
@@ -451,8 +476,11 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
       status != Status::ok) {
     return status;
   }
-  const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
-  const Matrix6<Scalar> unknown_push = image(by_torque, unknown);
+  Matrix6<Scalar> unknown_push = Matrix6<Scalar>::Zero();
+  if (unknown.trace() > zero) {
+    const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
+    unknown_push = image(by_torque, unknown);
+  }
   const Scalar unknown_norm = scalar::sqrt(Scalar(unknown_push.trace()));
   const Matrix6<Scalar> cubic = cubic_push(body, series, middle, linear);
   const Scalar cubic_norm = scalar::sqrt(Scalar(cubic.trace()));
@@ -539,12 +567,14 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const auto share_of = [](const Scalar& trace) {
     return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
   };
+  const Vector6<Scalar> widths = set_.colwise().squaredNorm();
+  const Scalar width = widths.sum();
 
   // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less: in v, and in u,
-  // where the widest axes count. Of a thin set the larger ball can be wider where the set is widest, and what is of second order
-  // grows with the square of that: a step after another would make it wider without end.
+  // where the widest axes count.
   Matrix6<Scalar> ball = Matrix6<Scalar>::Identity();
-  const Scalar share = share_of(Scalar(moved.trace()));
+  const Scalar share =
+      tube::moderate_growth(share_of(Scalar(moved.trace())), Scalar(widths.dot(moved.diagonal())), width);
   if (moved.trace() > Scalar(0)) {
     ball = (one + one / share) * moved;
     ball.diagonal().array() += one + share;
@@ -558,29 +588,29 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     const Scalar spread = norm_of_gram(cubic);
     const Scalar largest = lambda > Scalar(0) ? Scalar(spread * spread / lambda + lambda) : lambda;
     const Scalar e = (largest + square) / (one - Scalar(2) * norm);  // ‖E‖
-    Matrix6<Scalar> metric = Matrix6<Scalar>::Identity() * (one - lambda - Scalar(2) * e * norm - square);
+    Matrix6<Scalar> metric = Matrix6<Scalar>::Zero();
     if (lambda > Scalar(0)) {
-      metric -= cubic / lambda;
+      metric = (-one / lambda) * cubic;
     }
+    metric.diagonal().array() += one - lambda - Scalar(2) * e * norm - square;
     Matrix6<Scalar> larger;
     if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
-        larger.trace() < Scalar(6) * (one + share) * (one + share)) {
-      const Vector6<Scalar> widths = set_.colwise().squaredNorm();
-      if (widths.dot(larger.diagonal()) < widths.dot(ball.diagonal())) {
-        ball = larger;
-      }
+        larger.trace() < ball.trace() && widths.dot(larger.diagonal()) < widths.dot(ball.diagonal())) {
+      ball = larger;
     }
   }
   const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
   Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
-  const Scalar rest_share = rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)));
+  const Scalar rest_share = tube::moderate_growth(
+      Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))), Scalar(rest_ * rest_), width);
   if (rest_share > Scalar(0)) {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
   const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
-  const Scalar pushed_share = share_of(Scalar(beside.cwiseProduct(set_inverse).sum()));
+  const Scalar pushed_share =
+      tube::moderate_growth(share_of(Scalar(beside.cwiseProduct(set_inverse).sum())), Scalar(pushed_.trace()), width);
   if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }

@@ -23,9 +23,25 @@ using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
 
 namespace tube {
 
+/// What is added to a set against the whole of it, squared: of attitude and vector by themselves, as their units differ.
+template <typename Scalar, int N, std::size_t Count>
+[[nodiscard]] Scalar share_of_widest(const Matrix<Scalar, N>& shape,
+                                     const std::array<Matrix<Scalar, N>, Count>& others) noexcept {
+  Scalar widest(0);
+  for (int from = 0; from < N; from += 3) {
+    Scalar added(0);
+    for (const Matrix<Scalar, N>& term : others) {
+      added += term.diagonal().template segment<3>(from).sum();
+    }
+    const Scalar share = added / shape.diagonal().template segment<3>(from).sum();
+    widest = share > widest ? share : widest;
+  }
+  return widest;
+}
+
 /// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume: shares
-/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`). Entries of the
-/// shapes may be wrong by a rounding or two of themselves.
+/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`), as far as that
+/// is a `moderate_growth`. Entries of the shapes may be wrong by a rounding or two of themselves.
 template <typename Scalar, int N, std::size_t Count>
 [[nodiscard]] Status sum(const Matrix<Scalar, N>& shape, const std::array<Matrix<Scalar, N>, Count>& others,
                          Matrix<Scalar, N>& result) noexcept {
@@ -45,6 +61,15 @@ template <typename Scalar, int N, std::size_t Count>
     for (std::size_t i = 0; i < Count; ++i) {
       sizes[i] = size(others[i]);
       all += sizes[i];
+    }
+    const Scalar growth = (all - first) / first;
+    if (growth > always_moderate<Scalar>()) {
+      const Scalar most = moderate_growth(growth, share_of_widest(shape, others), Scalar(1));
+      all = first;
+      for (Scalar& term : sizes) {
+        term *= most / growth;
+        all += term;
+      }
     }
     total = (all / first) * shape;
     for (std::size_t i = 0; i < Count; ++i) {
