@@ -399,7 +399,7 @@ def test_predictions_over_a_long_step(kind, seed, step):
 
 
 def test_steps_of_which_the_series_says_nothing():
-    prediction = Prediction(4, "pendulum", size=1e-3, steps=1, step=1.0, uncertain=False)
+    prediction = Prediction(4, "pendulum", size=1e-3, steps=1, step=8.0, uncertain=False)
     with pytest.raises(StepTooLong):
         prediction.expected()
     with pytest.raises(ValueError, match="step of the flow is too long"):
@@ -938,3 +938,20 @@ def test_updates_alone_leave_the_center_a_rotation():
     attitude = filter_.ellipsoid.attitude
     assert moved > 500
     assert np.abs(attitude.T @ attitude - np.eye(3)).max() < 4 * np.finfo(float).eps
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-5, 1e-6])
+def test_thin_sets_become_wider_alike(ratio):
+    """17.9: of sets as thin as these the share of least volume is not the one that is taken."""
+    rng = np.random.default_rng(round(-10 * np.log10(ratio)))
+    axes = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    shape = axes @ np.diag((0.05 * ratio ** np.linspace(0, 1, 6)) ** 2) @ axes.T
+    shape = 0.5 * (shape + shape.T)
+    attitude, vector, rate = Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3), rng.normal(size=3)
+    uncertainty = GyroUncertainty()
+    expected = guaranteed_flow.predict_gyro(GibbsSet(attitude, vector, shape), rate, 0.01, uncertainty, "mean")
+    filter_ = el.GuaranteedFilter(
+        el.GuaranteedGyroFlow(0.0, interval_rate="mean"), el.StateEllipsoid(attitude, vector, shape, chart="gibbs")
+    )
+    filter_.predict(0.01, gyro=rate)
+    assert_same_shape(filter_.ellipsoid.shape, expected.shape, relative=1e-4)

@@ -477,7 +477,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     return status;
   }
   Matrix6<Scalar> unknown_push = Matrix6<Scalar>::Zero();
-  if (unknown.trace() != zero) {  // nor if it is NaN
+  if (unknown.trace() != zero) {  // of NaN, too, which shows in the norm
     const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
     unknown_push = image(by_torque, unknown);
   }

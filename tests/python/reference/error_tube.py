@@ -342,30 +342,43 @@ def enlarged_set(second_order: Array) -> Array | None:
     return np.linalg.inv(metric)
 
 
+def moderate_growth(share: float, of_whole: float) -> float:
+    """A share that is no more than a hundredth, or five times what is added against the whole set (17.9)."""
+    return min(share, max(0.01, 5.0 * of_whole))
+
+
 def shape(tube: Tube) -> Array:
     """An ellipsoid about all y that the tube allows (17.4, the shape). Its sums hold with any shares."""
     inverse = np.linalg.inv(tube.set)
     on_set = np.einsum("ijk,ja,kb->iab", tube.second_order, tube.set, tube.set)
-    set_ = tube.set @ tube.set.T
 
     def share(whitened: float) -> float:
         return math.sqrt(whitened / 6.0) if whitened > 0.0 else 1.0
 
-    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger.
+    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger, if it is so in v and in u.
+    widths = np.sum(tube.set**2, axis=0)
     rows = on_set.reshape(6, -1)
-    size = share(float(np.sum((inverse @ rows) ** 2)))
-    result = (1.0 + size) * set_ + (1.0 + 1.0 / size) * rows @ rows.T if np.any(rows) else set_
+    seen = (inverse @ rows) @ (inverse @ rows).T
+    size = moderate_growth(share(float(np.trace(seen))), math.sqrt(widths @ np.diag(seen) / widths.sum()))
+    ball = (1.0 + size) * np.eye(6) + (1.0 + 1.0 / size) * seen if np.any(rows) else np.eye(6)
     if np.any(rows) and size > 0.002:
         larger = enlarged_set(np.tensordot(inverse, on_set, 1))
-        if larger is not None and np.trace(larger) < 6.0 * (1.0 + size) ** 2:
-            result = tube.set @ larger @ tube.set.T
+        if (
+            larger is not None
+            and np.trace(larger) < np.trace(ball)
+            and widths @ np.diag(larger) < widths @ np.diag(ball)
+        ):
+            ball = larger
+    result = tube.set @ ball @ tube.set.T
 
-    rest_share = tube.rest * float(np.linalg.norm(inverse)) / math.sqrt(6.0)
+    whole = math.sqrt(widths.sum())
+    rest_share = moderate_growth(tube.rest * float(np.linalg.norm(inverse)) / math.sqrt(6.0), tube.rest / whole)
     if rest_share > 0.0:
         result = (1.0 + rest_share) * result + (1.0 + 1.0 / rest_share) * tube.rest**2 * np.eye(6)
     pushed = sum_of_shapes(tube.pushes) if tube.pushes else np.zeros((6, 6))
     if np.any(pushed):
         push_share = share(float(np.trace(inverse @ pushed @ inverse.T)))
+        push_share = moderate_growth(push_share, math.sqrt(np.trace(pushed)) / whole)
         result = (1.0 + push_share) * result + (1.0 + 1.0 / push_share) * pushed
 
     # Rounding (17.7).

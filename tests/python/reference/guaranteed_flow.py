@@ -1,14 +1,14 @@
 """Flows whose sets hold the state of the continuous motion (theory 17.4 to 17.6), in the Gibbs chart."""
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from . import error_tube, so3
-from .ellipsoid import sum_minimum_trace
-from .error_tube import Tube, Unbounded, Uncertainty
-from .motion_series import ROUNDING, Body, BodyInput, expand_motion, norm, torque_bounds
+from .error_tube import Tube, Unbounded, Uncertainty, moderate_growth
+from .motion_series import ROUNDING, Body, BodyInput, StepTooLong, expand_motion, norm, torque_bounds
 from .so3 import Array
 
 LONG_TUBE, SHORT_TUBE = 0.1, 0.01  # by how much u may have moved before a tube begins again
@@ -83,7 +83,7 @@ def predict_body(
     for finer in (1, 3):
         try:
             return predict_body_in(steps * finer, body, begin, time, duration, given, uncertainty)
-        except Unbounded:
+        except (Unbounded, StepTooLong):
             continue
     return predict_body_in(9 * steps, body, begin, time, duration, given, uncertainty)
 
@@ -225,10 +225,7 @@ def predict_gyro(
         ball += 0.25 * h**3 * speed * drift
     terms.append(_in_attitude(ball**2 * np.eye(3)))
 
-    # The best shares for the volume, by two steps from those of no others (7.2).
-    shape = terms[0]
-    for _ in range(2):
-        shape = sum_minimum_trace(terms, np.linalg.inv(shape))
+    shape = moderate_sum(terms)
     return GibbsSet(begin.attitude @ so3.exp(h * rate), begin.vector, (1.0 + 64.0 * ROUNDING) * shape)
 
 
@@ -241,18 +238,34 @@ def predict_unmeasured(begin: GibbsSet, duration: float, uncertainty: GyroUncert
     drifted = np.zeros((6, 6))
     drifted[3:, 3:] = duration**2 * uncertainty.drift
     terms = [begin.shape, _in_attitude((2.0 * math.tan(angle) - before) ** 2 * np.eye(3)), drifted]
-    shape = terms[0]
-    for _ in range(2):
-        shape = sum_minimum_trace(terms, np.linalg.inv(shape))
+    shape = moderate_sum(terms)
     return GibbsSet(begin.attitude, begin.vector, (1.0 + 64.0 * ROUNDING) * shape)
 
 
 def predict_bias(shape: Array, duration: float, drift: Array) -> Array:
     """The bias without an attitude: a sum with what it drifts by (7.2), as in a prediction."""
-    result = shape
+    return (1.0 + 64.0 * ROUNDING) * moderate_sum([shape, duration**2 * drift])
+
+
+def moderate_sum(terms: Sequence[Array]) -> Array:
+    """The best shares for the volume, by two steps from those of no others (7.2), as far as moderate (17.9)."""
+    first, *others = terms
+    blocks = [slice(at, at + 3) for at in range(0, len(first), 3)]
+    of_whole = max(
+        math.sqrt(sum(np.trace(term[block, block]) for term in others) / np.trace(first[block, block]))
+        for block in blocks
+    )
+    result = first
     for _ in range(2):
-        result = sum_minimum_trace([shape, duration**2 * drift], np.linalg.inv(result))
-    return (1.0 + 64.0 * ROUNDING) * result
+        inverse = np.linalg.inv(result)
+        sizes = [math.sqrt(max(0.0, float(np.trace(inverse @ term)))) for term in terms]
+        growth = sum(sizes[1:]) / sizes[0]
+        moderate = moderate_growth(growth, of_whole)
+        result = (1.0 + moderate) * first
+        for size, term in zip(sizes[1:], others, strict=True):
+            if size > 0.0:
+                result = result + (1.0 + moderate) * sizes[0] * growth / (moderate * size) * term
+    return result
 
 
 def _in_attitude(shape: Array) -> Array:
