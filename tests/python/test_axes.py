@@ -195,13 +195,18 @@ def configuration(**changes):
     return Configuration.model_validate(tables() | changes)
 
 
+def references(directions):
+    """What `tables` states."""
+    return np.tile([[0.0, 0.0, G], [0.0, 2e-5, -4e-5]], (len(directions), 1, 1))[:, : directions.shape[1]]
+
+
 def recorded(seed=0, sensors=2, speed=1.0):
     times, rates, attitudes = motion(seed, duration=60.0, speed=speed)
     rng = np.random.default_rng(seed)
     up = attitudes.inv().apply([0.0, 0.0, G]) + 0.1 * rng.standard_normal((len(times), 3))
     field = attitudes.inv().apply([0.0, 2e-5, -4e-5]) + 5e-7 * rng.standard_normal((len(times), 3))
     directions = np.stack([up, field], axis=1)[:, :sensors]
-    return Log(times, directions, np.ones_like(directions), rates)
+    return Log(times, directions, references(directions), rates)
 
 
 def with_axes(log, matrix, *, sensor=None, gyro=False):
@@ -230,10 +235,14 @@ def test_wrong_axes_of_a_vector(sensor, name):
     assert look_at_axes(log, configuration()).is_told
     for matrix in EVERY:
         verdict = look_at_axes(with_axes(log, matrix, sensor=sensor), configuration())
-        if abs(np.trace(matrix)) == 3.0:  # as it is, or its opposite, which turns alike
+        if np.trace(matrix) == 3.0:
             assert verdict.wrong == ()
             continue
         (wrong,) = verdict.wrong
+        if np.trace(matrix) == -3.0:  # turns alike, but is not as far from the other vector
+            assert wrong.sensor == "field"
+            assert "at_rest = 'down' for 'up'" in wrong.message
+            continue
         assert wrong.sensor == name
         ((quotient, axes),) = wrong.fitting
         assert quotient <= 1.0 < wrong.quotient
@@ -282,6 +291,73 @@ def test_stated_axes_are_composed_with():
     assert 'axes = ["x", "y", "z"]' in wrong.message
 
 
+# --- which sign fits --------------------------------------------------------------------------------------------------
+
+AT_REST = np.array([0.0, 0.0, G]), np.array([0.0, 20.0, -40.0])
+ANGLE = float(np.arccos(-2.0 / np.sqrt(5.0)))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_right_sign_is_within_what_is_stated(seed):
+    """All errors at once, each up to its bound: (18.18), no quotient above 1, and the opposite far above."""
+    rng = np.random.default_rng(2000 + seed)
+    times, rates, attitudes = motion(seed, speed=rng.uniform(0.0, 2.0))
+    unit = rng.standard_normal((6, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    shown = rates + 0.02 * unit[0] + 0.01 * rates @ np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    gyro = GyroBounds(0.0, bias=0.02, scale_error=0.01 / 0.99)
+    late, pulse = 0.005, rng.uniform(0.3, 5.0)
+    acceleration = -(pulse**2) * 0.3 * np.sin(pulse * times)[:, None] * unit[1]
+    force = (attitudes * Rotation.from_rotvec(late * rates)).inv().apply(AT_REST[0] + acceleration) + 0.2 * unit[2]
+    field = attitudes.inv().apply(AT_REST[1] + 5.0 * unit[3]) + 1.0 * unit[4]
+    up = VectorStatement(lambda h: min(4.0 * 0.3 / h**2, 0.3 * pulse**2), 0.2, 0.22, 0.0, late)
+    disturbed = VectorStatement(lambda _: 5.0, 1.0, 1.02, 0.0, 0.0)
+    found = sensor_axes.angle_misfit(times, shown, (force, up), (field, disturbed), gyro, ANGLE, 0.0)
+    assert found.as_stated <= 1.0
+    assert found.opposite > 2.0
+    field[::3] = np.nan  # stamps of its own, and less often
+    force[: len(force) // 5] = np.nan
+    less = sensor_axes.angle_misfit(times, shown, (force, up), (field, disturbed), gyro, ANGLE, 0.0)
+    assert less.as_stated <= 1.0
+    assert less.opposite > 2.0
+    turned = sensor_axes.angle_misfit(times, shown, (force, up), (-field, disturbed), gyro, ANGLE, 0.0)
+    assert turned.as_stated == pytest.approx(less.opposite)
+    assert turned.opposite == pytest.approx(less.as_stated)
+
+
+@pytest.mark.parametrize("name", ["offset", "error", "sensor scale", "reference", "late"])
+def test_each_bound_of_the_angle_is_attained(name):
+    """One source of error alone, as large as its bound and across the vector in the plane of both."""
+    times = np.arange(0.0, 12.0, 0.01)
+    still = np.zeros((len(times), 3))
+    up, field = np.tile(AT_REST[0], (len(times), 1)), np.tile(AT_REST[1], (len(times), 1))
+    field_statement, angle_error, least = EXACT, 0.0, 0.99
+    across = np.array([0.0, 40.0, 20.0])  # perpendicular to the field, and as long
+    if name in {"offset", "error"}:
+        field = field + np.tan(0.2) * across
+        size = np.tan(0.2) * np.linalg.norm(across)
+        change = {"offset": lambda _: size} if name == "offset" else {"averaged_error": size}
+        field_statement = dataclasses.replace(EXACT, **change)
+    elif name == "sensor scale":  # (I + K) x with K of norm k turns x by asin(k), and shortens it
+        k = np.sin(0.2)
+        field = np.tile(AT_REST[1] + k * (np.cos(0.2) * across - np.sin(0.2) * AT_REST[1]), (len(times), 1))
+        field_statement, least = dataclasses.replace(EXACT, scale_error=k), 0.75  # k / (1 - k) for k
+    elif name == "reference":
+        turn = Rotation.from_rotvec([0.1, 0.0, 0.0])
+        field, angle_error = turn.apply(field), 0.1
+    else:
+        field = Rotation.from_rotvec([0.1, 0.0, 0.0]).apply(field)
+        rates = still + 5.0 * X
+        back = turned(times, rates).inv()
+        up, field, still = back.apply(up), back.apply(field), rates
+        field_statement = dataclasses.replace(EXACT, time_offset=0.02)
+        least = 0.9
+    found = sensor_axes.angle_misfit(
+        times, still, (up, EXACT), (field, field_statement), GyroBounds(0.0), ANGLE, angle_error
+    )
+    assert least <= found.as_stated <= 1.0 + 1e-9
+
+
 # --- where nothing is sure --------------------------------------------------------------------------------------------
 
 
@@ -296,7 +372,7 @@ def test_a_log_that_does_not_turn():
     for jerk in (0.0, 0.8):  # too much for a rest to be seen
         forces = directions.copy()
         forces[:, 0] += jerk * np.sin(60.0 * times)[:, None] * [0.6, 0.0, 0.8]
-        verdict = look_at_axes(Log(times, forces, np.ones_like(directions), rates), configuration())
+        verdict = look_at_axes(Log(times, forces, references(directions), rates), configuration())
         assert verdict.wrong == ()
         assert not verdict.is_told
 
@@ -310,7 +386,7 @@ def test_a_pendulum():
     directions = np.zeros((len(times), 1, 3))
     directions[:, 0, 2] = along
     one = configuration().model_copy(update={"directions": configuration().directions[:1]})
-    assert look_at_axes(Log(times, directions, np.ones_like(directions), rates), one).wrong == ()
+    assert look_at_axes(Log(times, directions, references(directions), rates), one).wrong == ()
 
 
 @pytest.mark.parametrize("hard_iron", [30e-6, 60e-6, 300e-6])
@@ -379,6 +455,34 @@ def test_a_hand_held_sensor(trial):
                 assert wrong.sensor == name
                 axes = wrong.fitting[0][1]
                 assert undone(axes, matrix) or undone(-axes, matrix)
+
+
+@datasets.needs_datasets
+@pytest.mark.parametrize("trial", ["02", "05", "07", "24", "30"])
+def test_signs_of_a_hand_held_sensor(trial):
+    """Berlin's field as the stated reference: refused is what has one sign turned, not what has none or both."""
+    fields = broad_configuration().model_dump(mode="json", exclude_unset=True)
+    del fields["rule"], fields["estimator"]
+    fields |= {"reference_frame": "ENU", "start": {"kind": "first_measurement", "bias_bound_deg_per_s": 0.5}}
+    fields["flow"] |= {"noise_deg_per_s": 1.0}
+    fields["directions"][0]["bound_deg"] = 5.0
+    fields["directions"][1] |= {"bound_deg": 10.0, "reference_ut": [0.0, 18.6, -46.0]}
+    configuration = Configuration.model_validate(fields)
+    log = logs.read_log(datasets.broad(trial), configuration)
+    for up, field in itertools.product((1.0, -1.0), repeat=2):
+        signed = dataclasses.replace(log, directions=log.directions * np.array([up, field])[:, None])
+        wrong = look_at_axes(signed, configuration).wrong
+        if up * field > 0.0:
+            assert wrong == ()
+        else:
+            assert [one.sensor for one in wrong] == ["field"]
+            said = axes_in_words(-np.eye(3), configuration.directions[1].columns)
+            assert f"at_rest = 'down' for 'up', {said} for 'field'" in wrong[0].message
+    # At the magnetic equator both signs fit.
+    level = dict(fields, directions=[fields["directions"][0], fields["directions"][1] | {"reference_ut": [0, 40, 0]}])
+    level = Configuration.model_validate(level)
+    log = dataclasses.replace(log, references=np.tile([[0.0, 0.0, G], [0.0, 4e-5, 0.0]], (len(log.times), 1, 1)))
+    assert look_at_axes(log, level).wrong == ()
 
 
 def test_all_that_is_compared_is_bounded():
