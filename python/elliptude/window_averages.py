@@ -12,6 +12,7 @@ from elliptude.results import FloatArray
 from elliptude.turns import attitudes_from_rates, running_integral
 
 _BLOCK_ROWS = 1 << 16
+_EPSILON = float(np.finfo(np.float64).eps)
 Place = Literal["end", "middle"]
 """Where in its window a row lies."""
 
@@ -50,7 +51,9 @@ class Average:
     length: FloatArray
     """Of the vectors' lengths."""
     turn: FloatArray
-    """Of the lengths times the bound of the turn's error between sample and row."""
+    """Of the lengths times the bound of the turn's error between sample and row, rounded up but for time offsets."""
+    rounding: FloatArray
+    """Bound of what rounding may do to the mean, its length and that of time offsets; theory, section 18.2."""
 
 
 class Piece:
@@ -117,29 +120,42 @@ class Piece:
         span = before + after
         once = self._once[window.top]
         below, above = once - self._once[window.start], self._once[window.stop] - once
-        yield self._average(window, below / span, above / span)
+        count = window.stop - window.start
+        # Of a running sum that ends at one: what its additions, as many as the window has, may lose of a mean.
+        share = _EPSILON * (count + 20.0) / span[:, 0]
+        yield self._average(window, below / span, above / span, share)
         if triangular:
             twice = self._twice[window.top]
             with np.errstate(invalid="ignore", divide="ignore"):
                 below = once - (twice - self._twice[window.start]) / before
                 above = (self._twice[window.stop] - twice) / after - once
-            yield self._average(window, 2.0 * below / span, 2.0 * above / span)
+            half = np.minimum(window.before, window.after)
+            halves = self._elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
+            share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span[:, 0]
+            yield self._average(window, 2.0 * below / span, 2.0 * above / span, share)
 
-    def _average(self, window: Window, rising: FloatArray, falling: FloatArray) -> Average:
+    def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
         both = rising + falling
         row, at_top = window.row, window.row == window.top
+        lost = share * self._once[window.stop, 3]
 
         # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
-        # or at the end, so that each side of the top lies on one side of the row.
+        # or at the end, so that each side of the top lies on one side of the row. Rounding is in proportion to how far
+        # these have grown by then.
         def between(column: int, running: FloatArray) -> FloatArray:
             at_row = running[row]
             before_row = at_row * rising[:, 3] - rising[:, column]
             after_row = falling[:, column] - at_row * falling[:, 3]
-            return np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+            difference = np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+            rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
+            return rounded
 
         noise = self._gyro.noise * between(6, self._elapsed)
         if np.isfinite(self._gyro.increment):
             longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-            swept = self._gyro.increment * (both[:, 3] + between(5, self._turned))
+            swept = self._gyro.increment * (both[:, 3] + lost + between(5, self._turned))
             noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
-        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7])
+        turned = self._turned[window.stop] - self._turned[window.start]
+        rounding = 2.0 * lost + share * self._once[window.stop, 7]
+        rounding += 32.0 * _EPSILON * (window.stop - window.start + 1 + turned) * both[:, 3]
+        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7], rounding)

@@ -40,7 +40,6 @@ def tangent(radius, length=G):
 
 
 def windows(forces, *, times=None, rates=None, durations=(1.0,), motion=STILL, gyro=EXACT_GYRO, **others):
-    others.setdefault("sensor", VectorSensorBounds(1e-8))  # running sums round
     count = len(forces)
     times = 0.01 * np.arange(count) if times is None else times
     rates = np.zeros((count, 3)) if rates is None else rates
