@@ -21,16 +21,13 @@ from elliptude.window_bounds import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
+from inputs import angle_between
 from scipy.spatial.transform import Rotation
 
 G = 9.80665
 UP = np.array([0.0, 0.0, 1.0])
 STILL = MotionBounds(acceleration=0.0)
 EXACT_GYRO = GyroBounds(0.0)
-
-
-def angle_between(a, b):
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
 
 
 def tangent(radius, length=G):
