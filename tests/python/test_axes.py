@@ -358,6 +358,41 @@ def test_each_bound_of_the_angle_is_attained(name):
     assert least <= found.as_stated <= 1.0 + 1e-9
 
 
+def test_a_mean_whose_ball_holds_the_origin_may_point_anywhere():
+    """Two vectors along one axis, and a disturbance that turns one of them round: π off, and no less is allowed."""
+    times = np.arange(0.0, 6.0, 0.01)
+    up = np.tile([0.0, 0.0, G], (len(times), 1))
+    disturbed = dataclasses.replace(EXACT, offset=lambda _: 1.2 * G)
+    found = sensor_axes.angle_misfit(
+        times, np.zeros_like(up), (up, EXACT), (-0.1 * up, disturbed), GyroBounds(0.0), 0.0, 0.0
+    )
+    assert found.as_stated == pytest.approx(1.0)
+
+
+def test_a_frame_that_turns_within_a_window():
+    """The gyro shows a turn that is none: what is across its axis becomes shorter in the mean, what is along it not."""
+    times = np.arange(0.0, 30.0, 0.01)
+    up, field = np.tile([G, 0.0, 0.0], (len(times), 1)), np.tile([30.0, 30.0, 0.0], (len(times), 1))
+    rates = np.tile([0.2, 0.0, 0.0], (len(times), 1))
+    found = sensor_axes.angle_misfit(
+        times, rates, (up, EXACT), (field, EXACT), GyroBounds(0.0, bias=0.2), 0.25 * np.pi, 0.0
+    )
+    assert 0.05 < found.as_stated <= 1.0
+
+
+def test_windows_begin_where_both_sensors_do():
+    """An acceleration that is nothing in the mean over a whole window, and is something over a part of one."""
+    times = np.arange(0.0, 30.0, 0.01)
+    up, field = np.tile(AT_REST[0], (len(times), 1)), np.tile(AT_REST[1], (len(times), 1))
+    up[:, 1] += 2.0 * np.sin(4.0 * np.pi * times)
+    up[times < 0.3] = np.nan
+    statement = dataclasses.replace(EXACT, averaged_error=0.05)
+    found = sensor_axes.angle_misfit(
+        times, np.zeros_like(up), (up, statement), (field, EXACT), GyroBounds(0.0), ANGLE, 1e-9
+    )
+    assert found.as_stated <= 1.0
+
+
 # --- where nothing is sure --------------------------------------------------------------------------------------------
 
 
