@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.results import FloatArray
-from elliptude.turns import attitudes_from_rates, running_integral
+from elliptude.turns import attitudes_from_rates, running_sum
 
 _BLOCK_ROWS = 1 << 16
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -77,11 +77,13 @@ class Piece:
         self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
         self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
         self.attitudes = attitudes_from_rates(steps, rates)
-        self._elapsed = times - times[0]
+        # No window reaches over a longer step, and sums that do would leave no digits to those behind it.
+        steps = np.minimum(steps, maximum_step)
+        self._elapsed = np.concatenate([[0.0], np.cumsum(steps)])
         speeds = np.linalg.norm(rates, axis=1)
         lengths = np.linalg.norm(vectors, axis=1)
-        self._steady = running_integral(times, gyro.steady_error(speeds, times - bias_known))
-        self._turned = running_integral(times, speeds)
+        self._steady = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
+        self._turned = running_sum(steps, speeds)
         in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
         # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
         weights = lengths[:, None] * np.column_stack(
@@ -93,8 +95,8 @@ class Piece:
                 np.where(missing, 0.0, turned_by_offset),
             ]
         )
-        self._once = running_integral(times, np.column_stack([in_common_frame, weights]))
-        self._twice = running_integral(times, self._once)
+        self._once = running_sum(steps, np.column_stack([in_common_frame, weights]))
+        self._twice = running_sum(steps, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
         """Those of the rows, as long as the recording allows."""

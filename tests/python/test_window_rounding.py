@@ -70,6 +70,20 @@ def test_bounds_of_zero_are_not_contradicted_by_rounding(count, step, rate, dura
         assert np.nanmedian(found.angles) < (1e-9 if np.abs(rate).max() < 1e6 else 1e-4)
 
 
+@pytest.mark.parametrize("at", ["end", "middle"])
+@pytest.mark.parametrize("rate", [[0.0, 0.0, 0.0], [0.3, -0.5, 0.2]])
+def test_what_is_behind_a_long_step_is_as_good_as_what_is_before(rate, at):
+    """No window reaches over it; a running sum over years would leave no digits."""
+    times, rates, forces, _ = recorded(2000, 2.0**-7, rate, [0.0, 0.0, G])
+    times[1000:] += 2.0**30
+    bounds = gravity_bounds_over_windows(
+        times, forces, rates, [0.5, 2.0], motion=MotionBounds(position=0.0), gyro=GyroBounds(0.01), gravity=G, at=at,
+        maximum_step=0.1,
+    )  # fmt: skip
+    assert not bounds.contradicted.any()
+    np.testing.assert_allclose(bounds.angles[1400:1600], bounds.angles[400:600], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     "gyro",
     [
