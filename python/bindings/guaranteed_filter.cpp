@@ -46,7 +46,8 @@ vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of t
 estimate_vector : bool
     Of a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
     sets, predicted and fused by themselves, are smaller. The shape then holds two sets, the attitude's and the bound of the
-    bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers.
+    bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers, whose form may be up to 2 for it
+    (`StateEllipsoid.quadratic_form`, `contains`, `GuaranteedLog.forms` with vectors).
 
 Raises
 ------
@@ -78,7 +79,9 @@ ValueError
           "'conditional', also on that what was dropped was what was wrong; 'none', there is no set.")
       .def_property_readonly("knows_attitude", &Filter::knows_attitude, "Whether there is a set.")
       .def_property_readonly("ellipsoid", &Filter::ellipsoid,
-                             "The set, a StateEllipsoid in the Gibbs chart; None if the attitude is not known.")
+                             "The set, a StateEllipsoid in the Gibbs chart; None if the attitude is not known. With "
+                             "`estimate_vector=False` its shape is of two sets, attitude's and vector's, with zeros "
+                             "between, and the form of a state that is in both up to 2.")
       .def_property_readonly("_agreeing_updates", &Filter::agreeing_updates)
       .def_property_readonly("_vector", &Filter::vector)
       .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)

@@ -172,6 +172,9 @@ ValueError
 --
 
 [ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3), in the Gibbs chart [γ; δ]ᵀ P⁻¹ [γ; δ]: at most 1 inside.
+
+What a GuaranteedFilter with `estimate_vector=False` reports is two sets in one shape, the attitude's and the vector's, with zeros
+between. Of a state that is in both the form is the sum of the two sets' forms, up to 2.
 )")
       .def(
           "contains",
@@ -182,7 +185,10 @@ ValueError
           R"(contains(self, attitude, vector)
 --
 
-Whether states (..., 3, 3) and (..., 3) are in the set.
+Whether states (..., 3, 3) and (..., 3) are in the set: whether `quadratic_form` is at most 1.
+
+Of a GuaranteedFilter with `estimate_vector=False` the shape is of two sets, and a state that is in both may have a form up to 2, so
+that this says False: `ellipsoid.shape[:3, :3]` and `ellipsoid.shape[3:, 3:]` are the shapes to ask one by one.
 )")
       .def("converted", &converted_to, "chart"_a,
            R"(converted(self, chart)

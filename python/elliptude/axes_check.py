@@ -1,9 +1,10 @@
-"""Whether a sensor's axes are other than a configuration states: what is sure, and which axes would fit.
+"""Whether a sensor's axes or signs are other than a configuration states: what is sure, and what would fit.
 
 A choice of axes is contradicted where the vectors that it gives cannot be those of one gravity, or of one field, in the
 frame that the gyro carries along: where they differ by more than motion, field, sensors and gyro may by what is stated
-of them (`elliptude.sensor_axes`). What a configuration does not state is as for a sensor in the hand; no bound is taken
-to be less than that.
+of them (`elliptude.sensor_axes`). A sign is contradicted where the angle between gravity and field is not the one that
+their references state, and its supplement is. What a configuration does not state is as for a sensor in the hand; no
+bound is taken to be less than that.
 """
 
 import itertools
@@ -21,12 +22,16 @@ from elliptude.configuration import Configuration, GyroFlow
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log
 from elliptude.results import FloatArray
-from elliptude.sensor_axes import ROTATIONS, VectorStatement
+from elliptude.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
 from elliptude.sensors import (
+    AccelerationBound,
     Accelerometer,
+    AngleBound,
+    AnyDirection,
     FieldBound,
     Magnetometer,
     VelocityWindowBound,
+    WorldModel,
     rotation_of_axes,
 )
 from elliptude.window_bounds import MotionBounds
@@ -109,7 +114,8 @@ def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
     as_it_is = tried(1.0)
     is_told = len(as_it_is) == len(sensors) and all(table[1:].min() > 1.0 for table in as_it_is.values())
     if all(table[0] <= 1.0 for table in as_it_is.values()):
-        return AxesVerdict((), is_told)
+        wrong, are_signs_told = _signs(log, rates, gyro, vectors, configuration)
+        return AxesVerdict(tuple(wrong), is_told and are_signs_told)
     turned_round = tried(-1.0)
     both = {name: np.stack([table, turned_round[name]]) for name, table in as_it_is.items()}
     return AxesVerdict(tuple(_verdict(both, log, configuration)), is_told)
@@ -170,14 +176,17 @@ def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuratio
         gravity_error = usual.gravity_error_m_per_s2
         if isinstance(bound, VelocityWindowBound):
             motion = _wider(motion, bound)
+        if isinstance(bound, AccelerationBound | VelocityWindowBound):
             gravity_error = max(gravity_error, bound.gravity_error_m_per_s2)
         single = max(sensor.sensor_error.error_m_per_s2, usual.error_m_per_s2)
         averaged = sensor.sensor_error.averaged_error_m_per_s2
         averaged = sensor.sensor_error.error_m_per_s2 if averaged is None else averaged
 
+        acceleration = bound.acceleration_m_per_s2 if isinstance(bound, AccelerationBound) else 0.0
+
         def mean_acceleration(half_length: float) -> float:
             half = np.array([half_length])
-            return float(motion.mean_acceleration_triangular(half, half)[0])
+            return max(float(motion.mean_acceleration_triangular(half, half)[0]), acceleration)
 
         return VectorStatement(
             offset=mean_acceleration,
@@ -299,6 +308,70 @@ def _wrong_vector(
         of_gyro = next(ROTATIONS[j].T @ rotation_of_axes(gyro.axes) for _, j in fits)
         message += f"; or those of the gyro are wrong, and {axes_in_words(of_gyro, gyro.columns)} fits there"
     return WrongAxes(name, stated, fitting, message)
+
+
+def _signs(
+    log: Log,
+    rates: FloatArray,
+    gyro: GyroBounds,
+    vectors: dict[str, tuple[FloatArray, VectorStatement]],
+    configuration: Configuration,
+) -> tuple[list[WrongAxes], bool]:
+    """What the angle between gravity and the field says of their signs, and whether it says anything; (18.18)."""
+    accelerometer = configuration.accelerometer
+    if configuration.rule is not None or accelerometer is None or accelerometer.name not in vectors:
+        return [], True
+    up = log.references[:, configuration.directions.index(accelerometer)]
+    wrong, are_told = [], True
+    for i, sensor in enumerate(configuration.directions):
+        is_stated = isinstance(sensor, Magnetometer) and (
+            sensor.reference_ut is not None or isinstance(sensor.reference, WorldModel)
+        )
+        if not is_stated or sensor.name not in vectors:
+            continue
+        angles = np.arctan2(
+            np.linalg.norm(np.cross(up, log.references[:, i]), axis=1), (up * log.references[:, i]).sum(axis=1)
+        )
+        angles = angles[np.isfinite(angles)]
+        if not len(angles):
+            continue
+        least, most = float(angles.min()), float(angles.max())
+        found = sensor_axes.angle_misfit(
+            log.times,
+            rates,
+            vectors[accelerometer.name],
+            vectors[sensor.name],
+            gyro,
+            0.5 * (least + most),
+            0.5 * (most - least) + _stated_angle(accelerometer) + _stated_angle(sensor),
+        )
+        if found is None:
+            continue
+        are_told &= found.opposite > 1.0
+        if found.as_stated > 1.0 and found.opposite <= 1.0 and _MARGIN * found.opposite <= found.as_stated:
+            wrong.append(_wrong_sign(accelerometer, sensor, found, 0.5 * (least + most)))
+    return wrong, are_told
+
+
+def _stated_angle(sensor: AnyDirection) -> float:
+    """How far its direction may be off by its own angle, where it states one, and by reference and alignment, rad."""
+    if sensor.bound_deg is None and sensor.bound_rad2 is None and not isinstance(sensor.bound_from, AngleBound):
+        return sensor.added_angle
+    return float(np.sqrt(np.linalg.eigvalsh(sensor.bound())[-1]))
+
+
+def _wrong_sign(accelerometer: Accelerometer, sensor: AnyDirection, found: AngleMisfit, stated: float) -> WrongAxes:
+    opposite = -rotation_of_axes(sensor.axes)
+    turned = "down" if accelerometer.at_rest == "up" else "up"
+    message = (
+        f"its sign or that of {accelerometer.name!r} is not as stated: what they show is "
+        f"{math.degrees(found.median):.0f} degrees apart (median) and their references {math.degrees(stated):.0f}, "
+        f"{found.as_stated:.2g} times further off than bounds of motion, field and sensors allow. With one of the two "
+        f"turned round it fits ({found.opposite:.2g}): at_rest = '{turned}' for {accelerometer.name!r}, "
+        f"{axes_in_words(opposite, sensor.columns)} for {sensor.name!r}, or the opposite of its reference. Which one "
+        "no log can tell: compare what is up at rest with how the body lay"
+    )
+    return WrongAxes(sensor.name, found.as_stated, ((found.opposite, opposite),), message)
 
 
 def _not_as_stated(quotient: float) -> str:

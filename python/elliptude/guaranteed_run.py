@@ -23,7 +23,7 @@ _NO_BIAS = 1e-9
 _INSTANT = 2.0**-30
 # rad; a bound so near to half a turn says next to nothing.
 _NEXT_TO_NOTHING = 0.75 * np.pi
-# Of a turn that is integrated over n steps, rad: rounding in each.
+# Of a turn that is integrated over n steps, rad: rounding in each, and of each radian that they turn.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
 
@@ -292,7 +292,7 @@ def _run_from_anchors(
     spans = log.times - log.times[turns.anchors]
     steps = np.arange(count) - turns.anchors
     rotation_vectors = turns.rates * spans[:, None]
-    angles = turns.angles + _ROUNDING * steps
+    angles = turns.angles + _ROUNDING * (steps + turns.turned)
     # In a gap the angle may be of any turn, and the flow's largest rate does for it what the noise does elsewhere.
     flow = elliptude.GuaranteedGyroFlow(1.0, largest_rate=1.0)
     measured = rows.angles < _NEXT_TO_NOTHING
@@ -310,44 +310,46 @@ def _run_from_anchors(
     anchor = _filter(flow, start, 0.0, _NO_BIAS, False, configuration)
     here = anchor
     for k in range(count):
-        if k > 0:
-            if turns.anchors[k] != turns.anchors[k - 1]:
-                anchor = here
-            here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-            here._resume(
-                anchor.ellipsoid,
-                anchor._vector,
-                anchor._rests_on_drops,
-                anchor._agreeing_updates,
-                anchor._disputed_updates,
-            )
-            if turns.over_gap[k]:
-                here.predict(angles[k], gyro=np.full(3, np.nan))
-            else:
-                here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
-                here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
-        if result.updated[k]:
-            try:
+        try:
+            if k > 0:
+                if turns.anchors[k] != turns.anchors[k - 1]:
+                    anchor = here
+                here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
+                here._resume(
+                    anchor.ellipsoid,
+                    anchor._vector,
+                    anchor._rests_on_drops,
+                    anchor._agreeing_updates,
+                    anchor._disputed_updates,
+                )
+                if turns.over_gap[k]:
+                    here.predict(angles[k], gyro=np.full(3, np.nan))
+                else:
+                    here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
+                    here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
+            if result.updated[k]:
                 update = here.update(
                     rows.directions[k, measured[k]],
                     rows.references[k, measured[k]],
                     rows.angles[k, measured[k]],
                     sensors=np.flatnonzero(measured[k]).astype(str).tolist(),
                 )
-            except elliptude.InconsistentMeasurement as error:
-                sensor = rows.names[int(error.sensor)] if error.sensor else ""
-                raise elliptude.InconsistentMeasurement(
-                    f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
-                    f"or each other (margin {error.margin:.3g}); some bound is wrong",
-                    error.margin,
-                    float(log.times[k]),
-                    sensor,
-                    k,
-                ) from error
-            result.dropped[k, [int(i) for i in update.dropped]] = True
-            result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin
-        else:
-            result.prediction_used[k] = here.knows_attitude
+                result.dropped[k, [int(i) for i in update.dropped]] = True
+                result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin
+            else:
+                result.prediction_used[k] = here.knows_attitude
+        except elliptude.InconsistentMeasurement as error:
+            sensor = rows.names[int(error.sensor)] if error.sensor else ""
+            raise elliptude.InconsistentMeasurement(
+                f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
+                f"or each other (margin {error.margin:.3g}); some bound is wrong",
+                error.margin,
+                float(log.times[k]),
+                sensor,
+                k,
+            ) from error
+        except ValueError as error:
+            raise elliptude.RowError(str(error), k) from error
         result.claims[k] = CLAIMS.index(here.claim)
         if (ellipsoid := here.ellipsoid) is not None:
             result.attitudes[k], result.vectors[k] = ellipsoid.attitude, ellipsoid.vector

@@ -226,6 +226,7 @@ class GyroBounds:
         anchors = np.zeros(len(stamps), dtype=np.intp)
         mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
         angles = np.zeros(len(stamps))
+        angles_turned = np.zeros(len(stamps))
         over_gap = np.zeros(len(stamps), dtype=np.bool_)
         over_gap[1:] = self.gaps(stamps, rates)
         gaps = np.flatnonzero(over_gap)
@@ -242,22 +243,28 @@ class GyroBounds:
                 following = min(following, int(gaps[next_gap]) - 1)
             piece = slice(anchor, max(following, anchor + 1) + 1)
             spans = stamps[piece] - stamps[anchor]
-            speeds = np.linalg.norm(rates[piece], axis=1)
-            elapsed, turned = stamps[piece] - stamps[0], running_integral(spans, speeds)
-            errors = running_integral(spans, self.steady_error(speeds, elapsed))
-            errors += self._noise_angle(spans, turned, spans)
-            quaternions = quaternions_from_rates(np.diff(spans), rates[piece])
-            turns = rotation_vectors(quaternions)
-            by_matrix = running_integral(spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece]))
-            errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
+            with np.errstate(over="ignore", invalid="ignore"):
+                speeds = np.linalg.norm(rates[piece], axis=1)
+                elapsed, turned = stamps[piece] - stamps[0], running_integral(spans, speeds)
+                errors = running_integral(spans, self.steady_error(speeds, elapsed))
+                errors += self._noise_angle(spans, turned, spans)
+                quaternions = quaternions_from_rates(np.diff(spans), rates[piece])
+                turns = rotation_vectors(quaternions)
+                by_matrix = running_integral(
+                    spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])
+                )
+                errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
+            # Beyond all numbers the turn may be any.
+            lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
+            turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
             # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
             half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
             rows = slice(anchor + 1, piece.stop)
-            anchors[rows], angles[rows] = anchor, errors[1:]
+            anchors[rows], angles[rows], angles_turned[rows] = anchor, errors[1:], turned[1:]
             mean_rates[rows] = turns[1:] / spans[1:, None]
             noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
             anchor = piece.stop - 1
-        return AnchoredTurns(anchors, mean_rates, noise, angles, over_gap)
+        return AnchoredTurns(anchors, mean_rates, noise, angles, angles_turned, over_gap)
 
     def _angle_with_one_matrix(
         self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
@@ -297,7 +304,9 @@ class AnchoredTurns:
     noise: FloatArray
     """Bound of that rate's error, bias included, rad/s, shape (N,); enormous where the turn may be a whole one."""
     angles: FloatArray
-    """Bound of the angle between this turn and the true one, rad, shape (N,)."""
+    """Bound of the angle between this turn and the true one, without rounding, rad, shape (N,)."""
+    turned: FloatArray
+    """The integral of the measured rates' norm since the anchor, which rounding grows with, rad, shape (N,)."""
     over_gap: NDArray[np.bool_]
     """Whether nothing but the largest rate is known between anchor and row, shape (N,)."""
 
@@ -309,8 +318,8 @@ def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:
 
 
 def _largest_stretch(matrices: FloatArray) -> FloatArray:
-    """Largest singular values of matrices (N, 3, 9); NaN where an entry is."""
+    """Largest singular values of matrices (N, 3, 9); NaN where an entry or its square is no number."""
     squares = matrices @ matrices.transpose(0, 2, 1)
-    missing = np.isnan(np.einsum("nii->n", squares))
+    missing = np.logical_not(np.isfinite(squares).all(axis=(1, 2)))
     values = np.linalg.eigvalsh(np.where(missing[:, None, None], 0.0, squares))[:, -1]
     return np.where(missing, np.nan, np.sqrt(np.maximum(values, 0.0)))

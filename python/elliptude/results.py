@@ -255,7 +255,9 @@ class GuaranteedLog:
         true_attitudes : (n, 3, 3) array_like
             From body to reference axes.
         true_vectors : (n, 3) array_like, optional
-            Without it the form is of γ alone, in the projection of the set on the attitude.
+            Without it the form is of γ alone, in the projection of the set on the attitude. With
+            ``estimate_vector=False`` leave it out: shapes are then of two sets, the attitude's and the vector's, and
+            the form of all six numbers is the sum of both forms, up to 2 for a state that is in both.
 
         Returns
         -------

@@ -8,7 +8,7 @@ permutations of the vector's axes, and of the gyro's. NumPy alone; SI units, or 
 """
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,30 +91,133 @@ def misfits(
     (24,) array, or None
         By `ROTATIONS`: the largest quotient of difference and bound. None where no two windows have a bound.
     """
-    there = np.isfinite(vectors).all(axis=1)
-    if there.sum() < 2:
+    carried = _carried(times, rates, [(vectors, statement)], gyro, sign)
+    if carried is None:
         return None
-    offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
+    worst = np.zeros(len(ROTATIONS))
+    is_told = False
+    for windows in carried.cells[0].windows():
+        for quotients in windows.quotients(carried.frame, statement):
+            np.maximum(worst, quotients.max(axis=1, initial=0.0), out=worst)
+            is_told |= quotients.size > 0
+    return worst if is_told else None
+
+
+@dataclass(frozen=True)
+class AngleMisfit:
+    """How far the angle between two measured vectors is from the stated one."""
+
+    as_stated: float
+    """The largest quotient of difference and bound: at most 1 if all that is stated holds, (18.18)."""
+    opposite: float
+    """The same with the opposite of one of the vectors."""
+    median: float
+    """Of the angle between the means over windows, rad."""
+
+
+def angle_misfit(
+    times: FloatArray,
+    rates: FloatArray,
+    first: tuple[FloatArray, VectorStatement],
+    second: tuple[FloatArray, VectorStatement],
+    gyro: GyroBounds,
+    angle: float,
+    angle_error: float,
+) -> AngleMisfit | None:
+    """Whether two vectors are as far from one another as is stated, or their opposites would be, (18.18).
+
+    Parameters
+    ----------
+    times, rates, gyro
+        As `misfits` takes them.
+    first, second : tuple of (N, 3) array and VectorStatement
+        Each sensor's vectors, as `misfits` takes them.
+    angle, angle_error : float
+        Between the vectors in the world, and how far that may be off, rad.
+
+    Returns
+    -------
+    AngleMisfit, optional
+        None where both were measured in no window.
+    """
+    carried = _carried(times, rates, [first, second], gyro, 1.0)
+    if carried is None:
+        return None
+    found = []
+    for pair in zip(*(cells.windows() for cells in carried.cells), strict=False):
+        count = min(len(windows.tops) for windows in pair)
+        means, off = [], np.full(count, angle_error)
+        for windows, (_, statement) in zip(pair, (first, second), strict=True):
+            mean, reach = windows.means_as_stated(carried.frame, statement)
+            length = np.linalg.norm(mean, axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = reach / length
+            # Within the ball about the mean; and it may point anywhere where the ball holds the origin.
+            off += np.where(share >= 1.0, np.pi, np.arcsin(np.minimum(share, 1.0)))[:count]
+            means.append(mean[:count])
+        between = np.arctan2(np.linalg.norm(np.cross(*means), axis=1), np.einsum("ni,ni->n", *means))
+        found.append(np.stack([between, off])[:, np.isfinite(off)])
+    between, off = np.concatenate(found, axis=1) if found else np.empty((2, 0))
+    if not len(between):
+        return None
+    return AngleMisfit(
+        float(np.max(np.abs(between - angle) / off)),
+        float(np.max(np.abs(np.pi - between - angle) / off)),
+        float(np.median(between)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """The frame that the gyro carries along, and how far it may be off."""
+
+    times: FloatArray
+    steady: FloatArray
+    """How far it may have turned since the beginning by what does not average out."""
+    turned: FloatArray
+    """The angle that it turned."""
+    gyro: GyroBounds
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    frame: _Frame
+    cells: list["_Cells"]
+    """Of each sensor, of the same begin and duration."""
+
+
+def _carried(
+    times: FloatArray,
+    rates: FloatArray,
+    sensors: Sequence[tuple[FloatArray, VectorStatement]],
+    gyro: GyroBounds,
+    sign: float,
+) -> _Carried | None:
+    """What is measured, in the frame that the gyro carries along; None where a sensor shows less than two vectors."""
+    measured = [np.isfinite(vectors).all(axis=1) for vectors, _ in sensors]
+    if any(there.sum() < 2 for there in measured):
+        return None
     speeds = np.linalg.norm(rates, axis=1)
     elapsed, steps = times - times[0], np.diff(times)
     # Over a gap the turn may be anything. Its length says nothing, and a stamp far ahead would make cells without end.
     is_gap = steps > _LONGEST_STEP * np.median(steps)
     gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
-    enough = (_LONGEST_STEP + 1.0) * float(np.median(np.diff(times[there])))
-    steps = np.where(is_gap, np.minimum(steps, enough), steps)
-    times = np.concatenate([[0.0], np.cumsum(steps)])
-    # Where the carried frame may have turned to since the beginning, without the noise; and the angle that it turned.
-    steady = running_integral(times, gyro.steady_error(speeds, elapsed)) + gaps
-    turned = running_integral(times, speeds)
-    attitudes = attitudes_from_rates(steps, sign * rates)
-    cells = _Cells(times[there], attitudes[there], vectors[there], steady[there], turned[there], offset[there])
-    worst = np.zeros(len(ROTATIONS))
-    is_told = False
-    for windows in cells.windows():
-        for quotients in windows.quotients(times, steady, turned, gyro, statement):
-            np.maximum(worst, quotients.max(axis=1, initial=0.0), out=worst)
-            is_told |= quotients.size > 0
-    return worst if is_told else None
+    usual = max(float(np.median(np.diff(times[there]))) for there in measured)
+    short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
+    clock = np.concatenate([[0.0], np.cumsum(short)])
+    steady = running_integral(clock, gyro.steady_error(speeds, elapsed)) + gaps
+    frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
+    attitudes = attitudes_from_rates(short, sign * rates)
+    begin = max(float(clock[there][0]) for there in measured)
+    duration = max(_CELL_S, _SAMPLES * max(float(np.median(np.diff(clock[there]))) for there in measured))
+    cells = []
+    for there, (vectors, statement) in zip(measured, sensors, strict=True):
+        there = there & (clock >= begin)
+        if there.sum() < 2:
+            return None
+        offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
+        cells.append(_Cells(frame, there, attitudes[there], vectors[there], offset[there], begin, duration))
+    return _Carried(frame, cells)
 
 
 # Columns of a cell's sums: C ⊗ x, then ‖x‖ times one, steady error, angle turned, time, and offset; last the weight.
@@ -126,18 +229,19 @@ class _Cells:
 
     def __init__(
         self,
-        stamps: FloatArray,
+        frame: _Frame,
+        there: NDArray[np.bool_],
         attitudes: FloatArray,
         vectors: FloatArray,
-        steady: FloatArray,
-        turned: FloatArray,
         offset: FloatArray,
+        begin: float,
+        duration: float,
     ) -> None:
+        stamps, steady, turned = frame.times[there], frame.steady[there], frame.turned[there]
         steps = np.diff(stamps)
         median = float(np.median(steps))
-        self.duration = max(_CELL_S, _SAMPLES * median)
-        self.begin = float(stamps[0])
-        place = (stamps - self.begin) / self.duration
+        self.begin, self.duration = begin, duration
+        place = (stamps - begin) / duration
         cell = np.floor(place + 1e-9).astype(np.intp)
         weights = np.concatenate([[0.0], 0.5 * steps]) + np.concatenate([0.5 * steps, [0.0]])
         count = int(cell[-1])  # the last one is not whole
@@ -186,45 +290,62 @@ class _Windows:
     falling: FloatArray
     whole: NDArray[np.bool_]
 
-    def quotients(
-        self, times: FloatArray, steady: FloatArray, turned: FloatArray, gyro: GyroBounds, statement: VectorStatement
-    ) -> Iterator[FloatArray]:
+    def quotients(self, frame: _Frame, statement: VectorStatement) -> Iterator[FloatArray]:
         """Differences over their bounds, shape (24, any)."""
-        weight = np.where(self.whole, self.rising[:, _WEIGHT] + self.falling[:, _WEIGHT], np.nan)[:, None]
-        rising, falling = self.rising / weight, self.falling / weight
+        rising, falling = self._shares()
         both = rising + falling
         means = np.einsum("kiab,qab->qki", both[:, :27].reshape(-1, 3, 3, 3), ROTATIONS)
-        k = statement.scale_error
-        radii = statement.offset(self.half_length) + statement.averaged_error + both[:, _OFFSET]
-        radii = radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)
-
-        def turn(earlier: FloatArray, later: FloatArray, at: FloatArray, longest: float) -> FloatArray:
-            """The mean of ‖x‖ times the bound of the turn's error between sample and an instant between the two."""
-
-            def between(column: int, running: FloatArray | None) -> FloatArray:
-                here = at - self.begin if running is None else np.interp(at, times, running)
-                after = later[:, column] - here * later[:, _LENGTH]
-                distance: FloatArray = after + here * earlier[:, _LENGTH] - earlier[:, column]
-                return np.maximum(distance, 0.0)
-
-            noise = gyro.noise * between(_TIME, None)
-            if np.isfinite(gyro.increment):
-                lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
-                swept = gyro.increment * (lengths + between(_TURNED, turned))
-                noise = np.minimum(noise, swept * (1.0 + 0.5 * gyro.noise * longest))
-            return between(_STEADY, steady) + noise
-
+        radii = self._radii(both, statement)
         if statement.length is not None:
             lengths = np.linalg.norm(means, axis=2)
-            allowed = radii + turn(rising, falling, self.tops, self.half_length) + statement.length_error
+            allowed = radii + self._turn(frame, rising, falling, self.tops, self.half_length) + statement.length_error
             yield _known(np.abs(lengths - statement.length) / allowed)
         for distance in _DISTANCES:
             if distance >= len(self.tops):
                 return
             middle = 0.5 * (self.tops[:-distance] + self.tops[distance:])
             longest = (0.5 * distance + 1.0) * self.half_length
-            allowed = turn(both[:-distance], both[distance:], middle, longest) + radii[:-distance] + radii[distance:]
+            turn = self._turn(frame, both[:-distance], both[distance:], middle, longest)
+            allowed = turn + radii[:-distance] + radii[distance:]
             yield _known(np.linalg.norm(means[:, distance:] - means[:, :-distance], axis=2) / allowed)
+
+    def means_as_stated(self, frame: _Frame, statement: VectorStatement) -> tuple[FloatArray, FloatArray]:
+        """With the axes as stated: the means (k, 3), and how far each may be from the vector, seen from its top."""
+        rising, falling = self._shares()
+        both = rising + falling
+        means = np.einsum("kiaa->ki", both[:, :27].reshape(-1, 3, 3, 3))
+        turn = self._turn(frame, rising, falling, self.tops, self.half_length)
+        return means, self._radii(both, statement) + turn
+
+    def _shares(self) -> tuple[FloatArray, FloatArray]:
+        """Of the means, by what is before the top and what is after; NaN where a window is not whole."""
+        weight = np.where(self.whole, self.rising[:, _WEIGHT] + self.falling[:, _WEIGHT], np.nan)[:, None]
+        return self.rising / weight, self.falling / weight
+
+    def _radii(self, both: FloatArray, statement: VectorStatement) -> FloatArray:
+        """What world and sensor may do to each mean."""
+        k = statement.scale_error
+        radii: FloatArray = statement.offset(self.half_length) + statement.averaged_error + both[:, _OFFSET]
+        return radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)
+
+    def _turn(
+        self, frame: _Frame, earlier: FloatArray, later: FloatArray, at: FloatArray, longest: float
+    ) -> FloatArray:
+        """The mean of ‖x‖ times the bound of the turn's error between sample and an instant between the two."""
+
+        def between(column: int, running: FloatArray | None) -> FloatArray:
+            here = at - self.begin if running is None else np.interp(at, frame.times, running)
+            after = later[:, column] - here * later[:, _LENGTH]
+            distance: FloatArray = after + here * earlier[:, _LENGTH] - earlier[:, column]
+            return np.maximum(distance, 0.0)
+
+        gyro = frame.gyro
+        noise = gyro.noise * between(_TIME, None)
+        if np.isfinite(gyro.increment):
+            lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
+            swept = gyro.increment * (lengths + between(_TURNED, frame.turned))
+            noise = np.minimum(noise, swept * (1.0 + 0.5 * gyro.noise * longest))
+        return between(_STEADY, frame.steady) + noise
 
 
 def _known(quotients: FloatArray) -> FloatArray:

@@ -9,7 +9,12 @@ from elliptude.results import FloatArray
 
 def running_integral(times: FloatArray, values: FloatArray) -> FloatArray:
     """By the trapezoidal rule, along the first axis."""
-    steps = np.diff(times).reshape(-1, *(1,) * (values.ndim - 1))
+    return running_sum(np.diff(times), values)
+
+
+def running_sum(steps: FloatArray, values: FloatArray) -> FloatArray:
+    """What `running_integral` gives, of the steps between times."""
+    steps = steps.reshape(-1, *(1,) * (values.ndim - 1))
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
 
 

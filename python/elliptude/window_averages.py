@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from elliptude.gyro_bounds import GyroBounds
 from elliptude.results import FloatArray
-from elliptude.turns import attitudes_from_rates, running_integral
+from elliptude.turns import attitudes_from_rates, running_sum
 
 _BLOCK_ROWS = 1 << 16
+_EPSILON = float(np.finfo(np.float64).eps)
 Place = Literal["end", "middle"]
 """Where in its window a row lies."""
 
@@ -50,7 +51,9 @@ class Average:
     length: FloatArray
     """Of the vectors' lengths."""
     turn: FloatArray
-    """Of the lengths times the bound of the turn's error between sample and row."""
+    """Of the lengths times the bound of the turn's error between sample and row, rounded up but for time offsets."""
+    rounding: FloatArray
+    """Bound of what rounding may do to the mean, its length and that of time offsets; theory, section 18.2."""
 
 
 class Piece:
@@ -74,11 +77,13 @@ class Piece:
         self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
         self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
         self.attitudes = attitudes_from_rates(steps, rates)
-        self._elapsed = times - times[0]
+        # No window reaches over a longer step, and sums that do would leave no digits to those behind it.
+        steps = np.minimum(steps, maximum_step)
+        self._elapsed = np.concatenate([[0.0], np.cumsum(steps)])
         speeds = np.linalg.norm(rates, axis=1)
         lengths = np.linalg.norm(vectors, axis=1)
-        self._steady = running_integral(times, gyro.steady_error(speeds, times - bias_known))
-        self._turned = running_integral(times, speeds)
+        self._steady = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
+        self._turned = running_sum(steps, speeds)
         in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
         # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
         weights = lengths[:, None] * np.column_stack(
@@ -90,8 +95,8 @@ class Piece:
                 np.where(missing, 0.0, turned_by_offset),
             ]
         )
-        self._once = running_integral(times, np.column_stack([in_common_frame, weights]))
-        self._twice = running_integral(times, self._once)
+        self._once = running_sum(steps, np.column_stack([in_common_frame, weights]))
+        self._twice = running_sum(steps, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
         """Those of the rows, as long as the recording allows."""
@@ -117,29 +122,42 @@ class Piece:
         span = before + after
         once = self._once[window.top]
         below, above = once - self._once[window.start], self._once[window.stop] - once
-        yield self._average(window, below / span, above / span)
+        count = window.stop - window.start
+        # Of a running sum that ends at one: what its additions, as many as the window has, may lose of a mean.
+        share = _EPSILON * (count + 20.0) / span[:, 0]
+        yield self._average(window, below / span, above / span, share)
         if triangular:
             twice = self._twice[window.top]
             with np.errstate(invalid="ignore", divide="ignore"):
                 below = once - (twice - self._twice[window.start]) / before
                 above = (self._twice[window.stop] - twice) / after - once
-            yield self._average(window, 2.0 * below / span, 2.0 * above / span)
+            half = np.minimum(window.before, window.after)
+            halves = self._elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
+            share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span[:, 0]
+            yield self._average(window, 2.0 * below / span, 2.0 * above / span, share)
 
-    def _average(self, window: Window, rising: FloatArray, falling: FloatArray) -> Average:
+    def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
         both = rising + falling
         row, at_top = window.row, window.row == window.top
+        lost = share * self._once[window.stop, 3]
 
         # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
-        # or at the end, so that each side of the top lies on one side of the row.
+        # or at the end, so that each side of the top lies on one side of the row. Rounding is in proportion to how far
+        # these have grown by then.
         def between(column: int, running: FloatArray) -> FloatArray:
             at_row = running[row]
             before_row = at_row * rising[:, 3] - rising[:, column]
             after_row = falling[:, column] - at_row * falling[:, 3]
-            return np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+            difference = np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+            rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
+            return rounded
 
         noise = self._gyro.noise * between(6, self._elapsed)
         if np.isfinite(self._gyro.increment):
             longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-            swept = self._gyro.increment * (both[:, 3] + between(5, self._turned))
+            swept = self._gyro.increment * (both[:, 3] + lost + between(5, self._turned))
             noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
-        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7])
+        turned = self._turned[window.stop] - self._turned[window.start]
+        rounding = 2.0 * lost + share * self._once[window.stop, 7]
+        rounding += 32.0 * _EPSILON * (window.stop - window.start + 1 + turned) * both[:, 3]
+        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7], rounding)

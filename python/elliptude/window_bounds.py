@@ -263,7 +263,7 @@ def _over_windows(
             for average, offset in zip(piece.averages(window, triangular=len(offsets) > 1), offsets, strict=True):
                 with np.errstate(invalid="ignore", divide="ignore"):
                     radius = average.turn + mean_error + scale * (average.length + sensor.error) / (1.0 - scale)
-                    radius += offset(window.before, window.after)
+                    radius += offset(window.before, window.after) + average.rounding / (1.0 - scale)
                 lengths = np.linalg.norm(average.mean, axis=1)
                 # NaN where there is no window: no excess, and not better.
                 excess[wanted] = np.maximum(

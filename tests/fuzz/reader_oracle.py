@@ -61,8 +61,10 @@ def _read(path: Path) -> None:
     """All of a log, and the same once more after it was written in another format."""
     file = open_log(path)
     rows: dict[str, int] = {}
+    # Commas at the end of each line are no columns to `convert`; of other columns with one name it refuses the file.
+    named = [name for name in file.columns if name or file.columns.count(name) == 1]
     for stream in dict.fromkeys(file.stream(column) for column in file.columns):
-        columns = [name for name in file.columns if file.stream(name) == stream and file.holds_numbers(name)]
+        columns = [name for name in named if file.stream(name) == stream and file.holds_numbers(name)]
         if len(set(columns)) < len(columns) or not columns:
             continue
         batches = [{name: len(cells.values) for name, cells in batch.items()} for batch in file.batches(columns)]

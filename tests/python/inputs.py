@@ -1,4 +1,4 @@
-"""Random input for the tests that compare the C++ core with the NumPy reference."""
+"""What several tests need: random input, and the angle between directions."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -38,3 +38,8 @@ def assert_close(actual, expected, relative=1e-12, size=None):
     assert actual.shape == expected.shape
     scale = np.max(np.abs(expected), initial=0.0) if size is None else size
     np.testing.assert_allclose(actual, expected, rtol=0.0, atol=relative * scale)
+
+
+def angle_between(a, b):
+    """Of vectors (..., 3), rad; no digits are lost at small angles."""
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))

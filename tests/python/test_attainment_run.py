@@ -140,10 +140,11 @@ def test_where_a_recording_without_a_heading_begins():
         assert angle <= np.sqrt(across @ start.shape[:3, :3] @ across) < angle * (1.0 + 1e-6)
 
 
-def test_rounding_of_many_steps_is_in_the_bound():
-    """With a perfect gyro and a start known to 1e-12 rad, what is left is the rounding of thousands of products."""
-    count, step = 20_001, 0.01
-    rate = np.array([0.7, -0.4, 0.55])
+@pytest.mark.parametrize(("count", "speed"), [(20_001, 1.0), (2, 1e5), (2, 1.234e9), (200, 7e6)])
+def test_rounding_of_many_steps_is_in_the_bound(count, speed):
+    """With a perfect gyro what is left is the rounding of thousands of products, or of turns of many radians."""
+    step = 2.0**-7  # so that times are exact
+    rate = speed * np.array([0.7, -0.4, 0.55])
     gyro = GyroBounds(noise=0.0)
     turns = gyro.anchored_turns(step * np.arange(count), np.tile(rate, (count, 1)), 1e6)
     exact = step * (count - 1) * rate.astype(np.longdouble)
@@ -153,7 +154,10 @@ def test_rounding_of_many_steps_is_in_the_bound():
     left = angle - whole * np.round(angle / whole)
     found = turns.rates[-1].astype(np.longdouble) * (step * (count - 1))
     error = float(np.linalg.norm(found - left * axis))
-    assert error <= guaranteed_run._ROUNDING * (count - 1)
+    assert turns.turned[-1] == pytest.approx(float(angle), rel=1e-6)
+    assert error <= guaranteed_run._ROUNDING * (count - 1 + turns.turned[-1])
+    if speed > 1.0:  # what a step adds would not do
+        assert error > guaranteed_run._ROUNDING * (count - 1)
 
 
 def test_the_rounding_of_each_step_is_added(monkeypatch):
@@ -166,6 +170,28 @@ def test_the_rounding_of_each_step_is_added(monkeypatch):
     widths = np.sqrt(estimated.guaranteed.log.shapes[:, 0, 0])
     np.testing.assert_allclose(widths[[0, 50, 100]], 0.01 + np.array([0.0, 5e-4, 1e-3]), rtol=0.01)
     assert widths[100] >= 0.01 + 1e-3
+    # And one for each radian: at 20 rad/s there are 40 of them beside the 100 steps.
+    turning = still_log(times, np.tile([20.0, 0.0, 0.0], (101, 1)), np.zeros(101, bool))
+    configuration = configured({"anchor_s": 10.0, "interval_rate": "mean_of_ends"}, start=given)
+    shapes = estimation.estimate(turning, configuration).guaranteed.log.shapes
+    growth = (np.sqrt(shapes[:, 0, 0]) - 0.01) / np.maximum(widths - 0.01, 1e-9)
+    np.testing.assert_allclose(growth[[50, 100]], 1.4, rtol=0.01)
+
+
+@pytest.mark.parametrize("rate", [1e155, 1e200, 1e308])
+def test_a_rate_beyond_all_numbers_says_nothing_of_the_turn(rate):
+    times = np.linspace(0.0, 2.0, 101)
+    rates = np.zeros((101, 3))
+    rates[50] = [rate, -rate, 0.0]
+    turns = GyroBounds(noise=0.1).anchored_turns(times, rates, 0.5)
+    assert np.isfinite(turns.angles).all()
+    assert (turns.angles[51:75] >= np.pi).all()
+    assert (turns.angles[:49] < 0.1).all()
+    assert (turns.angles[80:] < 0.1).all()
+    log = still_log(times, rates, np.ones(101, bool))
+    estimated = estimation.estimate(log, configured({"anchor_s": 0.5, "interval_rate": "mean_of_ends"}))
+    assert np.isfinite(estimated.results.forms).all()
+    assert estimated.results.forms.max() <= 1.0
 
 
 # --- the tilt ---------------------------------------------------------------------------------------------------------

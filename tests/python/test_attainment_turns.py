@@ -138,6 +138,22 @@ def test_one_matrix_adds_up_where_the_body_turns_about_an_axis_in_space():
     assert 0.95 * bound <= angle <= bound
 
 
+def test_how_far_a_scale_error_has_been_when_it_comes_back():
+    """Turns about x, y, back about x, back about y: to first order nothing is left, to second the square that was run
+    round. A gyro that shows a tenth of the turn does not see nearly all of it."""
+    k, side = 0.9, 1e-3
+    profile = np.sin(np.pi * np.arange(1, 41) / 40) ** 2
+    profile *= side / (0.01 * profile.sum())
+    legs = [profile[:, None] * np.array(axis) for axis in ([1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0])]
+    shown = np.concatenate([np.zeros((1, 3)), *legs])
+    times = 0.01 * np.arange(len(shown))
+    gyro = GyroBounds(noise=0.0, scale_error=k)
+    true = shown / (1.0 - k)
+    angle = (turn_of(times, true) * turn_of(times, shown).inv()).magnitude()
+    assert angle == pytest.approx((side / (1.0 - k)) ** 2, rel=0.02)
+    assert_reached(angle, anchored(gyro, times, shown, 10.0), share=0.2)
+
+
 def test_rotation_vectors_differ_by_more_than_the_turns():
     """(18.12): about 2.5 rad, a small turn across the axis moves its vector by θ/2 / sin(θ/2) times as much."""
     gyro = GyroBounds(noise=0.01)

@@ -21,16 +21,13 @@ from elliptude.window_bounds import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
+from inputs import angle_between
 from scipy.spatial.transform import Rotation
 
 G = 9.80665
 UP = np.array([0.0, 0.0, 1.0])
 STILL = MotionBounds(acceleration=0.0)
 EXACT_GYRO = GyroBounds(0.0)
-
-
-def angle_between(a, b):
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
 
 
 def tangent(radius, length=G):
@@ -40,7 +37,6 @@ def tangent(radius, length=G):
 
 
 def windows(forces, *, times=None, rates=None, durations=(1.0,), motion=STILL, gyro=EXACT_GYRO, **others):
-    others.setdefault("sensor", VectorSensorBounds(1e-8))  # running sums round
     count = len(forces)
     times = 0.01 * np.arange(count) if times is None else times
     rates = np.zeros((count, 3)) if rates is None else rates

@@ -195,13 +195,18 @@ def configuration(**changes):
     return Configuration.model_validate(tables() | changes)
 
 
+def references(directions):
+    """What `tables` states."""
+    return np.tile([[0.0, 0.0, G], [0.0, 2e-5, -4e-5]], (len(directions), 1, 1))[:, : directions.shape[1]]
+
+
 def recorded(seed=0, sensors=2, speed=1.0):
     times, rates, attitudes = motion(seed, duration=60.0, speed=speed)
     rng = np.random.default_rng(seed)
     up = attitudes.inv().apply([0.0, 0.0, G]) + 0.1 * rng.standard_normal((len(times), 3))
     field = attitudes.inv().apply([0.0, 2e-5, -4e-5]) + 5e-7 * rng.standard_normal((len(times), 3))
     directions = np.stack([up, field], axis=1)[:, :sensors]
-    return Log(times, directions, np.ones_like(directions), rates)
+    return Log(times, directions, references(directions), rates)
 
 
 def with_axes(log, matrix, *, sensor=None, gyro=False):
@@ -230,10 +235,14 @@ def test_wrong_axes_of_a_vector(sensor, name):
     assert look_at_axes(log, configuration()).is_told
     for matrix in EVERY:
         verdict = look_at_axes(with_axes(log, matrix, sensor=sensor), configuration())
-        if abs(np.trace(matrix)) == 3.0:  # as it is, or its opposite, which turns alike
+        if np.trace(matrix) == 3.0:
             assert verdict.wrong == ()
             continue
         (wrong,) = verdict.wrong
+        if np.trace(matrix) == -3.0:  # turns alike, but is not as far from the other vector
+            assert wrong.sensor == "field"
+            assert "at_rest = 'down' for 'up'" in wrong.message
+            continue
         assert wrong.sensor == name
         ((quotient, axes),) = wrong.fitting
         assert quotient <= 1.0 < wrong.quotient
@@ -296,7 +305,7 @@ def test_a_log_that_does_not_turn():
     for jerk in (0.0, 0.8):  # too much for a rest to be seen
         forces = directions.copy()
         forces[:, 0] += jerk * np.sin(60.0 * times)[:, None] * [0.6, 0.0, 0.8]
-        verdict = look_at_axes(Log(times, forces, np.ones_like(directions), rates), configuration())
+        verdict = look_at_axes(Log(times, forces, references(directions), rates), configuration())
         assert verdict.wrong == ()
         assert not verdict.is_told
 
@@ -310,7 +319,7 @@ def test_a_pendulum():
     directions = np.zeros((len(times), 1, 3))
     directions[:, 0, 2] = along
     one = configuration().model_copy(update={"directions": configuration().directions[:1]})
-    assert look_at_axes(Log(times, directions, np.ones_like(directions), rates), one).wrong == ()
+    assert look_at_axes(Log(times, directions, references(directions), rates), one).wrong == ()
 
 
 @pytest.mark.parametrize("hard_iron", [30e-6, 60e-6, 300e-6])

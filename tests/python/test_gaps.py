@@ -264,7 +264,10 @@ def test_turns_over_windows_and_gaps():
     others = ~turns.over_gap
     assert (turns.angles[others] <= 0.01 * spans[others] + 1e-12).all()
     np.testing.assert_allclose(turns.rates[others][1:], rates[others][1:])
-    assert not ((turns.anchors < 99) & (np.arange(200) > 99)).any()
+    for duration in (0.3, 10.0):
+        anchors = gyro.anchored_turns(times, rates, duration).anchors
+        assert anchors[100] == 99
+        assert (anchors[101:] >= 100).all()
     missing = rates.copy()
     missing[[50, 51]] = np.nan
     unknown = dataclasses.replace(gyro, largest_rate=np.inf).anchored_turns(times, missing, 0.3)

@@ -321,7 +321,11 @@ def test_dropped_measurements_are_listed(policy):
         flow | {"anchor_s": 1.0, "interval_rate": "mean_of_ends", "noise_deg_per_s": 3.0},
         estimator={"mode": "guaranteed", "policy": policy},
     )
-    assert estimation.estimate(log, anchored).results.dropped[200] != ""
+    results = estimation.estimate(log, anchored).results
+    assert results.dropped[200] != ""
+    # The row is an anchor, and those that are reached from it rest on the same.
+    assert results.claims[199] == "unconditional"
+    assert set(results.claims[200:220]) == {"conditional"}
 
 
 # --- truth that is itself uncertain -----------------------------------------------------------------------------------

@@ -159,6 +159,36 @@ def test_bounds_are_not_proposed_for_wrong_axes(tmp_path):
     assert "implausible: the gyro: its axes are not as stated" in words(done)
 
 
+@pytest.mark.parametrize("wrong", ["up", "field", "reference"])
+def test_a_sign_that_the_stated_references_contradict(tmp_path, wrong):
+    """No turn tells it, but the field would point out of the ground where its reference points into it."""
+    configuration = by_sensor()
+    up, field = configuration["directions"]
+    match wrong:
+        case "up":
+            up["at_rest"] = "down"
+        case "field":
+            field["axes"] = ["-x", "y", "-z"]
+            field["columns"] = ["mag[0]", "mag[1]", "mag[2]"]
+            arrays = recording()
+            arrays["mag"] *= [1.0, -1.0, 1.0]  # so that all three have the other sign
+        case _:  # the numbers of north, east, down
+            field["reference_ut"] = (FIELD * [1.0, 1.0, -1.0]).tolist()
+    log, config = files(tmp_path, configuration, arrays if wrong == "field" else None)
+    for command in (
+        ("check", log, config),
+        ("estimate", log, "--config", config, "--out", tmp_path / "out"),
+        ("bounds", log, config, "--out", tmp_path / "new.toml"),
+    ):
+        done = run(*command)
+        assert done.exit_code == 1
+        assert "field: its sign or that of 'up' is not as stated" in words(done), done.output
+        assert f"at_rest = '{'up' if wrong == 'up' else 'down'}' for 'up'" in words(done)
+    assert not (tmp_path / "out").exists()
+    log, config = files(tmp_path, by_sensor())
+    assert run("check", log, config).exit_code == 0
+
+
 # --- which way is up --------------------------------------------------------------------------------------------------
 
 

@@ -19,16 +19,12 @@ from elliptude.window_bounds import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
+from inputs import angle_between
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 G = 9.80665
 UP = np.array([0.0, 0.0, 1.0])
-
-
-def angle_between(a, b):
-    cross = np.linalg.norm(np.cross(a, b), axis=-1)
-    return np.arctan2(cross, np.sum(a * b, axis=-1))
 
 
 def unit(draws, *shape):
