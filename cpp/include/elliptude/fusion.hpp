@@ -58,6 +58,18 @@ template <typename State>
   return seen;
 }
 
+namespace fusion {
+
+/// Whether a filter may keep a set: rounding may leave none where the sets that were fused spread too far.
+template <typename State>
+[[nodiscard]] bool is_kept(const StateEllipsoid<State>& set) noexcept {
+  Matrix6<StateScalar<State>> factor;
+  return scalar::all_finite(set.shape) && is_in_domain(set.shape) &&
+         (cholesky(set.shape, factor) == Status::ok || validate(set) == Status::ok);
+}
+
+}  // namespace fusion
+
 /// Fuses a predicted and a measured ellipsoid about the measured center (paper, eqs. xhatP-LP).
 /// \return what `minimal_intersection` says; after `empty_intersection` the margin is set, and nothing else.
 template <typename State>
@@ -83,7 +95,7 @@ template <typename State>
     // The prediction alone has no need to be carried to the measured center and back.
     const StateEllipsoid<State> fused =
         intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
-    if (!scalar::all_finite(fused.shape) || !is_in_domain(fused.shape)) {
+    if (!fusion::is_kept(fused)) {
       return Status::beyond_domain;
     }
     fusion.ellipsoid = fused;
@@ -246,7 +258,7 @@ template <typename State, int Rows>
     intersection.share = q / (Scalar(1) + q);
   }
   const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
-  if (!scalar::all_finite(fused.shape) || !is_in_domain(fused.shape)) {
+  if (!fusion::is_kept(fused)) {
     return Status::beyond_domain;
   }
   fusion.ellipsoid = fused;
