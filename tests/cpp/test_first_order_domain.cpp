@@ -41,3 +41,34 @@ TEST_CASE("a filter keeps no shape that rounding left indefinite") {
   MESSAGE("kept " << kept << " of 300");
 }
 
+TEST_CASE("weights of any size solve the same problem of Wahba or are refused") {
+  Random random(8);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Matrix3<double> truth = random.rotation();
+    Matrix<double, 3, 4> body;
+    for (int i = 0; i < 4; ++i) {
+      body.col(i) = random.unit_vector<3>();
+    }
+    Matrix<double, 3, 4> reference = truth * body;
+    reference += 0.01 * random.normal_matrix<3, 4>();
+    const Vector<double, 4> weights(1, 2, 0.5, 1.5);
+    for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::davenport, WahbaMethod::qr}) {
+      WahbaSolution<double> usual;
+      if (solve_wahba(reference, body, weights, method, usual) != Status::ok) {
+        continue;  // det L is not positive
+      }
+      for (const double unit : {1e-307, 1e-300, 1e-293, 1e-160, 1e150, 1e300}) {
+        WahbaSolution<double> other;
+        REQUIRE(solve_wahba(reference, body, Vector<double, 4>(unit * weights), method, other) == Status::ok);
+        REQUIRE((other.attitude - usual.attitude).norm() < 1e-12 * usual.condition);
+        REQUIRE(std::abs(other.condition / usual.condition - 1) < 1e-9 * usual.condition);
+      }
+      for (const double unit : {5e-324, 1e-310}) {
+        WahbaSolution<double> other = usual;
+        REQUIRE(solve_wahba(reference, body, Vector<double, 4>(unit * Vector<double, 4>::Ones()), method, other) ==
+                Status::beyond_domain);
+        REQUIRE(other.attitude == usual.attitude);
+      }
+    }
+  }
+}
