@@ -161,11 +161,17 @@ void many(Bytes& bytes) {
   }
 }
 
-/// Of two sets about nearly one center, both in the table of docs/domain.md: how much one may be sharper than the other.
+/// Of two sets about nearly one center, both in the table of docs/domain.md: how much one may be sharper than the other. In long
+/// double: of a shape that is flat to rounding a calculated inverse in double may be small.
 template <int N>
 bool are_alike(const Ellipsoid<double, N>& first, const Ellipsoid<double, N>& second) {
-  const double widest = first.shape.trace() + second.shape.trace();
-  return widest * (first.shape.inverse().norm() + second.shape.inverse().norm()) <= 1e7;
+  using Square = Eigen::Matrix<Real, N, N>;
+  const auto least = [](const Ellipsoid<double, N>& set) {
+    return Eigen::SelfAdjointEigenSolver<Square>(set.shape.template cast<Real>()).eigenvalues()(0);
+  };
+  const Real widest = first.shape.template cast<Real>().trace() + second.shape.template cast<Real>().trace();
+  const Real thinnest = std::fmin(least(first), least(second));
+  return thinnest > 0 && 2 * widest <= 1e7L * thinnest;
 }
 
 /// The sum T of the magnitudes of a quadric's terms on an ellipsoid about zero. (docs/domain.md)

@@ -70,15 +70,14 @@ class AttitudeFilter {
 
   /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty tube.
   /// \return what the flow says; `out_of_range` of a time that lies before the filter's; `unbounded` if the set has grown beyond
-  /// what `is_in_domain` says.
+  /// what `is_in_domain` says, or so far that rounding left none.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     Prediction<State> prediction;
     if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
         status != Status::ok) {
       return status;
     }
-    if (!scalar::all_finite(prediction.ellipsoid.shape) || !is_in_domain(prediction.ellipsoid.shape) ||
-        !scalar::all_finite(prediction.transition)) {
+    if (!fusion::is_kept(prediction.ellipsoid) || !scalar::all_finite(prediction.transition)) {
       return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;

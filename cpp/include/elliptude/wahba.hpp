@@ -34,7 +34,7 @@ template <typename Scalar>
 /// L = Σ wᵢ eᵢ b̃ᵢᵀ of directions made unit vectors.
 /// \param weights m numbers, not negative.
 /// \return `not_finite`; `out_of_range` if a weight is negative, all are zero, or the sizes differ; `zero_direction`;
-/// `beyond_domain` if L is beyond all numbers.
+/// `beyond_domain` if L is beyond all numbers, or the weights' sum below the least normal one: L would have no right digits.
 template <typename Reference, typename Body, typename Weights>
 [[nodiscard]] Status attitude_profile(const Eigen::MatrixBase<Reference>& reference,
                                       const Eigen::MatrixBase<Body>& body, const Eigen::MatrixBase<Weights>& weights,
@@ -67,7 +67,7 @@ template <typename Reference, typename Body, typename Weights>
   if (!(total > Scalar(0))) {
     return Status::out_of_range;
   }
-  if (!scalar::all_finite(sum)) {
+  if (!scalar::all_finite(sum) || !(total >= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()))) {
     return Status::beyond_domain;
   }
   profile = sum;
@@ -181,7 +181,14 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The attitude of a profile by any of the methods.
+/// The profile divided by its largest entry: squares of small ones would be lost.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> of_size_one(const Matrix3<Scalar>& profile) noexcept {
+  const Scalar size = profile.cwiseAbs().maxCoeff();
+  return size > Scalar(0) ? Matrix3<Scalar>(profile / size) : profile;
+}
+
+/// The attitude of a profile, of any size, by any of the methods.
 template <typename Scalar>
 [[nodiscard]] Status attitude_of_profile(const Matrix3<Scalar>& profile, WahbaMethod method, Matrix3<Scalar>& attitude,
                                          Scalar& condition) noexcept {
@@ -189,9 +196,9 @@ template <typename Scalar>
     case WahbaMethod::svd:
       return attitude_by_svd(profile, attitude, condition);
     case WahbaMethod::davenport:
-      return attitude_by_davenport(profile, attitude, condition);
+      return attitude_by_davenport(of_size_one(profile), attitude, condition);
     case WahbaMethod::qr:
-      return attitude_by_qr(profile, attitude, condition);
+      return attitude_by_qr(of_size_one(profile), attitude, condition);
   }
   return Status::out_of_range;
 }
