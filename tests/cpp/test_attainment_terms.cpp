@@ -139,7 +139,7 @@ TEST_CASE("the linear part's own series: the products beyond") {
   tube.input.control_torque = {acceleration, 0, 0};
   tube.follow(0.3);
   const RealMatrix inertia = RealMatrix::Identity();
-  const RealTorque control = [&](const RealMatrix&, Real) { return RealVector(acceleration, 0, 0); };
+  const RealTorque control = [&](const RealMatrix&, Real) { return RealVector(static_cast<Real>(acceleration), 0, 0); };
   const double left =
       norm_of(linear_left(tube, [&](const Motion& m) { return independent_flow(inertia, control, m, 0, 0.3L, 1); }));
   check(left / tube.tube.rest(), 0.6);
