@@ -15,6 +15,7 @@
 
 #include "elliptude/motion_series.hpp"
 #include "elliptude/packed_forms.hpp"
+#include "elliptude/step_means.hpp"
 
 namespace elliptude {
 
@@ -435,8 +436,9 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   if (const Status status = expand_linear(body, series, linear); status != Status::ok) {
     return status;
   }
-  const Scalar stretch = one + linear.change;         // ‖Y(s) u‖ against that in the middle, block by block
-  const Scalar shrink = one / (one - linear.change);  // ‖Y(s)⁻¹ v‖ against that in the middle
+  const step_means::LinearChange<Scalar> change{linear.change_odd, linear.change};
+  const Scalar stretch = change.stretch();
+  const Scalar shrink = change.shrink();
   const Scalar attitude = linear.largest_attitude;
   const Scalar strength = linear.from_rate_norm * torque.largest;  // of the torque in u'
 
@@ -447,27 +449,20 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     turn_acceleration +=
         Scalar(static_cast<scalar::Value<Scalar>>(k)) * series.step_powers[k - 1] * series.rate_norms[k];
   }
-  const Scalar drift = degree * (series.largest_rate + torque.turn_rate) * middle;
-  const Scalar drift_rest = half * (drift * drift + degree * turn_acceleration * middle * middle);
   // The forms in the middle are those of the first eight terms of the directions they are made of.
   static_assert(MotionSeries<Scalar, Potential>::order == 8);
   const Scalar truncated =
       torque.largest > zero ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
                             : zero;
-  const Scalar missing = degree * truncated * (one + truncated);
+  const step_means::FormChange<Scalar> of_forms = step_means::FormChange<Scalar>::within(
+      degree, Scalar(series.largest_rate + torque.turn_rate), turn_acceleration, middle, truncated);
 
   // --- second order (theory, eq. 17.7) -----------------------------------------------------------------------------------
   const packed::Forms<Scalar> forms = second_order_forms(body, series, middle, linear);
   const Scalar largest_form = spectral_norm(forms);  // ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ this times ‖u‖² in the middle
   const Scalar form_bound = strength * attitude * attitude * half * degree * degree;
-  const Scalar growth = stretch * stretch * shrink;
-  const Scalar odd = Scalar(3) * linear.change_odd * largest_form + form_bound * drift;
-  const Scalar largest_second_order = growth * (largest_form + form_bound * (drift + drift_rest));
-  const Scalar even = largest_second_order - largest_form - odd;  // of second order in s − h/2
-  const Scalar quadrature = even * h / Scalar(3) + growth * missing * form_bound * h;
-  // The integral over the step of a bound of ‖Y⁻¹ N₂(Yu, Yu)‖, and its largest value.
-  const Scalar second_order = (largest_form + half * odd) * h + quadrature;
-  const Scalar second_order_speed = largest_second_order + growth * missing * form_bound;
+  const step_means::SecondOrder<Scalar> second_order =
+      step_means::SecondOrder<Scalar>::of(largest_form, form_bound, change, of_forms, h);
 
   // --- pushes: the unknown torque, and what is of third and of fourth order ----------------------------------------------
   Matrix3<Scalar> unknown;
@@ -494,10 +489,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   // --- how far u moves (theory, section 17.4) ----------------------------------------------------------------------------
   const Scalar before = displacement();
   const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  const auto cube_of = [](const Scalar& x) { return Scalar(x * x * x); };
-  const auto fourth_of = [](const Scalar& x) { return Scalar(x * x * x * x); };
-  const Scalar stretch3 = cube_of(stretch);
-  const Scalar stretch4 = fourth_of(stretch);
+  const Scalar stretch3 = step_means::cube_of(stretch);
+  const Scalar stretch4 = step_means::fourth_of(stretch);
   // If u stays within eta of where it began.
   const auto displacement_within = [&](const Scalar& eta) {
     const Scalar most = one + eta;
@@ -512,27 +505,25 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
                                    linear.from_attitude_norm * Scalar(2) * tangent * (one + gibbs * gibbs) / left);
     const Scalar fifth = one + scalar::constant<Scalar>(1.25L) * gibbs;
     const Scalar moved =
-        h * (second_order_speed * most * most +
+        h * (second_order.largest * most * most +
              shrink * (unknown_norm +
-                       stretch3 * cube_of(most) * (cubic_norm + cubic_bound * (drift + drift_rest + missing)) +
-                       stretch4 * fourth_of(most) * fifth * fourth_norm));
-    // ‖u‖ is at most this where the step begins and ends, and at most on a line between; means over the step are those of
-    // theory, eq. 17.8 and 17.9.
+                       stretch3 * step_means::cube_of(most) *
+                           (cubic_norm + cubic_bound * (of_forms.drift + of_forms.rest + of_forms.missing)) +
+                       stretch4 * step_means::fourth_of(most) * fifth * fourth_norm));
+    // ‖u‖ is at most this where the step begins and ends, and at most on a line between.
     const Scalar first = one + before + jumps;
-    const Scalar last = first + moved;
-    const Scalar mean = half * (first + last);
-    const Scalar cube_at_ends = stretch3 * half * (cube_of(first) + cube_of(last));
-    const Scalar fourth_at_ends = stretch4 * half * (fourth_of(first) + fourth_of(last));
-    Scalar rest = quadrature + jumps;
-    rest += second_order * (mean * mean - one) + second_order_speed * h * moved * moved / Scalar(12);
-    rest += h * cubic_bound *
-            (half * drift * (shrink * cube_at_ends - one) + (half * drift_rest + missing) * shrink * cube_at_ends);
+    const step_means::Line<Scalar> line{first, Scalar(first + moved)};
+    const Scalar cube_at_ends = line.cube_at_ends(stretch);
+    const Scalar fourth_at_ends = line.fourth_at_ends(stretch);
+    Scalar rest = second_order.quadrature + jumps;
+    rest += second_order.displaced(line.mean(), moved, h);
+    rest += h * cubic_bound * step_means::changing_cubes(of_forms, change, cube_at_ends);
     rest += h * half * linear.change * shrink *
             (unknown_norm + cubic_norm * cube_at_ends + fourth_norm * fifth * fourth_at_ends);
-    return Displacement{Scalar(rest_ + rest), Scalar(last - one), Scalar(half * (cube_of(mean) + cube_at_ends)),
-                        Scalar(half * fifth * (fourth_of(mean) + fourth_at_ends))};
+    return Displacement{Scalar(rest_ + rest), Scalar(line.last - one), line.mean_cube(stretch),
+                        Scalar(fifth * line.mean_fourth(stretch))};
   };
-  Scalar eta = before + second_order;
+  Scalar eta = before + second_order.integral;
   Displacement moved{zero, zero, zero, zero};
   bool closed = false;
   for (int attempt = 0; attempt < 6 && !closed; ++attempt) {
