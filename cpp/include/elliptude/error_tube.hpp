@@ -563,14 +563,13 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
 
   // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less: in v, and in u,
   // where the widest axes count.
-  Matrix6<Scalar> ball = Matrix6<Scalar>::Identity();
-  const Scalar share =
-      tube::moderate_growth(share_of(Scalar(moved.trace())), Scalar(widths.dot(moved.diagonal())), width);
-  if (moved.trace() > Scalar(0)) {
-    ball = (one + one / share) * moved;
-    ball.diagonal().array() += one + share;
-  }
-  if (moved.trace() > Scalar(0) && share > scalar::constant<Scalar>(0.002L)) {
+  const Scalar moved_trace = moved.trace();
+  const Scalar moved_width = widths.dot(moved.diagonal());
+  const Scalar share = tube::moderate_growth(share_of(moved_trace), moved_width, width);
+  const Scalar by_moved = one + one / share;
+  Matrix6<Scalar> ball;
+  bool is_enlarged = false;
+  if (share > scalar::constant<Scalar>(0.002L) && moved_trace > Scalar(0)) {
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
     const Scalar norm = norm_of_gram(moved);
     const Matrix6<Scalar> cubic = gram_of(packed::symmetric_part(forms));  // KKᵀ
@@ -584,11 +583,14 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
       metric = (-one / lambda) * cubic;
     }
     metric.diagonal().array() += one - lambda - Scalar(2) * e * norm - square;
-    Matrix6<Scalar> larger;
-    if (norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, larger) == Status::ok &&
-        larger.trace() < ball.trace() && widths.dot(larger.diagonal()) < widths.dot(ball.diagonal())) {
-      ball = larger;
-    }
+    is_enlarged = norm < scalar::constant<Scalar>(0.4L) && e < one &&
+                  inverse_positive_definite(metric, ball) == Status::ok &&
+                  ball.trace() < Scalar(6) * (one + share) + by_moved * moved_trace &&
+                  widths.dot(ball.diagonal()) < (one + share) * width + by_moved * moved_width;
+  }
+  if (!is_enlarged) {
+    ball = by_moved * moved;
+    ball.diagonal().array() += moved_trace > Scalar(0) ? Scalar(one + share) : one;
   }
   const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
   Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
