@@ -35,7 +35,7 @@ void any_prediction(Bytes& bytes, const World& world) {
   const Status status = flow.predict(time, duration, input, set, result);
   if (status == Status::ok) {
     if (duration != 0) {
-      require_valid(result, "a prediction of anything");
+      require_valid(result, "a prediction of anything", flat_to_rounding);
     }
   } else {
     require(before.unchanged(), "nothing changed otherwise", "a prediction of anything");
@@ -45,7 +45,7 @@ void any_prediction(Bytes& bytes, const World& world) {
     Ellipsoid<double, 3> later = vector;
     const Snapshot vector_before(later);
     if (flow.predict_vector(time, duration, input, vector, later) == Status::ok) {
-      require_valid(later, "a vector of anything");
+      require_valid(later, "a vector of anything", flat_to_rounding);
     } else {
       require(vector_before.unchanged(), "nothing changed otherwise", "a vector of anything");
     }

@@ -102,6 +102,20 @@ class ManyQuadrics {
     }
   }
 
+  /// Σ μₖ (|cₖ| + Σ |gᵢ| (1 + uᵢ²) + Σ uᵢ² Σⱼ|Aᵢⱼ|): at least the sum of all terms of the combination at u, without their signs.
+  [[nodiscard]] Scalar magnitude(const Multipliers& multipliers, const Vector<Scalar, N>& squares) const noexcept {
+    Scalar sum(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      constraints[k].with([&](const auto& q) {
+        constexpr int dimension = std::decay_t<decltype(q.g)>::RowsAtCompileTime;
+        const Vector<Scalar, dimension> rows = q.a.cwiseAbs().rowwise().sum() + q.g.cwiseAbs();
+        sum +=
+            multipliers[k] * (scalar::abs(q.c) + q.g.cwiseAbs().sum() + rows.dot(squares.template head<dimension>()));
+      });
+    }
+    return sum;
+  }
+
   /// \return `not_positive_definite` if A is not.
   [[nodiscard]] Status combine(const Multipliers& multipliers, Iterate& it) const noexcept {
     Matrix<Scalar, N> a;
@@ -127,6 +141,12 @@ class ManyQuadrics {
     const Scalar reach = Scalar(1) + it.center.squaredNorm() + (with_ball ? Scalar(0) : spread);
     it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
                   (reach + scalar::sqrt(Scalar(reach * spread)));
+    // The constraints are relaxed by what their sums lose at the states of the set, which are near, and it is at û that they are
+    // summed: far from these, terms may cancel that are much larger than what is left.
+    if (!with_ball || it.center.squaredNorm() > Scalar(1)) {
+      it.rounding += Scalar(4 * (N + 4 + static_cast<int>(count))) * Scalar(scalar::epsilon<Scalar>) *
+                     magnitude(multipliers, Vector<Scalar, N>(it.center.cwiseAbs2()));
+    }
     it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
                            : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
     it.size = Scalar(N) * scalar::log(Scalar(positive + it.rounding)) + it.barrier;
