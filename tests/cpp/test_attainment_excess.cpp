@@ -34,8 +34,8 @@ struct Combination {
     const double rounding = (4 * (3 + 4) + 1) * epsilon;
     const auto seen =
         fusion::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
-    const Real first = fused.predicted_multiplier;
-    const Real second = fused.multipliers[0];
+    const auto first = static_cast<Real>(fused.predicted_multiplier);
+    const auto second = static_cast<Real>(fused.multipliers[0]);
     a = second * seen.a.cast<Real>() + first * RealMatrix::Identity();
     const RealVector g = second * seen.g.cast<Real>();
     center = -a.inverse() * g;
@@ -138,7 +138,8 @@ namespace {
 /// How much longer the sum of the squared semi-axes is than of the same sum of cones in long double, whose rounding is nothing.
 double excess_about(const Matrix3d& curvature, const Vector3d& slope, double level) {
   const ConeSum<double> sum{Matrix3d::Identity(), curvature, slope, level, 0};
-  const ConeSum<Real> exact{RealMatrix::Identity(), curvature.cast<Real>(), slope.cast<Real>(), level, 0};
+  const ConeSum<Real> exact{RealMatrix::Identity(), curvature.cast<Real>(), slope.cast<Real>(),
+                            static_cast<Real>(level), 0};
   Ellipsoid<double, 3> set;
   Ellipsoid<Real, 3> wanted;
   REQUIRE(bounding_ellipsoid<GibbsChart>(sum, set) == Status::ok);

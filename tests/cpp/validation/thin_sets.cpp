@@ -20,7 +20,7 @@ using Vector6q = std::array<Quad, 6>;
 using Matrix6q = std::array<Vector6q, 6>;
 
 Quad root(Quad x) {
-  Quad y = std::sqrt(static_cast<Real>(x));
+  auto y = static_cast<Quad>(std::sqrt(static_cast<Real>(x)));
   for (int i = 0; i < 2; ++i) {
     y = (y + x / y) / 2;
   }
@@ -74,10 +74,18 @@ Matrix6q exactly(const Matrix6<Scalar>& shape) {
   Matrix6q p;
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {
-      p[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = shape(i, j);
+      p[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = static_cast<Quad>(shape(i, j));
     }
   }
   return p;
+}
+
+Vector6q exactly(const RealVector6& vector) {
+  Vector6q y;
+  for (int i = 0; i < 6; ++i) {
+    y[static_cast<std::size_t>(i)] = static_cast<Quad>(vector(i));
+  }
+  return y;
 }
 
 template <typename Scalar>
@@ -127,11 +135,11 @@ struct Start {
       Vector6q u;
       const RealVector6 anywhere = random.unit_vector<6>().cast<Real>();
       for (std::size_t i = 0; i < 6; ++i) {
-        y[i] = (k == 0 ? 1 : -1) * direction(static_cast<int>(i));
-        u[i] = (1 - 1e-6L) * anywhere(static_cast<int>(i));
+        y[i] = static_cast<Quad>((k == 0 ? 1 : -1) * direction(static_cast<int>(i)));
+        u[i] = static_cast<Quad>((1 - 1e-6L) * anywhere(static_cast<int>(i)));
       }
       if (k < 2) {
-        const Quad scale = (1 - 1e-6L) / root(form(l, y));
+        const Quad scale = static_cast<Quad>(1 - 1e-6L) / root(form(l, y));
         for (Quad& entry : y) {
           entry *= scale;
         }
@@ -158,16 +166,12 @@ void judge(const Filter& filter, const Motion& truth, Cell& cell) {
   const RealMatrix r = rotation_of(set.center.attitude).transpose() * truth.attitude;
   const Real scale = 2 / (1 + r.trace());
   const RealVector error = truth.angular_velocity - RealVector(vector_part(set.center).template cast<Real>());
-  const Vector6q y{scale * (r(2, 1) - r(1, 2)),
-                   scale * (r(0, 2) - r(2, 0)),
-                   scale * (r(1, 0) - r(0, 1)),
-                   error(0),
-                   error(1),
-                   error(2)};
+  RealVector6 y;
+  y << scale * (r(2, 1) - r(1, 2)), scale * (r(0, 2) - r(2, 0)), scale * (r(1, 0) - r(0, 1)), error;
   Matrix6q l;
   ++cell.truths;
   const bool is_set = factored(exactly(set.shape), l);
-  const Quad value = is_set ? form(l, y) : Quad(HUGE_VAL);
+  const Quad value = is_set ? form(l, exactly(y)) : static_cast<Quad>(HUGE_VALL);
   cell.worst = value > cell.worst ? value : cell.worst;
   cell.escapes += value <= 1 ? 0 : 1;
 }
