@@ -399,7 +399,7 @@ def test_predictions_over_a_long_step(kind, seed, step):
 
 
 def test_steps_of_which_the_series_says_nothing():
-    prediction = Prediction(4, "pendulum", size=1e-3, steps=1, step=8.0, uncertain=False)
+    prediction = Prediction(4, "pendulum", size=1e-3, steps=1, step=12.0, uncertain=False)
     with pytest.raises(StepTooLong):
         prediction.expected()
     with pytest.raises(ValueError, match="step of the flow is too long"):

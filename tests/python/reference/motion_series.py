@@ -260,6 +260,8 @@ def tail(rate: Array, h: float, first: int, growth: float, turn_rate: float) -> 
     kappa = min(max(first / speed, 2.0), 64.0) if speed > 0.0 else 64.0
     while exponent(kappa) > first and kappa > 2.0:
         kappa = max(0.5 * kappa, 2.0)
+    if exponent(kappa) > 700.0:  # beyond all numbers
+        return math.inf
     return math.exp(exponent(kappa)) / (kappa**first * (1.0 - 1.0 / kappa))
 
 
