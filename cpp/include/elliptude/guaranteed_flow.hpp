@@ -505,6 +505,8 @@ class GuaranteedGyroFlow {
   }
 
   /// The bias without the attitude: it drifts.
+  /// \return `not_finite`; `out_of_range` of a negative duration; `not_positive_definite`; `beyond_domain` if it drifts beyond all
+  /// numbers.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
@@ -520,6 +522,9 @@ class GuaranteedGyroFlow {
       if (const Status status = tube::sum<Scalar, 3, 1>(ellipsoid.shape, others, sum); status != Status::ok) {
         return status;
       }
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::beyond_domain;
     }
     result.center = ellipsoid.center;
     result.shape = sum;
