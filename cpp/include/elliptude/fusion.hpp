@@ -205,7 +205,7 @@ template <typename State, int Rows>
   if (const Status status = whitened(measurement, y, h); status != Status::ok) {
     return status;
   }
-  if (const Status status = cholesky_semidefinite(fusion::raised(predicted.shape), l); status != Status::ok) {
+  if (const Status status = cholesky_semidefinite(predicted.shape, l); status != Status::ok) {
     return status;
   }
   // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
@@ -249,28 +249,13 @@ template <typename State, int Rows>
   if (undecided || intersection.share == Scalar(1)) {
     intersection.set = predicted.in_coordinates();
   }
-  if (undecided || intersection.share < Scalar(1)) {
-    bool combined = true;
-    if (undecided || !(best.level > Scalar(0)) || problem.is_ill_conditioned(q, best)) {
-      Matrix6<Scalar> rows = Matrix6<Scalar>::Zero();
-      rows.template topRows<Rows>() = b;
-      Vector6<Scalar> offset = Vector6<Scalar>::Zero();
-      offset.template head<Rows>() = -y;
-      combined = fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
-      intersection.share = q / (Scalar(1) + q);
-    } else {
-      const Scalar length = best.center.norm();
-      const Scalar wider =
-          fusion::level_from_above<Scalar, 6>(best.level, Scalar(y.norm() + b.norm() * length), q, length);
-      combined = wider >= best.level;
-      intersection.set.shape *= wider / best.level;
-    }
-    if (combined) {
-      fusion::cover_rounding(origin, predicted.shape, intersection.set);
-    } else {
-      intersection.set = predicted.in_coordinates();
-      intersection.share = Scalar(1);
-    }
+  if (undecided || (intersection.share < Scalar(1) && problem.is_ill_conditioned(q, best))) {
+    Matrix6<Scalar> rows = Matrix6<Scalar>::Zero();
+    rows.template topRows<Rows>() = b;
+    Vector6<Scalar> offset = Vector6<Scalar>::Zero();
+    offset.template head<Rows>() = -y;
+    fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
+    intersection.share = q / (Scalar(1) + q);
   }
   const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
   if (!fusion::is_kept(fused)) {

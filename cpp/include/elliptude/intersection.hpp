@@ -11,7 +11,6 @@ namespace elliptude {
 /// The overlap of two ellipsoids: 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the
 /// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point. The
 /// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 7)
-/// What rounding may have added is taken off a value above 1, down to 1: a negative margin is a proof, in either order of the sets.
 /// \return what `validate` says; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
 template <typename Scalar, int N>
 [[nodiscard]] Status overlap_margin(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
@@ -40,14 +39,7 @@ template <typename Scalar, int N>
     const Vector<Scalar, N> y2 = second.shape.lazyProduct(y);
     const Scalar p1 = y.dot(y1);
     const Scalar p2 = y.dot(y2);
-    Scalar value = lambda * (Scalar(1) - lambda) * d.dot(y);
-    if (value > Scalar(1)) {  // (theory, section 7.8)
-      const Scalar terms =
-          mixed.diagonal().dot(Vector<Scalar, N>(y.cwiseAbs2())) + d.cwiseAbs().dot(Vector<Scalar, N>(y.cwiseAbs()));
-      const Scalar rounding = Scalar(N * (2 * N + 4)) * Scalar(scalar::epsilon<Scalar>) * terms;
-      value -= lambda * (Scalar(1) - lambda) * rounding;
-      value = value > Scalar(1) ? value : Scalar(1);
-    }
+    const Scalar value = lambda * (Scalar(1) - lambda) * d.dot(y);
     largest = value > largest ? value : largest;
     const Scalar slope = (Scalar(1) - lambda) * (Scalar(1) - lambda) * p2 - lambda * lambda * p1;
     if (slope == Scalar(0)) {
@@ -375,9 +367,7 @@ template <typename Scalar, int N, typename Slack>
     return Status::empty_intersection;
   }
   best = found.combination;
-  // A gain of less than what covers the rounding of a combination is none.
-  const Scalar least_gain = Scalar(16 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
-  if (idle || (best.level > Scalar(0) && !(size(best) < -least_gain))) {
+  if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
     return second_set_alone();
   }
   const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
@@ -387,58 +377,12 @@ template <typename Scalar, int N, typename Slack>
   return Status::ok;
 }
 
-/// A shape that holds itself and what Cholesky's factorisation and the triangular solves with its factor lose: entries err by a few
-/// Nε √(PᵢᵢPⱼⱼ), and |Σ Eᵢⱼvᵢvⱼ| ≤ N max(|Eᵢⱼ|/√(PᵢᵢPⱼⱼ)) Σ Pᵢᵢvᵢ². (theory, section 7.8)
-template <typename Scalar, int N>
-[[nodiscard]] Matrix<Scalar, N> raised(const Matrix<Scalar, N>& shape) noexcept {
-  Matrix<Scalar, N> result = shape;
-  result.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
-  return result;
-}
-
-/// N of ‖w + Bu‖ ≤ 1 and the unit ball, with weight q, from above: with e what rounding does to the residuals [w + Bu; √q u],
-/// N errs by 2√(1+q) e + e², and a center off by e in the metric of A adds as much to the root. (theory, section 7.8)
-/// \param size ‖w‖ + ‖B‖ ‖u‖. \param length ‖u‖. \return NaN if N is negative beyond rounding.
-template <typename Scalar, int N>
-[[nodiscard]] Scalar level_from_above(const Scalar& level, const Scalar& size, const Scalar& q,
-                                      const Scalar& length) noexcept {
-  const Scalar e = Scalar(2 * N) * Scalar(scalar::epsilon<Scalar>) * (size + scalar::sqrt(q) * (Scalar(1) + length));
-  const Scalar root =
-      scalar::sqrt(Scalar(level + Scalar(2) * e * scalar::sqrt(Scalar(Scalar(1) + q)) + Scalar(2) * e * e)) + e;
-  return root * root;
-}
-
-/// Widens a set that was combined by what rounding does to its shape and to its center x̂ = origin + Lu: |δᵢ| ≤ rᵢ, with
-/// rᵢ = ε(|oᵢ| + |x̂ᵢ| + N √P₂ᵢᵢ), is in E(0, N diag r²), and that is added for the best share at the coordinates.
-/// (theory, section 7.8)
-template <typename Scalar, int N>
-void cover_rounding(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& second,
-                    Ellipsoid<Scalar, N>& set) noexcept {
-  const Vector<Scalar, N> reach =
-      origin.cwiseAbs() + set.center.cwiseAbs() + Scalar(N) * Vector<Scalar, N>(second.diagonal().cwiseSqrt());
-  const Scalar epsilon(scalar::epsilon<Scalar>);
-  const Vector<Scalar, N> square = (Scalar(N) * epsilon * epsilon) * Vector<Scalar, N>(reach.cwiseAbs2());
-  Scalar sum(0);
-  for (int i = 0; i < N; ++i) {
-    sum += set.shape(i, i) > Scalar(0) ? Scalar(square(i) / set.shape(i, i)) : Scalar(0);
-  }
-  const Scalar p = scalar::sqrt(sum);
-  set.shape = raised(set.shape);
-  if (p > Scalar(0)) {
-    set.shape *= Scalar(1) + p;
-    for (int i = 0; i < N; ++i) {
-      set.shape(i, i) += set.shape(i, i) > Scalar(0) ? Scalar((Scalar(1) + Scalar(1) / p) * square(i)) : Scalar(0);
-    }
-  }
-}
-
 /// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
 /// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
-/// \return whether there is one; if not, rounding is larger than what the sets have in common.
 template <typename Scalar, int N>
-[[nodiscard]] bool recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
-                             const Matrix<Scalar, N>& b, const Vector<Scalar, N>& w, const Vector<Scalar, N>& present,
-                             const Scalar& q, Ellipsoid<Scalar, N>& set) noexcept {
+void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& b,
+               const Vector<Scalar, N>& w, const Vector<Scalar, N>& present, const Scalar& q,
+               Ellipsoid<Scalar, N>& set) noexcept {
   Matrix<Scalar, 2 * N, N> stacked = Matrix<Scalar, 2 * N, N>::Zero();
   stacked.template topRows<N>() = b;
   const Scalar root = scalar::sqrt(q);
@@ -454,14 +398,10 @@ template <typename Scalar, int N>
   const Scalar level =
       (Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm()) + q * (Scalar(1) - u.squaredNorm());
   const Matrix<Scalar, N> half = solve_lower(lower, Matrix<Scalar, N>(factor.transpose()));
-  const Scalar length = u.norm();
-  const Scalar wider = level_from_above<Scalar, N>(level, Scalar(w.norm() + b.norm() * length), q, length);
-  if (!(wider >= Scalar(0)) || !scalar::all_finite(u) || !scalar::all_finite(half)) {
-    return false;
+  if (level >= Scalar(0) && scalar::all_finite(u) && scalar::all_finite(half)) {
+    set.center = origin + factor.lazyProduct(u);
+    set.shape.noalias() = level * half.transpose().lazyProduct(half);
   }
-  set.center = origin + factor.lazyProduct(u);
-  set.shape.noalias() = wider * half.transpose().lazyProduct(half);
-  return true;
 }
 
 /// Of a set that was combined: positive definite, but where the second set is flat or the two have one point in common.
@@ -469,13 +409,11 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
   Matrix<Scalar, N> factor;
-  if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape) || !is_in_domain(set.shape)) {
+  if (validate(set) != Status::ok) {
     return Status::beyond_domain;
   }
   const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
-  return cholesky(set.shape, factor) == Status::ok || (may_be_flat && validate(set) == Status::ok)
-             ? Status::ok
-             : Status::beyond_domain;
+  return may_be_flat || cholesky(set.shape, factor) == Status::ok ? Status::ok : Status::beyond_domain;
 }
 
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
@@ -527,12 +465,8 @@ template <typename Scalar, int N>
     }
     return status;
   }
-  // Factors of a little more than each, so that what they lose is no point of either.
-  if (const Status status = cholesky(fusion::raised(first.shape), l1); status != Status::ok) {
-    return status;
-  }
   Matrix<Scalar, N> l2;
-  if (const Status status = cholesky_semidefinite(fusion::raised(second.shape), l2); status != Status::ok) {
+  if (const Status status = cholesky_semidefinite(second.shape, l2); status != Status::ok) {
     return status;
   }
   // In x = x̂₂ + L₂u the second set is the unit ball and the first ‖w + Bu‖ ≤ 1.
@@ -550,49 +484,29 @@ template <typename Scalar, int N>
   Intersection<Scalar, N> intersection;
   fusion::Combination<Scalar, N> best;
   const fusion::RelativeSize<Scalar, N> size(l2, present, criterion);
-  const auto smaller_alone = [&]() { return !flat && fusion::is_smaller(l1, l2, criterion) ? Scalar(0) : Scalar(1); };
   const Status status =
       fusion::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
-  const bool proved = status == Status::ok && (w.squaredNorm() <= Scalar(1) || best.is_common_point());
-  if (!proved) {
-    // The sign of N may be rounding where M is ill-conditioned; the margin of the overlap, found without M, decides.
+  if (status != Status::ok) {
+    // Where M is ill-conditioned a negative N may be rounding; the margin of the overlap, found without M, decides.
     Scalar margin;
-    if ((status != Status::ok && status != Status::empty_intersection) ||
-        overlap_margin(first, second, margin) != Status::ok) {
+    if (status != Status::empty_intersection || overlap_margin(first, second, margin) != Status::ok ||
+        margin < Scalar(0)) {
       return status;
     }
-    if (margin < Scalar(0)) {
-      return Status::empty_intersection;
-    }
-    if (status != Status::ok) {
-      intersection.share = smaller_alone();
-    }
-  }
-  if (intersection.share < Scalar(1) && (flat || intersection.share > Scalar(0))) {
-    const Scalar q = intersection.share / (Scalar(1) - intersection.share);
-    bool combined = true;
-    if (!(best.level > Scalar(0)) || problem.is_ill_conditioned(q, best)) {
-      combined = fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
-    } else {
-      const Scalar length = best.center.norm();
-      const Scalar wider =
-          fusion::level_from_above<Scalar, N>(best.level, Scalar(w.norm() + b.norm() * length), q, length);
-      combined = wider >= best.level;
-      intersection.set.shape *= wider / best.level;
-    }
-    if (combined) {
-      fusion::cover_rounding(second.center, second.shape, intersection.set);
-      if (const Status validity = fusion::validate_combined(intersection.set, flat); validity != Status::ok) {
-        return validity;
-      }
-    } else {
-      intersection.share = smaller_alone();
-    }
+    intersection.share = !flat && fusion::is_smaller(l1, l2, criterion) ? Scalar(0) : Scalar(1);
   }
   if (intersection.share == Scalar(1)) {
     intersection.set = second;
   } else if (intersection.share == Scalar(0) && !flat) {
     intersection.set = first;
+  } else {
+    const Scalar q = intersection.share / (Scalar(1) - intersection.share);
+    if (problem.is_ill_conditioned(q, best)) {
+      fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
+    }
+    if (const Status validity = fusion::validate_combined(intersection.set, flat); validity != Status::ok) {
+      return validity;
+    }
   }
   result = intersection;
   return Status::ok;

@@ -275,9 +275,6 @@ template <typename Scalar, int Rows>
   if (const Status status = cholesky(measurement.bound, l); status != Status::ok) {
     return status;
   }
-  if (const Status status = cholesky(fusion::raised(measurement.bound), l); status != Status::ok) {
-    return status;
-  }
   h = solve_lower(l, measurement.h);
   y = solve_lower(l, measurement.y);
   return Status::ok;
