@@ -346,6 +346,7 @@ def _signs(
             0.5 * (most - least) + _stated_angle(accelerometer) + _stated_angle(sensor),
         )
         if found is None:
+            are_told = False
             continue
         are_told &= found.opposite > 1.0
         if found.as_stated > 1.0 and found.opposite <= 1.0 and _MARGIN * found.opposite <= found.as_stated:

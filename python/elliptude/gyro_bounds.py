@@ -248,7 +248,7 @@ class GyroBounds:
                 elapsed, turned = stamps[piece] - stamps[0], running_integral(spans, speeds)
                 errors = running_integral(spans, self.steady_error(speeds, elapsed))
                 errors += self._noise_angle(spans, turned, spans)
-                quaternions = quaternions_from_rates(np.diff(spans), rates[piece])
+                quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
                 turns = rotation_vectors(quaternions)
                 by_matrix = running_integral(
                     spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])

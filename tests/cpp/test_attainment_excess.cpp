@@ -31,7 +31,7 @@ struct Combination {
 
   Combination(const Fusion& fused, const Quadric<double, 3>& given) {
     Matrix3d factor = std::sqrt(1 + 24 * epsilon) * Matrix3d::Identity();
-    const double rounding = (4 * (3 + 4) + 1) * epsilon;
+    const double rounding = (4 * (3 + 4) + 2) * epsilon;
     const auto seen =
         fusion::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
     const auto first = static_cast<Real>(fused.predicted_multiplier);

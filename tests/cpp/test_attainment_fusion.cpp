@@ -48,7 +48,7 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
     factor *= static_cast<float>(random.log_uniform(1e-2, 10));
     const Vector3<float> shift = (random.log_uniform(1e-3, 10) * random.normal_matrix<3>()).cast<float>();
     const Vector3<float> reach = 1.001F * (shift.cwiseAbs() + factor.rowwise().norm());
-    const float rounding = static_cast<float>(4 * (3 + 4) + 1) * epsilon;
+    const float rounding = static_cast<float>(4 * (3 + 4) + 2) * epsilon;
     const auto seen = fusion::relaxed<float, 3, 3>(given, factor, shift, reach, true, rounding);
     for (int k = 0; k < 8; ++k) {
       const RealVector u = random.unit_vector<3>().cast<Real>();

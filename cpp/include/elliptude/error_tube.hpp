@@ -595,8 +595,9 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
   Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
-  const Scalar rest_share = tube::moderate_growth(
-      Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))), Scalar(rest_ * rest_), width);
+  const Scalar rest_share =
+      tube::moderate_growth(Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))),
+                            Scalar(Scalar(6) * rest_ * rest_), width);
   if (rest_share > Scalar(0)) {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;

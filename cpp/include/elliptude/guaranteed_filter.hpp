@@ -620,7 +620,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     Trust trust = trust_;
     if (all != 0 || result.dropped != 0) {
-      // Where nothing is taken up there is nothing that could rest on what was left out.
+      // Where nothing is taken up there is nothing that could rest on what was left out; but a vector that is known without an
+      // attitude may be what the measurements contradict.
       const bool contradicted = result.margin < Scalar(0) || (!may_be_wrong() && result.dropped != 0);
       trust.count(contradicted, bounded || known_.has_attitude || known_.has_vector);
     }

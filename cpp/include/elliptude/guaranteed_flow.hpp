@@ -189,7 +189,7 @@ class GuaranteedRigidBodyFlow {
       return Status::too_many_steps;
     }
     const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
-    const Status status = divided(time, duration, steps, input, ellipsoid, result);
+    Status status = divided(time, duration, steps, input, ellipsoid, result);
     long finer = steps;
     const bool may_close = status == Status::unbounded || status == Status::step_too_long;
     for (int retry = 0; retry < 2 && may_close && finer <= most_steps_ / 3; ++retry) {
@@ -197,6 +197,9 @@ class GuaranteedRigidBodyFlow {
       const Status again = divided(time, duration, finer, input, ellipsoid, result);
       if (again == Status::ok || again == Status::interrupted) {
         return again;
+      }
+      if (again == Status::unbounded) {
+        status = again;  // the motion is not what fails
       }
     }
     return status;

@@ -141,6 +141,9 @@ class ManyQuadrics {
     const Scalar reach = Scalar(1) + it.center.squaredNorm() + (with_ball ? Scalar(0) : spread);
     it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
                   (reach + scalar::sqrt(Scalar(reach * spread)));
+    if (with_ball) {  // which is not relaxed
+      it.rounding += Scalar(4 * static_cast<int>(count)) * Scalar(scalar::epsilon<Scalar>) * multipliers[0];
+    }
     // The constraints are relaxed by what their sums lose at the states of the set, which are near, and it is at û that they are
     // summed: far from these, terms may cancel that are much larger than what is left.
     if (!with_ball || it.center.squaredNorm() > Scalar(1)) {
@@ -774,7 +777,7 @@ template <typename Scalar, int N, typename Given>
     problem.constraints[0].quadric = {Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)};
     scale[0] = Scalar(1);
   }
-  const Scalar rounding = Scalar(4 * (N + 4) + static_cast<int>(count)) * epsilon;
+  const Scalar rounding = Scalar(4 * (N + 4) + 2 * static_cast<int>(count)) * epsilon;
   bool idle = problem.with_ball;
   bool finite = true;
   for (std::size_t k = first; k < problem.count; ++k) {

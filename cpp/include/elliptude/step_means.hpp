@@ -80,8 +80,8 @@ struct SecondOrder {
     return means;
   }
 
-  /// What they add up to at u₀ + e rather than at u₀, if ‖e‖ is at most a line that ends at `mean` − 1 plus and minus half of
-  /// `moved` (theory, eq. 17.8).
+  /// What they add up to at u₀ + e rather than at u₀, if ‖e‖ is at most a line from `mean` − 1 − `moved`/2 to `mean` − 1 +
+  /// `moved`/2 (theory, eq. 17.8).
   [[nodiscard]] Scalar displaced(const Scalar& mean, const Scalar& moved, const Scalar& h) const noexcept {
     return integral * (mean * mean - Scalar(1)) + largest * h * moved * moved / Scalar(12);
   }
