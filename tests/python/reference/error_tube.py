@@ -372,7 +372,9 @@ def shape(tube: Tube) -> Array:
     result = tube.set @ ball @ tube.set.T
 
     whole = math.sqrt(widths.sum())
-    rest_share = moderate_growth(tube.rest * float(np.linalg.norm(inverse)) / math.sqrt(6.0), math.sqrt(6.0) * tube.rest / whole)
+    rest_share = moderate_growth(
+        tube.rest * float(np.linalg.norm(inverse)) / math.sqrt(6.0), math.sqrt(6.0) * tube.rest / whole
+    )
     if rest_share > 0.0:
         result = (1.0 + rest_share) * result + (1.0 + 1.0 / rest_share) * tube.rest**2 * np.eye(6)
     pushed = sum_of_shapes(tube.pushes) if tube.pushes else np.zeros((6, 6))
