@@ -947,7 +947,7 @@ def changed(values: object, place: object, value: float) -> np.ndarray:
             r"attitude\[1\] must be a rotation",
         ),
         (
-            lambda f, m, g: el.GuaranteedFilter(body_flow(step=2.0), start()).predict(50.0),
+            lambda f, m, g: el.GuaranteedFilter(body_flow(step=50.0), start()).predict(50.0),
             ValueError,
             "step of the flow is too long",
         ),
