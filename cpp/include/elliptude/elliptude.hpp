@@ -25,6 +25,7 @@
 #include "elliptude/torque_expansion.hpp"
 #include "elliptude/motion_series.hpp"
 #include "elliptude/packed_forms.hpp"
+#include "elliptude/prediction_sums.hpp"
 #include "elliptude/step_means.hpp"
 #include "elliptude/error_tube.hpp"
 #include "elliptude/guaranteed_flow.hpp"

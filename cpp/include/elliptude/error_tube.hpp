@@ -15,34 +15,10 @@
 
 #include "elliptude/motion_series.hpp"
 #include "elliptude/packed_forms.hpp"
+#include "elliptude/prediction_sums.hpp"
 #include "elliptude/step_means.hpp"
 
 namespace elliptude {
-
-namespace tube {
-
-/// A growth in a prediction that is never too much.
-template <typename Scalar>
-[[nodiscard]] Scalar always_moderate() noexcept {
-  return scalar::constant<Scalar>(0.01L);
-}
-
-/// By how much a set is made larger everywhere for what is added to it: by the share that makes the sum smallest in volume, unless
-/// that keeps a thin set thin by making it wider and wider, prediction after prediction. What is of second order grows with the
-/// square of the width. A hundredth, or five times what is added against the whole set, is moderate. (theory, section 17.9)
-/// \param added, whole traces of what is added, and of the set, where it is widest.
-template <typename Scalar>
-[[nodiscard]] Scalar moderate_growth(const Scalar& share, const Scalar& added, const Scalar& whole) noexcept {
-  const Scalar always = always_moderate<Scalar>();
-  if (!(share > always)) {
-    return share;
-  }
-  const Scalar moderate = Scalar(5) * scalar::sqrt(Scalar(added / whole));
-  const Scalar most = moderate > always ? moderate : always;
-  return share < most ? share : most;
-}
-
-}  // namespace tube
 
 /// What is not known of a rigid body.
 template <typename Scalar>
