@@ -9,14 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from elliptude import estimation, guaranteed_run, logs, readers
-from elliptude.bound_rules import _field_at_rest, apply_rule, hand_held
+from elliptude import estimation, logs
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import angle_to_center
 from elliptude.configuration import Configuration
-from elliptude.direction_rows import DirectionRows, direction_rows
-from elliptude.files import FileError
-from elliptude.gyro_bounds import GyroBounds
+from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
+from elliptude.estimation import guaranteed_run
+from elliptude.estimation.direction_rows import DirectionRows, direction_rows
+from elliptude.io.files import FileError
+from elliptude.io.readers import base as readers
 from elliptude.logs import Log
-from elliptude.physical_bounds import angle_to_center
 from elliptude.results import GuaranteedLog
 from scipy.spatial.transform import Rotation
 

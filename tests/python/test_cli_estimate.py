@@ -7,9 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from elliptude import cli, cli_estimate, estimation, logs, scenarios, simulation
+from elliptude import cli, estimation, logs, simulation
+from elliptude.cli import estimate as cli_estimate
 from elliptude.configuration import read_configuration
-from elliptude.tables import Results
+from elliptude.io.tables import Results
+from elliptude.simulation import scenarios
 from typer.testing import CliRunner
 
 
@@ -125,7 +127,7 @@ def test_a_figure_that_fails_leaves_no_summary(tmp_path, simulated, monkeypatch)
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("elliptude.figures.save", full)
+    monkeypatch.setattr("elliptude.report.figures.save", full)
     done = estimate(simulated, out, "--force")
     assert done.exit_code == 1
     assert "No space left" in done.output

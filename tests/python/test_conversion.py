@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 import recorders
 import tomlkit
-from elliptude import cli, conversion, readers, tables
+from elliptude import cli
 from elliptude.configuration import read_configuration
-from elliptude.logs import read_log
-from elliptude.readers import open_log
+from elliptude.io import tables
+from elliptude.io.readers import base as readers
+from elliptude.io.readers.base import open_log
+from elliptude.logs import conversion, read_log
 from test_check import files, recording
 from test_check import tables as tables_of_check
 from typer.testing import CliRunner

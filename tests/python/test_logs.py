@@ -5,10 +5,12 @@ import itertools
 import numpy as np
 import pytest
 import recorders
-from elliptude import fermi, logs, readers, references, sun
-from elliptude.configuration import Configuration
-from elliptude.files import FileError
-from elliptude.sensors import RestPhase, SunByTime, WorldModel
+from elliptude.configuration import Configuration, references, sun
+from elliptude.configuration.sensors import RestPhase, SunByTime, WorldModel
+from elliptude.io.files import FileError
+from elliptude.io.readers import base as readers
+from elliptude.logs import log as logs
+from elliptude.simulation import fermi
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation

@@ -10,11 +10,16 @@ import time
 
 import numpy as np
 import pytest
-from elliptude import cli, estimation, figures, logs, plausibility, readers, scenarios, simulation, tables, thinning
-from elliptude.cli_simulate import configuration_tables
+from elliptude import cli, estimation, logs, simulation
+from elliptude.cli.simulate import configuration_tables
 from elliptude.configuration import Configuration
-from elliptude.files import FileError
-from elliptude.summary import Summary
+from elliptude.estimation.summary import Summary
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.io.readers import base as readers
+from elliptude.logs import plausibility
+from elliptude.report import figures, thinning
+from elliptude.simulation import scenarios
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

@@ -8,9 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 import recorders
-from elliptude import readers
-from elliptude.files import FileError
-from elliptude.readers import open_log
+from elliptude.io.files import FileError
+from elliptude.io.readers import base as readers
+from elliptude.io.readers.base import open_log
 
 
 def column(file, name):
@@ -173,7 +173,7 @@ def test_bags(tmp_path, kind, monkeypatch):
     recorders.write_bag(path, kind.removesuffix(" file"), stamps.tolist(), rates, forces, fields)
     if kind.endswith(" file"):
         path = path / {"mcap file": "log.mcap", "sqlite3 file": "log.db3"}[kind]
-    monkeypatch.setattr("elliptude.rosbag.BATCH_ROWS", 4)
+    monkeypatch.setattr("elliptude.io.readers.rosbag.BATCH_ROWS", 4)
     file = open_log(path)
     assert "/imu/data.orientation_covariance[8]" in file.columns
     assert file.stamps(file.stream("/imu/mag.magnetic_field.x")) == ("/imu/mag.header.stamp", "ns")

@@ -5,8 +5,11 @@ import pickle
 import elliptude as el
 import numpy as np
 import pytest
-from elliptude import cli_estimate, estimation, logs, readers, tables
+from elliptude import estimation, logs
+from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
+from elliptude.io import tables
+from elliptude.io.readers import base as readers
 from rich.console import Console
 from rich.progress import Progress
 
@@ -73,7 +76,7 @@ def test_the_file_is_not_read_again_for_each_contradiction(tmp_path, openings, c
     wrong = np.linspace(0, 2999, count).astype(int)
     path, configuration = contradicting_log(tmp_path, 3000, wrong)
     with Progress(disable=True) as progress:
-        cli_estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
     # The header; the first cells, which say what a column is; the lines of all contradictions.
     assert len(openings) <= 3
     listed = (tmp_path / "dropped.csv").read_text().splitlines()[2:]
@@ -108,9 +111,9 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
             monkeypatch.setattr(module, name, told)
 
         watched(estimation, "run_guaranteed")
-        watched(cli_estimate, "write_columns")
-        watched(cli_estimate, "_finish")
-        cli_estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        watched(estimate, "write_columns")
+        watched(estimate, "_finish")
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
     assert shown == [
         ("run_guaranteed", "Estimating", 3000, False),
         ("write_columns", "Writing", 3000, False),
