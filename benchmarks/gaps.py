@@ -23,7 +23,7 @@ from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.starting_configuration import starting_configuration
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from scipy.spatial.transform import Rotation
 
 DURATION_S, REST_S, STEP_S = 40.0, 3.0, 0.01

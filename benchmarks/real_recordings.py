@@ -21,8 +21,8 @@ from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
 from elliptude.io import tables
 from elliptude.logs import Log
-from elliptude.results import FloatArray
 from elliptude.simulation import fermi
+from elliptude.typing import FloatArray
 
 TRIALS = ("02", "05", "07", "24", "30")
 BROAD_ANCHOR_S = 4.0

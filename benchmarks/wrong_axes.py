@@ -20,7 +20,7 @@ import numpy as np
 from elliptude import logs
 from elliptude.logs import Log
 from elliptude.logs.axes_check import look_at_axes
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from real_recordings import TRIALS, broad_configuration
 
 SENSORS = ("up", "field", "the gyro")

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 
 def require_not_negative(name: str, value: float) -> None:

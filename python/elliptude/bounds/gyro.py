@@ -16,7 +16,7 @@ from elliptude.bounds.turns import (
     rotations_from_quaternions,
     running_integral,
 )
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _SQRT3 = math.sqrt(3.0)
 # Of the usual interval: one sample lost is more, and what a clock's ticks do to it is less.

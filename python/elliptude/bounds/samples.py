@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import require_fraction, require_not_negative, vector_rows
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
 _EPSILON = float(np.finfo(np.float64).eps)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 
 def time_offset_angles(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 
 def running_integral(times: FloatArray, values: FloatArray) -> FloatArray:

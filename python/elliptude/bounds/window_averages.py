@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.turns import attitudes_from_rates, running_sum
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _BLOCK_ROWS = 1 << 16
 _EPSILON = float(np.finfo(np.float64).eps)

@@ -21,7 +21,7 @@ from elliptude.bounds.samples import (
 )
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.window_averages import Piece, Place, blocks
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
 

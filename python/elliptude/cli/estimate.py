@@ -35,9 +35,10 @@ from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
-from elliptude.results import IF_PROPOSED_BOUNDS_HOLD, FloatArray
+from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
 from elliptude.simulation import fermi, scenarios
 from elliptude.simulation import simulated as simulation
+from elliptude.typing import FloatArray
 
 _FIGURE, _SUMMARY, _DROPPED = "estimate.png", "summary.json", "dropped.csv"
 

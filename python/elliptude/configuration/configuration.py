@@ -80,7 +80,7 @@ from elliptude.io.toml import (
     exactly_one,
     read_toml,
 )
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # --- how the body moves -----------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.configuration import sun
 from elliptude.configuration.sensors import ReferenceFrame, RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _UNIX_EPOCH_JD = 2_440_587.5
 # Terrestrial time is ahead of UTC by 32.184 s and the leap seconds: 37 since 2017, 10 in 1972. In the 27 s that this

@@ -26,7 +26,7 @@ from elliptude.bounds.windows import (
 )
 from elliptude.io.toml import Model, Number, read_toml
 from elliptude.proposal.proposals import rest_rows
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]

@@ -26,7 +26,7 @@ from elliptude.io.toml import (
     exactly_one,
     one_word,
 )
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # A rotation in a file has as many digits as somebody had patience for.
 _ROTATION_TOLERANCE = 1e-4

@@ -17,7 +17,7 @@ from elliptude.logs import plausibility
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # Times the median step: what is called a gap.
 _GAP = 1.5

@@ -3,7 +3,8 @@
 import numpy as np
 
 import elliptude
-from elliptude.results import FilterLog, FloatArray, GuaranteedLog
+from elliptude.results import FilterLog, GuaranteedLog
+from elliptude.typing import FloatArray
 
 # rad/s; the squares of larger ones are no numbers for a small set.
 _LARGEST_ERROR = 1e50

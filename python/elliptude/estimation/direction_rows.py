@@ -27,7 +27,7 @@ from elliptude.configuration.sensors import (
 )
 from elliptude.estimation import gaps
 from elliptude.logs.log import Log
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
 # Windows reach over a missing sample no more than over ten median steps.

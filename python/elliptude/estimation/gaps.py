@@ -13,7 +13,8 @@ import numpy as np
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.configuration.configuration import Configuration, GyroFlow
 from elliptude.logs.log import Log
-from elliptude.results import FloatArray, GuaranteedLog
+from elliptude.results import GuaranteedLog
+from elliptude.typing import FloatArray
 
 
 def longest_interval(log: Log, configuration: Configuration) -> float:

@@ -16,7 +16,8 @@ from elliptude.io import tables
 from elliptude.io.tables import Column, Results, names_of_chosen
 from elliptude.logs.log import Log
 from elliptude.proposal.proposals import rest_rows
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
 
 
 def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:

@@ -13,7 +13,8 @@ from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import Contradiction, DirectionRows, direction_rows
 from elliptude.estimation.gaps import Gap
 from elliptude.logs.log import Log, interval_rates
-from elliptude.results import CLAIMS, FloatArray, GuaranteedLog
+from elliptude.results import CLAIMS, GuaranteedLog
+from elliptude.typing import FloatArray
 
 CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
 

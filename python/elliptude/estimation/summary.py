@@ -20,7 +20,7 @@ from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.io import tables
 from elliptude.io.tables import Results
 from elliptude.logs.plausibility import Heard
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 SETTLED_UPDATE = 6
 """Means "from the 6th update on" leave out what is left of the start."""

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.base import CsvTable, ParquetTable, Table, require_columns
-from elliptude.results import Chart, FloatArray
+from elliptude.typing import Chart, FloatArray
 
 VERSION = 1
 """Of the format. A reader takes this version and older ones; a new column does not make a new version."""

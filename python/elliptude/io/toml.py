@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.files import FileError
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Number = Annotated[float, Strict()]
 """A finite number: no text, no true or false."""

@@ -16,7 +16,7 @@ from elliptude import units
 from elliptude.configuration.sensors import Timing
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, LogFile
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 Fill: TypeAlias = Literal["none", "linear", "previous", "next"]

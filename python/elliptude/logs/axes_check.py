@@ -36,7 +36,7 @@ from elliptude.logs import sensor_axes
 from elliptude.logs.body_at_rest import axis_in_words, resting, up_in_log
 from elliptude.logs.log import Log
 from elliptude.logs.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # What fits is so many times as near to what the bounds allow as what is stated, or nothing is sure.
 _MARGIN = 2.0

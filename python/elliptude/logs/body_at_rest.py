@@ -11,7 +11,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.sensors import Magnetometer
 from elliptude.logs.log import Log
 from elliptude.proposal.proposals import rest_rows
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
 # degrees; what is nearer to a body axis is said to be that axis.

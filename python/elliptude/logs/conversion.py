@@ -22,7 +22,7 @@ from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.base import Cells, LogFile, open_log, require_columns
 from elliptude.logs import log as logs
 from elliptude.logs.log import Log
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 SUFFIXES = (".csv", ".parquet", ".npz")
 """Of what can be written."""

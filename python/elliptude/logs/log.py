@@ -33,7 +33,7 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile, open_log, require_columns
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
 _STILL = 0.98

@@ -29,7 +29,7 @@ from elliptude.logs.quaternion_readings import (
     readings,
     slope,
 )
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 BLOCK_ROWS = 1 << 18
 """Of a long log that are looked at together."""

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Order: TypeAlias = Literal["wxyz", "xyzw"]
 Turns: TypeAlias = Literal["body_to_reference", "reference_to_body"]

@@ -11,7 +11,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.io.tables import QUATERNION, read_columns, stacked
 from elliptude.logs import log
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # s; stamps so near are the same.
 _SAME_TIME = 1e-6

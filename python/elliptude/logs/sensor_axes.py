@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.turns import attitudes_from_rates, running_integral
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # s; half-lengths of windows are multiples of a cell that is so long at least, and longer for a slow sensor.
 _CELL_S, _SAMPLES = 0.5, 4

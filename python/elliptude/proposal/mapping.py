@@ -20,7 +20,7 @@ from elliptude.io.files import FileError
 from elliptude.io.toml import validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.proposals import Recording
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Tables: TypeAlias = dict[str, Any]
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.bounds.gyro import longest_interval_of
 from elliptude.bounds.stamps import shift as shifted_back
 from elliptude.bounds.turns import attitudes_from_rates
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)

@@ -17,7 +17,7 @@ one is found on each meridian about that pole by bisection.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from elliptude.results import Chart, FloatArray
+from elliptude.typing import Chart, FloatArray
 
 _BISECTIONS = 40
 # Of the longest semi-axis: the others are drawn as if they were as long as this at least.

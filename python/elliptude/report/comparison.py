@@ -12,7 +12,8 @@ from elliptude.io.files import replacing
 from elliptude.logs.quaternion_readings import Reading, misread
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.run import Run
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
 
 # s; between attitudes whose turn is compared, the shortest; each next one is so many times as long.
 _SHORTEST_SPAN, _LONGER = 0.5, 4.0

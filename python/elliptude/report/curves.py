@@ -10,7 +10,7 @@ from elliptude.report.figures import error_limit, log_ticks
 from elliptude.report.run import DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR
 from elliptude.report.thinning import largest_of_each, pieces, prediction_shares, worst_claims
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 PIECES = 500

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 from elliptude.io.files import replacing
 from elliptude.io.tables import Results
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"

@@ -19,7 +19,8 @@ from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS
 from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.thinning import chosen_rows, pieces
-from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD, FloatArray
+from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD
+from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 LISTED = 500

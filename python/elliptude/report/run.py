@@ -42,7 +42,8 @@ from elliptude.io.tables import (
 )
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.body_axes import turns
-from elliptude.results import CLAIMS, Chart, Claim, FloatArray
+from elliptude.results import CLAIMS, Claim
+from elliptude.typing import Chart, FloatArray
 
 SPELL_GAP = 1.0
 """Measurements that were left out no later than this after one another are listed together, s."""

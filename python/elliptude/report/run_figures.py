@@ -19,7 +19,7 @@ from elliptude.report.body_axes import axis_patches
 from elliptude.report.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
 from elliptude.report.run import Run
 from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, worst_claims
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
 """Of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can tell apart."""

@@ -10,7 +10,7 @@ from elliptude.report.body_axes import axis_patches
 from elliptude.report.curves import plot_layout
 from elliptude.report.run import Run
 from elliptude.report.run_figures import AXIS_COLOURS, time_text
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 FRAMES = 240
 """Times at which the sphere is drawn."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from elliptude.io.tables import Results
 from elliptude.report.run import Run
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
 
 LIMIT = 10_000
 """Results of more rows are thinned, to between half as many and as many."""

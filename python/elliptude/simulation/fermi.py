@@ -17,7 +17,7 @@ from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.io import tables
 from elliptude.io.tables import Measurements, Results
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 _FOLDER = resources.files("elliptude") / "data" / "fermi"
 _DATA, _CONFIGURATION = "fermi_gbm_2015-10-13.csv.gz", "estimate.toml"

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from elliptude.io.files import FileError
 from elliptude.io.toml import Attitude, Matrix, Model, Number, Vector, read_toml, unit
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Field(strict=True, gt=0, le=1_000_000)]

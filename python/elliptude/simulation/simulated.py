@@ -14,9 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.tables import Measurements, quaternions_from_attitudes
-from elliptude.results import FloatArray
 from elliptude.simulation import scenarios
 from elliptude.simulation.scenarios import Scenario
+from elliptude.typing import FloatArray
 
 Noise: TypeAlias = Literal["inside", "perpendicular", "common"]
 """How errors are drawn.

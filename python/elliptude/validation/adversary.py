@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude import _core
-from elliptude.results import FloatArray
 from elliptude.simulation import simulated
+from elliptude.typing import FloatArray
 
 Noise: TypeAlias = Literal["inside", "perpendicular", "common", "alternating", "search"]
 """How errors are drawn.

@@ -5,7 +5,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 
 Mode: TypeAlias = Literal["guaranteed", "first_order", "paper"]
 FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import _core
-from elliptude.results import FloatArray
+from elliptude.typing import FloatArray
 from elliptude.validation import trials
 from elliptude.validation.adversary import (
     Case,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude import _core
-from elliptude.results import FloatArray
 from elliptude.simulation import scenarios
 from elliptude.simulation.scenarios import Scenario
+from elliptude.typing import FloatArray
 from elliptude.validation.adversary import INSIDE, Case, Errors, Motion, Plant, Starts
 
 _LONG = np.longdouble

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.results import FloatArray
 from elliptude.simulation import simulated
+from elliptude.typing import FloatArray
 from elliptude.validation.adversary import INSIDE, SCENARIOS, Errors, Measured, Motion, Plant, Starts
 from elliptude.validation.judge import exact_root
 from elliptude.validation.plants import GyroPlant, RigidBodyPlant

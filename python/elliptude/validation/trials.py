@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude import _core
-from elliptude.results import CLAIMS, FloatArray
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
 from elliptude.validation.adversary import Case, Motion, Plant, draw_errors, draw_starts, measure
 from elliptude.validation.judge import FORM_EDGES, forms_of
 from elliptude.validation.plants import guaranteed, plant
