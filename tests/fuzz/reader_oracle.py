@@ -4,7 +4,7 @@ from pathlib import Path
 
 from elliptude.configuration import read_configuration
 from elliptude.io.files import FileError
-from elliptude.io.readers.base import open_log
+from elliptude.io.readers.open import open_log
 from elliptude.logs import read_log
 from elliptude.logs.conversion import convert
 

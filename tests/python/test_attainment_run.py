@@ -17,7 +17,6 @@ from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
 from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import DirectionRows, direction_rows
 from elliptude.io.files import FileError
-from elliptude.io.readers import base as readers
 from elliptude.logs import Log
 from elliptude.results import GuaranteedLog
 from scipy.spatial.transform import Rotation
@@ -400,7 +399,7 @@ def test_a_gap_is_found_wherever_batches_end(tmp_path, monkeypatch):
             "timing": {"largest_gap_s": 0.1},
         }
     )
-    monkeypatch.setattr(readers, "BATCH_BYTES", 256)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 256)
     path = tmp_path / "log.csv"
     for gap in (None, *range(1, 40)):
         times = 0.02 * np.arange(40)

@@ -16,8 +16,7 @@ import tomlkit
 from elliptude import cli
 from elliptude.configuration import read_configuration
 from elliptude.io import tables
-from elliptude.io.readers import base as readers
-from elliptude.io.readers.base import open_log
+from elliptude.io.readers.open import open_log
 from elliptude.logs import conversion, read_log
 from test_check import files, recording
 from test_check import tables as tables_of_check
@@ -46,8 +45,8 @@ def assert_same(a, b):
 
 @pytest.fixture
 def log(tmp_path, monkeypatch):
-    monkeypatch.setattr(readers, "BATCH_BYTES", 20_000)
-    monkeypatch.setattr(readers, "BATCH_ROWS", 300)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 20_000)
+    monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", 300)
     rng = np.random.default_rng(0)
     arrays = {"t": np.cumsum(rng.random(1000)), "gyr": rng.standard_normal((1000, 3)) * 1e-7}
     arrays["gyr"][::5, 1] = np.nan

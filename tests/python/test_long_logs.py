@@ -16,7 +16,6 @@ from elliptude.configuration import Configuration
 from elliptude.estimation.summary import Summary
 from elliptude.io import tables
 from elliptude.io.files import FileError
-from elliptude.io.readers import base as readers
 from elliptude.logs import plausibility
 from elliptude.report import figures, thinning
 from elliptude.simulation import scenarios
@@ -189,7 +188,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
     log, config = write_log(tmp_path, 3000)
     whole = run("estimate", log, "--config", config, "--out", tmp_path / "whole", "--format", suffix, "--json")
     assert whole.exit_code == 0, whole.output
-    monkeypatch.setattr(readers, "BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     monkeypatch.setattr(thinning, "LIMIT", 400)
     parts = run("estimate", log, "--config", config, "--out", tmp_path / "parts", "--format", suffix, "--json")
@@ -204,7 +203,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
 
 def test_a_wrong_unit_is_found_before_anything_is_written(tmp_path, monkeypatch):
     log, config = write_log(tmp_path, 3000, wrong_unit=True)
-    monkeypatch.setattr(readers, "BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     done = run("estimate", log, "--config", config, "--out", tmp_path / "new" / "out")
     assert done.exit_code == 1

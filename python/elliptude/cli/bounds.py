@@ -20,14 +20,14 @@ from elliptude.cli.options import Force, refuse_to_replace, require_finite
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.base import open_log
+from elliptude.io.readers.open import open_log
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import PRESETS, Tables
 from elliptude.proposal.proposals import Proposal, Quantiles
-from elliptude.proposal.proposed_rule import rule_tables, sections
+from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
 from elliptude.proposal.starting_configuration import Mode, starting_configuration
 
 _NOTE = (
@@ -117,7 +117,7 @@ def bounds(
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
         _write(rule, proposed, margin, log)
-    suspicious = [str(one) for one in suspicions.of_proposal(rule_tables(proposed, margin))]
+    suspicious = [str(one) for one in suspicions.of_rule(numbers_of(rule_tables(proposed, margin)), stated="proposed")]
     up = None
     if recording.specific_forces is not None:
         up = body_at_rest.up_at_rest(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.rest import rest_rows
 from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
 from elliptude.bounds.stamps import shift
 from elliptude.bounds.windows import (
@@ -25,7 +26,6 @@ from elliptude.bounds.windows import (
     gravity_bounds_over_windows,
 )
 from elliptude.io.toml import Model, Number, read_toml
-from elliptude.proposal.proposals import rest_rows
 from elliptude.typing import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]

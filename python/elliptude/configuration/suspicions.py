@@ -11,7 +11,6 @@ from typing import Any
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration, GyroFlow, HandHeldRule
 from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWindowBound
-from elliptude.proposal.proposed_rule import RuleTables
 
 
 @dataclass(frozen=True)
@@ -75,12 +74,6 @@ def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated")
     # A rule may be without a magnetometer.
     tables = {name: table for name, table in numbers.items() if name in names and table is not None}
     return [one for name, table in tables.items() for one in _of_table(name, table, name, stated)]
-
-
-def of_proposal(tables: RuleTables) -> list[Suspicion]:
-    """What is suspicious in a rule that was proposed from a recording."""
-    numbers = {name: {key: one.value for key, one in table.items()} for name, table in tables.items()}
-    return of_rule(numbers, stated="proposed")
 
 
 def of_configuration(configuration: Configuration) -> list[Suspicion]:

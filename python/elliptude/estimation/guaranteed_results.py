@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.bounds.rest import rest_rows
 from elliptude.configuration.configuration import Configuration, GyroFlow
 from elliptude.configuration.rules import hand_held
 from elliptude.estimation import gaps
@@ -15,7 +16,6 @@ from elliptude.estimation.why_no_set import why_no_set
 from elliptude.io import tables
 from elliptude.io.tables import Column, Results, names_of_chosen
 from elliptude.logs.log import Log
-from elliptude.proposal.proposals import rest_rows
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 

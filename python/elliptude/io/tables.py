@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.base import CsvTable, ParquetTable, Table, require_columns
+from elliptude.io.readers.arrow import Table
+from elliptude.io.readers.base import require_columns
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.parquet import ParquetTable
 from elliptude.typing import Chart, FloatArray
 
 VERSION = 1

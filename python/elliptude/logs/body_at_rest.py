@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude import units
+from elliptude.bounds.rest import rest_rows
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.sensors import Magnetometer
 from elliptude.logs.log import Log
-from elliptude.proposal.proposals import rest_rows
 from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]

@@ -19,7 +19,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import field_at_start
 from elliptude.io import tables
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.base import Cells, LogFile, open_log, require_columns
+from elliptude.io.readers.base import Cells, LogFile, require_columns
+from elliptude.io.readers.open import open_log
 from elliptude.logs import log as logs
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
@@ -36,7 +37,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     Parameters
     ----------
     source : path-like
-        In a format of `elliptude.io.readers.base.open_log`.
+        In a format of `elliptude.io.readers.open.open_log`.
     target : path-like
         Ends in ``.csv``, ``.parquet`` or ``.npz``. An NPZ file holds all streams, the others one.
     stream : str, optional

@@ -30,7 +30,8 @@ from elliptude.configuration.sensors import (
     rotation_of_axes,
 )
 from elliptude.io.files import FileError
-from elliptude.io.readers.base import LogFile, open_log, require_columns
+from elliptude.io.readers.base import LogFile, require_columns
+from elliptude.io.readers.open import open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
 from elliptude.typing import FloatArray
@@ -113,7 +114,7 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
     Parameters
     ----------
     path : path-like
-        In a format of `elliptude.io.readers.base.open_log`.
+        In a format of `elliptude.io.readers.open.open_log`.
     configuration : Configuration
 
     Returns

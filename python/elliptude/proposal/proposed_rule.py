@@ -175,6 +175,11 @@ def _offset_bound(delay: DelayProposal, margin: float) -> float:
     return margin * (delay.scatter + 0.5 * delay.step)
 
 
+def numbers_of(tables: RuleTables) -> dict[str, dict[str, Any]]:
+    """The tables without how their numbers were got."""
+    return {name: {key: one.value for key, one in table.items()} for name, table in tables.items()}
+
+
 def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
     """The tables as TOML, each number with its comment."""
     result: dict[str, tomlkit.items.Table] = {}
