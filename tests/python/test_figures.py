@@ -6,11 +6,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 from elliptude import estimation, logs, simulation
-from elliptude.cli.simulate import configuration_tables
 from elliptude.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.report import figures
 from elliptude.simulation import fermi, scenarios
+from elliptude.simulation.configured import configuration_tables
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ import time
 import numpy as np
 import pytest
 from elliptude import cli, estimation, logs, simulation
-from elliptude.cli.simulate import configuration_tables
 from elliptude.configuration import Configuration
 from elliptude.estimation.summary import Summary
 from elliptude.io import tables
@@ -19,6 +18,7 @@ from elliptude.io.files import FileError
 from elliptude.logs import plausibility
 from elliptude.report import figures, thinning
 from elliptude.simulation import scenarios
+from elliptude.simulation.configured import configuration_tables
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

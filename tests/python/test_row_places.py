@@ -113,12 +113,12 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
 
         watched(estimator, "run_guaranteed")
         watched(estimate, "write_columns")
-        watched(estimate, "_finish")
+        watched(estimate, "finish")
         estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
     assert shown == [
         ("run_guaranteed", "Estimating", 3000, False),
         ("write_columns", "Writing", 3000, False),
-        ("_finish", "Writing", 3000, False),
+        ("finish", "Writing", 3000, False),
     ]
 
 
