@@ -339,7 +339,7 @@ def test_first_order_from_a_users_csv_to_results(tmp_path):
     arguments = ["estimate", str(log), "--config", str(config), "--out", str(out)]
     done = CliRunner().invoke(cli.make_app(), arguments)
     assert done.exit_code == 0, done.output
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     # The field's horizontal part points north, so the attitudes are those of the recording.
     errors = Rotation.from_quat(results.quaternions, scalar_first=True).inv() * attitude(results.times)
     # Accelerations of up to 1.5 m/s² lean the vertical by up to 8.7 degrees.

@@ -32,9 +32,9 @@ _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 class GuaranteedRun:
     """What the guaranteed filter made of a log."""
 
-    measured: Log
-    """What it is of."""
-    log: GuaranteedLog
+    log: Log
+    """What it is of, as measured."""
+    sets: GuaranteedLog
     """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
@@ -53,7 +53,7 @@ class GuaranteedRun:
         return self.rows.contradictions
 
     def sensors(self) -> tuple[str, ...]:
-        """Names of the columns of ``log.dropped``."""
+        """Names of the columns of ``sets.dropped``."""
         return (*self.rows.names, "rate", "attitude")
 
 
@@ -102,8 +102,8 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
     return GuaranteedRun(
-        measured=measured,
-        log=guaranteed,
+        log=measured,
+        sets=guaranteed,
         rows=rows,
         tilt_bounds=_tilt_bounds(guaranteed, rows),
         starts_heading=starts_heading,
@@ -171,7 +171,7 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
     """True attitudes (N, 3, 3), their heading counted from the first row as the run's is; NaN if that is not known."""
-    up, estimated = run.rows.directions[0, 0], run.log.attitudes[0]
+    up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
     sine = float(np.linalg.norm(axis))
