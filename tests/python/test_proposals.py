@@ -15,7 +15,8 @@ from elliptude.configuration.rules import apply_rule, hand_held, read_rule
 from elliptude.io import tables
 from elliptude.proposal import proposals
 from elliptude.proposal.proposals import Recording
-from elliptude.proposal.proposals import angles_between as angle_between
+from elliptude.proposal.vectors import angles_between as angle_between
+from elliptude.proposal.vectors import propose_vector
 from recordings import broad_recording
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -94,9 +95,7 @@ def test_misalignment_is_found_where_poses_differ():
     attitudes = Rotation.random(200, random_state=2)
     turn = Rotation.from_rotvec([0.02, -0.03, 0.01])
     vectors = turn.inv().apply(attitudes.inv().apply([0.0, 0.0, 9.80665])) + 0.001 * draws.standard_normal((200, 3))
-    found = proposals.propose_vector(
-        vectors, np.ones(200, dtype=bool), attitudes.as_quat(scalar_first=True), [0.0, 0.0, 9.80665]
-    )
+    found = propose_vector(vectors, np.ones(200, dtype=bool), attitudes.as_quat(scalar_first=True), [0.0, 0.0, 9.80665])
     assert found.misalignment == pytest.approx(turn.magnitude(), rel=0.01)
     assert found.aligned_rest.maximum < 0.001
     assert found.angle_rest.half > 0.01

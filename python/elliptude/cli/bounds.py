@@ -26,9 +26,10 @@ from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
-from elliptude.proposal.proposals import Proposal, Quantiles
+from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
 from elliptude.proposal.starting_configuration import Mode, starting_configuration
+from elliptude.proposal.statistics import Quantiles
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
