@@ -15,12 +15,10 @@ from elliptude.gyro_bounds import GyroBounds
 from elliptude.logs import Log, interval_rates
 from elliptude.results import CLAIMS, FloatArray, GuaranteedLog
 
-CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
+CONDITIONAL = CLAIMS.index("conditional")
 
 # rad/s: where the bias is an error like noise, the state's is zero, and this is as good.
 _NO_BIAS = 1e-9
-# s of a clock of its own, on which a known turn takes no time; a power of two, so that products with it are exact.
-_INSTANT = 2.0**-30
 # rad; a bound so near to half a turn says next to nothing.
 _NEXT_TO_NOTHING = 0.75 * np.pi
 # Of a turn that is integrated over n steps, rad: rounding in each, and of each radian that they turn.
@@ -280,81 +278,28 @@ def _run_from_anchors(
     start: elliptude.StateEllipsoid | None,
     duration: float,
 ) -> GuaranteedLog:
-    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6.
-
-    The filter's clock is its own: a known turn takes an instant of it, and then, at rest with a noise of 1 rad/s, the
-    bound of the turn's angle, whatever that is, passes as time.
-    """
+    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6."""
+    assert isinstance(configuration.flow, GyroFlow)
     assert log.rates is not None
     assert rows.gyro is not None
-    count, m = len(log.times), len(rows.names)
     turns = rows.gyro.anchored_turns(log.times, log.rates - rows.bias, duration)
+    anchors = turns.anchors.copy()
+    anchors[0] = -1
     spans = log.times - log.times[turns.anchors]
-    steps = np.arange(count) - turns.anchors
-    rotation_vectors = turns.rates * spans[:, None]
-    angles = turns.angles + _ROUNDING * (steps + turns.turned)
-    # In a gap the angle may be of any turn, and the flow's largest rate does for it what the noise does elsewhere.
-    flow = elliptude.GuaranteedGyroFlow(1.0, largest_rate=1.0)
-    measured = rows.angles < _NEXT_TO_NOTHING
-    result = GuaranteedLog(
-        times=log.times,
-        attitudes=np.full((count, 3, 3), np.nan),
-        vectors=np.full((count, 3), np.nan),
-        shapes=np.full((count, 6, 6), np.nan),
-        claims=np.full(count, NO_SET, dtype=np.uint8),
-        prediction_used=np.zeros(count, dtype=np.bool_),
-        updated=np.asarray(measured.any(axis=1)),
-        dropped=np.zeros((count, m + 2), dtype=np.bool_),
-        margins=np.full(count, np.nan),
+    steps = np.arange(len(log.times)) - turns.anchors
+    attitude_filter = _filter(
+        gyro_flow(rows.gyro, configuration.flow), start, float(log.times[0]), _NO_BIAS, False, configuration
     )
-    anchor = _filter(flow, start, 0.0, _NO_BIAS, False, configuration)
-    here = anchor
-    for k in range(count):
-        try:
-            if k > 0:
-                if turns.anchors[k] != turns.anchors[k - 1]:
-                    anchor = here
-                here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-                here._resume(
-                    anchor.ellipsoid,
-                    anchor._vector,
-                    anchor._rests_on_drops,
-                    anchor._agreeing_updates,
-                    anchor._disputed_updates,
-                )
-                if turns.over_gap[k]:
-                    here.predict(angles[k], gyro=np.full(3, np.nan))
-                else:
-                    here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
-                    here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
-            if result.updated[k]:
-                update = here.update(
-                    rows.directions[k, measured[k]],
-                    rows.references[k, measured[k]],
-                    rows.angles[k, measured[k]],
-                    sensors=np.flatnonzero(measured[k]).astype(str).tolist(),
-                )
-                result.dropped[k, [int(i) for i in update.dropped]] = True
-                result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin
-            else:
-                result.prediction_used[k] = here.knows_attitude
-        except elliptude.InconsistentMeasurement as error:
-            sensor = rows.names[int(error.sensor)] if error.sensor else ""
-            raise elliptude.InconsistentMeasurement(
-                f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
-                f"or each other (margin {error.margin:.3g}); some bound is wrong",
-                error.margin,
-                float(log.times[k]),
-                sensor,
-                k,
-            ) from error
-        except ValueError as error:
-            raise elliptude.RowError(str(error), k) from error
-        result.claims[k] = CLAIMS.index(here.claim)
-        if (ellipsoid := here.ellipsoid) is not None:
-            result.attitudes[k], result.vectors[k] = ellipsoid.attitude, ellipsoid.vector
-            result.shapes[k] = ellipsoid.shape
-    return result
+    return attitude_filter.run_turns(
+        log.times,
+        turns.rates * spans[:, None],
+        turns.angles + _ROUNDING * (steps + turns.turned),
+        anchors=anchors,
+        directions=rows.directions,
+        reference=rows.references,
+        bounds=np.where(rows.angles < _NEXT_TO_NOTHING, rows.angles, np.nan),
+        sensors=rows.names,
+    )
 
 
 def _tilt_bounds(log: GuaranteedLog, rows: DirectionRows) -> FloatArray | None:
