@@ -21,6 +21,7 @@
 
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
 #include "elliptude/attitude/wahba_set.hpp"
 

@@ -3,7 +3,7 @@
 /// \file
 /// State ellipsoids as Python has them.
 
-#include <elliptude/attitude/state.hpp>
+#include <elliptude/attitude/state_ellipsoid.hpp>
 
 #include "arrays.hpp"
 

@@ -3,17 +3,10 @@
 /// \file
 /// The rigid body: its inertia and what follows from it (paper, §2.3.1). SI units, body axes.
 
-#include "elliptude/base/so3.hpp"
+#include "elliptude/attitude/state.hpp"
 #include "elliptude/linear/factorization.hpp"
 
 namespace elliptude {
-
-/// Attitude C (body to reference) and angular velocity ω (rad/s, body axes).
-template <typename Scalar>
-struct RigidBodyState {
-  Matrix3<Scalar> attitude;
-  Vector3<Scalar> angular_velocity;
-};
 
 /// An inertia that a mass distribution can have. Made by `make`, so that it is valid wherever it is met.
 template <typename Scalar>

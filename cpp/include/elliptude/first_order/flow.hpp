@@ -9,7 +9,7 @@
 ///
 /// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
 
-#include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
 namespace elliptude {

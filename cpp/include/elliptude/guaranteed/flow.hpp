@@ -11,7 +11,7 @@
 ///
 /// the second for when nothing is known of the attitude.
 
-#include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
 

@@ -3,7 +3,7 @@
 /// \file
 /// Measurements with bounded errors, and the ellipsoid that they measure (paper, §2.3.3 and §3.2), to first order.
 
-#include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
 #include "elliptude/sets/quadric.hpp"
 

@@ -4,7 +4,7 @@
 /// An ellipsoid about two, and what a prediction leaves of it: for measurements of which some may be wrong. (theory, section
 /// 16.10)
 
-#include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 
 namespace elliptude {
