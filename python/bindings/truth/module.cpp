@@ -2,8 +2,7 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
-#include "extrapolation.hpp"
-#include "module.hpp"
+#include "truth/extrapolation.hpp"
 
 namespace elliptude::python {
 
@@ -11,7 +10,7 @@ namespace {
 
 template <typename Scalar>
 [[nodiscard]] truth::Vector<Scalar> vector_at(const double* data) {
-  return {data[0], data[1], data[2]};
+  return {Scalar(data[0]), Scalar(data[1]), Scalar(data[2])};
 }
 
 template <typename Scalar>
@@ -51,9 +50,10 @@ template <typename Scalar, typename MotionOf>
       const truth::Matrix<Scalar> attitude0 = matrix_at<Scalar>(attitude[i]);
       const truth::Vector<Scalar> rate = vector_at<Scalar>(angular_velocity[i]);
       truth::State<Scalar> state{1, 0, 0, 0, rate[0], rate[1], rate[2]};
-      Scalar step = rows > 1 ? time[1] - time[0] : 0;
+      Scalar step(rows > 1 ? time[1] - time[0] : 0);
       for (Index k = 0; k < rows; ++k) {
-        if (k > 0 && !truth::integrate<Scalar>(motion_of(i, k - 1), time[k - 1], time[k], step, state)) {
+        if (k > 0 &&
+            !truth::integrate<Scalar>(motion_of(i, k - 1), Scalar(time[k - 1]), Scalar(time[k]), step, state)) {
           throw std::overflow_error("the motion" + place(leading, i) + " cannot be integrated from " +
                                     text(time[k - 1]) + " s to " + text(time[k]) + " s");
         }
@@ -95,9 +95,14 @@ template <typename Calculate>
   return in_precision(precise, [&](auto zero) {
     using Scalar = decltype(zero);
     const truth::Matrix<Scalar> j = matrix_at<Scalar>(moments[0]);
-    truth::RigidBodyMotion<Scalar> motion{
-        j, truth::inverse(j), vector_at<Scalar>(center[0]), mean_motion, of_orbit, vector_at<Scalar>(wheels[0]), {},
-        {}};
+    truth::RigidBodyMotion<Scalar> motion{j,
+                                          truth::inverse(j),
+                                          vector_at<Scalar>(center[0]),
+                                          Scalar(mean_motion),
+                                          Scalar(of_orbit),
+                                          vector_at<Scalar>(wheels[0]),
+                                          {},
+                                          {}};
     return motions<Scalar>(at, attitude0, rate0, leading, [&](Index i, Index k) {
       motion.attitude0 = matrix_at<Scalar>(attitude0[i]);
       motion.torque = vector_at<Scalar>(torques[i] + 3 * k);
@@ -123,15 +128,21 @@ template <typename Calculate>
 }
 
 }  // namespace
+}  // namespace elliptude::python
 
-void define_truth(py::module_& module) {
+PYBIND11_MODULE(_truth, module) {
+  using namespace elliptude::python;
   using namespace py::literals;
 
+  py::options options;
+  options.disable_function_signatures();
+  module.doc() = "True motions to judge the estimators by; nothing here is of the core.";
+
   module.def(
-      "_true_motion", &true_motion, "times"_a, "attitude"_a, "angular_velocity"_a, "inertia"_a, py::kw_only(),
+      "motion", &true_motion, "times"_a, "attitude"_a, "angular_velocity"_a, "inertia"_a, py::kw_only(),
       "weighted_center"_a = py::none(), "orbit_rate"_a = 0.0, "eccentricity"_a = 0.0, "wheel_momentum"_a = py::none(),
       "torque"_a = py::none(), "precise"_a = false,
-      R"(_true_motion(times, attitude, angular_velocity, inertia, *, weighted_center=None, orbit_rate=0.0, eccentricity=0.0, wheel_momentum=None, torque=None, precise=False)
+      R"(motion(times, attitude, angular_velocity, inertia, *, weighted_center=None, orbit_rate=0.0, eccentricity=0.0, wheel_momentum=None, torque=None, precise=False)
 --
 
 The continuous motion of rigid bodies to 1e-13 an interval, by code that shares nothing with the filter.
@@ -169,13 +180,11 @@ Raises
 ArithmeticError
     OverflowError, if numbers grow beyond bounds or no step is short enough.
 )");
-  module.def("_true_rotation", &true_rotation, "times"_a, "attitude"_a, "angular_velocity"_a, "angular_acceleration"_a,
+  module.def("rotation", &true_rotation, "times"_a, "attitude"_a, "angular_velocity"_a, "angular_acceleration"_a,
              py::kw_only(), "precise"_a = false,
-             R"(_true_rotation(times, attitude, angular_velocity, angular_acceleration, *, precise=False)
+             R"(rotation(times, attitude, angular_velocity, angular_acceleration, *, precise=False)
 --
 
-As `_true_motion`, of bodies whose angular acceleration is given: (..., n - 1, 3), rad/s², body axes, constant in each interval.
+As `motion`, of bodies whose angular acceleration is given: (..., n - 1, 3), rad/s², body axes, constant in each interval.
 )");
 }
-
-}  // namespace elliptude::python
