@@ -523,24 +523,3 @@ def measured_state(
     rate_bound: ArrayLike,
     weights: ArrayLike | None = None,
 ) -> StateEllipsoid: ...
-def _true_motion(
-    times: ArrayLike,
-    attitude: AttitudeLike,
-    angular_velocity: ArrayLike,
-    inertia: ArrayLike,
-    *,
-    weighted_center: ArrayLike | None = None,
-    orbit_rate: float = 0.0,
-    eccentricity: float = 0.0,
-    wheel_momentum: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    precise: bool = False,
-) -> tuple[_Floats, _Floats]: ...
-def _true_rotation(
-    times: ArrayLike,
-    attitude: AttitudeLike,
-    angular_velocity: ArrayLike,
-    angular_acceleration: ArrayLike,
-    *,
-    precise: bool = False,
-) -> tuple[_Floats, _Floats]: ...

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude import _core, scenarios
+from elliptude import _core, _truth, scenarios
 from elliptude.adversary import INSIDE, Case, Errors, Motion, Plant, Starts
 from elliptude.results import FloatArray
 from elliptude.scenarios import Scenario
@@ -63,7 +63,7 @@ class RigidBodyPlant:
                 orbit_rate = potential.orbit_rate
             case _:
                 assert_never(potential)
-        attitudes, rates = _core._true_motion(
+        attitudes, rates = _truth.motion(
             _times(self, errors),
             attitudes,
             rates,
@@ -167,7 +167,7 @@ class GyroPlant:
             rate = (starts.rates + biases).astype(_LONG) - biases
             attitudes, rates = _turned(attitudes, rate, times), np.repeat(rate[:, None], len(times), axis=1)
         else:
-            attitudes, rates = _core._true_rotation(
+            attitudes, rates = _truth.rotation(
                 times, attitudes, starts.rates, self.angular_acceleration * accelerations
             )
         added = np.cumsum(self.interval * self.drift * drifts, axis=1)
