@@ -2,9 +2,9 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <elliptude/guaranteed_filter.hpp>
+#include <elliptude/guaranteed/filter.hpp>
 
-#include "random.hpp"
+#include "support/random.hpp"
 
 using namespace elliptude;
 using namespace elliptude::testing;
