@@ -5,7 +5,7 @@
 /// interpreter's lock, so that loops can fail without it.
 
 #include <cstddef>
-#include <elliptude/status.hpp>
+#include <elliptude/base/status.hpp>
 #include <limits>
 #include <stdexcept>
 #include <string>
