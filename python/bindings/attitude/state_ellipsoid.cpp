@@ -174,7 +174,7 @@ ValueError
 [ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3), in the Gibbs chart [γ; δ]ᵀ P⁻¹ [γ; δ]: at most 1 inside.
 
 What a GuaranteedFilter with `estimate_vector=False` reports is two sets in one shape, the attitude's and the vector's, with zeros
-between. Of a state that is in both the form is the sum of the two sets' forms, up to 2.
+between. The form of a state that is in both is the sum of the two sets' forms, up to 2.
 )")
       .def(
           "contains",

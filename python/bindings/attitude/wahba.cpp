@@ -169,7 +169,7 @@ using Directions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
   return name == "trace" ? WahbaCriterion::trace : WahbaCriterion::volume;
 }
 
-/// Of the sums of cones that `minimal_wahba_set` tries, the one with the least margin.
+/// The sum of cones with the least margin among those that `minimal_wahba_set` tries.
 [[nodiscard]] Status tightest_cone_sum(const Directions& e, const Directions& b, const Eigen::VectorXd& bounds,
                                        WahbaCriterion criterion, ConeSum<double>& sum) {
   DirectionCones<double> cones;
@@ -320,7 +320,7 @@ If the angle between Cᵀeᵢ and b̃ᵢ is at most rᵢ for each direction, the
 and rounding is on the safe side. Weights decide only how large the set is. (theory, section 15)
 
 Directions are rows. They need not be of unit length: only their direction counts. The leading shapes of all arguments
-broadcast. Of a batch, the first item for which there is no set raises.
+broadcast. In a batch, the first item without a set raises.
 
 Parameters
 ----------

@@ -336,7 +336,7 @@ The rotation nearest to a matrix in the Frobenius norm, its orthogonal polar fac
 Parameters
 ----------
 matrix : array_like, shape (..., 3, 3)
-    Of positive determinant.
+    With a positive determinant.
 
 Returns
 -------
@@ -466,7 +466,7 @@ SciPy's own order is (qx, qy, qz, qw).
 Parameters
 ----------
 quaternion : array_like, shape (..., 4)
-    Of any length but zero.
+    Of any length except zero.
 
 Returns
 -------

@@ -549,7 +549,7 @@ mode : {'first_order', 'paper'}
 criterion : {'trace', 'weighted_trace', 'volume'}
     What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
 weight : (6, 6) array_like, optional
-    Of the weighted trace, symmetric positive definite.
+    The weight of the trace, symmetric positive definite.
 )")
       .def(py::init<py::object, const AnyStateEllipsoid&, const py::object&, std::string, std::string,
                     const py::object&>(),
@@ -613,7 +613,7 @@ directions : (m, 3) array_like
 reference : (m, 3) array_like
     The same directions in reference axes.
 bounds : float, (m,) or (m, 3, 3) array_like
-    Of the direction errors: angles in rad, or shapes in rad².
+    Bounds of the direction errors: angles in rad, or shapes in rad².
 weights : (m,) array_like, optional
     In Wahba's problem.
 angular_velocity : (3,) array_like, optional

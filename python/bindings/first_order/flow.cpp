@@ -49,7 +49,7 @@ potential : a potential, optional
 step : float
     The longest step, s; an interval is divided into the fewest equal steps that are no longer.
 order : {2, 4, 6, 8}
-    Of the integrator.
+    Order of the integrator.
 unknown_torque : float or (3, 3) array_like, optional
     A torque beside those known, constant over each step and anything in a ball of this radius (N m) or an ellipsoid of
     this shape ((N m)²) from step to step.

@@ -29,7 +29,7 @@ time : float
 criterion : {'volume', 'trace', 'weighted_trace'}
     What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
 weight : (6, 6) array_like, optional
-    Of the weighted trace, symmetric positive definite.
+    The weight of the trace, symmetric positive definite.
 policy : {'raise', 'drop_measurement', 'restart', 'relaxed'}
     What to do with measurements that no predicted state can have caused, which proves that some bound is wrong. 'raise' raises;
     'drop_measurement' leaves out as few as make the rest agree; 'restart' forgets the prediction; 'relaxed' lets `most_wrong`
@@ -44,7 +44,7 @@ vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of t
     The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
     about a center.
 estimate_vector : bool
-    Of a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
+    For a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
     sets, predicted and fused by themselves, are smaller. The shape then holds two sets, the attitude's and the bound of the
     bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers, whose form may be up to 2 for it
     (`StateEllipsoid.quadratic_form`, `contains`, `GuaranteedLog.forms` with vectors).
@@ -164,7 +164,7 @@ directions : (m, 3) array_like
 reference : (m, 3) array_like
     The same directions in reference axes.
 bounds : float, (m,) or (m, 3, 3) array_like
-    Of the direction errors: angles in rad, below pi, or shapes in rad².
+    Bounds of the direction errors: angles in rad, below pi, or shapes in rad².
 angular_velocity : (3,) array_like, optional
     rad/s, body axes; for a GuaranteedRigidBodyFlow.
 rate_bound : float or (3, 3) array_like
@@ -172,7 +172,7 @@ rate_bound : float or (3, 3) array_like
 attitude : (3, 3) array_like or scipy Rotation, optional
     A whole attitude, as a star tracker gives it: C = C̃ exp(S(ν)).
 attitude_bound : float or (3, 3) array_like
-    Of ν: an angle in rad, below pi, or a shape in rad².
+    Bound of ν: an angle in rad, below pi, or a shape in rad².
 sensors : sequence of str, optional
     Names for messages and for what is dropped: of the directions, or of these, the angular velocity and the attitude as far as
     they are given. Without names a direction is its index, and the others are 'angular_velocity' and 'attitude'.

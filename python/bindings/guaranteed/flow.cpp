@@ -172,7 +172,7 @@ interval_rate : {'mean_of_ends', 'first_sample', 'mean'}
     What the rate given for an interval is: the mean of the samples at its ends, the sample at its beginning, or the mean over
     the interval, from a gyro that integrates.
 longest_interval : float, optional
-    The longest interval that a rate and the bounds above speak of, s; any, if omitted. Of a longer one, or of one whose rate is
+    The longest interval that a rate and the bounds above cover, s; any, if omitted. About a longer one, or one whose rate is
     NaN, nothing is known but `largest_rate`.
 largest_rate : float, optional
     Largest length of ω at every time, rad/s: over an interval that nothing speaks of the set grows by this times the duration.

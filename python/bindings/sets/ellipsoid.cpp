@@ -406,7 +406,7 @@ shift : array_like, shape (m,), optional
 Returns
 -------
 Ellipsoid
-    Of dimension m; flat if T has not full row rank.
+    The image, of dimension m; flat if T does not have full row rank.
 
 Raises
 ------
@@ -520,7 +520,7 @@ By how much two ellipsoids overlap.
 Parameters
 ----------
 first, second : Ellipsoid
-    Of the same dimension. One of them may be flat.
+    Ellipsoids of the same dimension. One of them may be flat.
 
 Returns
 -------

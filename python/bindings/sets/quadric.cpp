@@ -272,7 +272,7 @@ shift : array_like, shape (n,), optional
 Returns
 -------
 Quadric
-    Of dimension m.
+    The quadric seen in these coordinates, of dimension m.
 
 Raises
 ------
@@ -324,7 +324,7 @@ Parameters
 ----------
 first : Ellipsoid
 second : Ellipsoid or Quadric
-    Of the same dimension n. One of two ellipsoids may be flat, and a quadric unbounded.
+    Of the same dimension n as `first`. One of two ellipsoids may be flat, and a quadric unbounded.
 criterion : {'trace', 'volume'}
     What is made small: tr(W P), or the volume.
 weight : array_like, shape (n, n), optional

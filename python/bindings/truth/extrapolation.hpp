@@ -106,7 +106,7 @@ struct RigidBodyMotion {
   Vector<Scalar> weighted_center;
   /// n in rad/s, the mean motion of an orbit that is at its perigee, (1, 0, 0), at time 0, and turns about (0, 0, 1).
   Scalar orbit_rate;
-  /// Of the orbit, below 1; 0 is a circle, with the radial direction (cos nt, sin nt, 0).
+  /// Eccentricity of the orbit, below 1; 0 is a circle, with the radial direction (cos nt, sin nt, 0).
   Scalar eccentricity;
   /// h in N m s, of wheels that keep it, body axes.
   Vector<Scalar> wheel_momentum;

@@ -162,9 +162,9 @@ weighted_center : (3,) array_like, optional
 orbit_rate : float
     n of a gravity gradient, rad/s; the radial direction is (cos nt, sin nt, 0).
 eccentricity : float
-    Of the orbit, which is at its perigee, (1, 0, 0), at time 0, with the mean motion n; at most 0.9.
+    Eccentricity of the orbit, which is at its perigee, (1, 0, 0), at time 0, with the mean motion n; at most 0.9.
 wheel_momentum : (3,) array_like, optional
-    Of wheels that keep it, N m s, body axes.
+    Angular momentum of wheels that keep it, N m s, body axes.
 torque : (..., n - 1, 3) array_like, optional
     N m, body axes, constant in each interval.
 precise : bool

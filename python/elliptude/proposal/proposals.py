@@ -1,8 +1,8 @@
 """Bounds proposed from a recording: how large errors and motions were in it, as quantiles and maxima.
 
-What was seen in one recording is no promise about the next: a quantile, a maximum and either with a margin are all
+What one recording showed is no promise about the next. A quantile, a maximum, and either with a margin, are all
 *proposals*, places to start from. A guarantee needs a reason that the number cannot be exceeded: a datasheet, the size
-of a room, the speed of an arm. Nothing here is called more than it is. Arrays in, dataclasses out; NumPy and SciPy.
+of a room, the speed of an arm. Arrays in, dataclasses out; needs NumPy and SciPy.
 """
 
 from collections.abc import Callable
@@ -21,17 +21,17 @@ from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
-"""Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""
+"""Windows over which the gyro's turn is compared with the reference's, s; up to a quarter of the recording."""
 _LONGEST_INCREMENT_S = 16.0
-# A scale error is said where it is known with this standard error: what turns too little about some axis tells nothing.
+# A scale error is proposed only if its standard error is at most this: a body must turn enough about all axes.
 _SCALE_WITHIN = 0.01
-# s; a rest is cut into pieces so long, and what is averaged is averaged over one.
+# s; a rest is cut into pieces of this length, and averages are over one piece.
 _PIECE_S = 0.5
 
 
 @dataclass(frozen=True)
 class Quantiles:
-    """How large a number was in a recording. Not one of them bounds what another recording holds."""
+    """How large a number was in one recording. None of these bounds it in another."""
 
     count: int
     half: float
@@ -43,7 +43,7 @@ class Quantiles:
 
 
 def quantiles(values: ArrayLike) -> Quantiles | None:
-    """Quantiles of what is finite among the values, shape (N,); None where nothing is."""
+    """Quantiles of the finite values, shape (N,); None if there are none."""
     array = np.asarray(values, dtype=np.float64)
     array = array[np.isfinite(array)]
     if not len(array):
@@ -57,16 +57,16 @@ def quantiles(values: ArrayLike) -> Quantiles | None:
 
 @dataclass(frozen=True, eq=False)
 class GyroProposal:
-    """What a recording shows of its gyro; rad, s."""
+    """What a recording shows about its gyro; rad, s."""
 
     bias: FloatArray | None
     """Mean over rest, shape (3,); without rest the mean against the reference, and None without that."""
     bias_spread: Quantiles | None
-    """Of a piece at rest, its mean's distance from the bias: what the bias did in this recording."""
+    """Distance of the mean of a piece at rest from the bias: how the bias moved in this recording."""
     noise: Quantiles | None
     """At rest, a sample's distance from the bias."""
     speed: Quantiles | None
-    """Of the rate without the bias."""
+    """Norm of the rate without the bias."""
     rate_error: Quantiles | None
     """Against the reference's increments over 0.05 s or one row, whichever is longer; its jitter is in it."""
     window_angles: dict[float, Quantiles | None]
@@ -76,13 +76,13 @@ class GyroProposal:
     recording hardly turns about some axis."""
     sums_rest: Quantiles | None
     """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate
-    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so
+    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most this
     long, explain what was seen there."""
     unexplained: Quantiles | None
-    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the error of
+    """For the windows above of up to 16 s: what ``bias_spread`` and ``scale_error`` leave unexplained in the error of
     the turn, rad; the reference's jitter is in it. None without a reference."""
     longest_interval: float = np.inf
-    """Between samples, s: 1.5 times the usual one. All of the above is of intervals up to it, and of no window over a
+    """Between samples, s: 1.5 times the usual one. All of the above is from intervals up to it, from no window over a
     longer one."""
 
 
@@ -108,7 +108,7 @@ def propose_gyro(
     attitudes : (N, 4) array, optional
         The reference (qw, qx, qy, qz), from body to reference axes; NaN where there is none.
     delay : float
-        How late the gyro is against the reference, s; it is taken out before they are compared.
+        How late the gyro is against the reference, s; it is removed before they are compared.
     piece : float
         How long a piece of rest is for the bias's spread, s.
 
@@ -137,7 +137,7 @@ def propose_gyro(
         finite = _finite(rates)
         rows = max(round(0.05 / step), 1)
         shown, true = _increments(stamps, rates, reference, known, rows)
-        # The reference's jitter spoils short increments; beyond a radian a scale error is more than a factor.
+        # The reference's jitter dominates short increments; beyond a radian a scale error is not just a factor.
         fast = np.quantile(np.linalg.norm(true, axis=1), 0.9) if len(true) else 0.0
         longer = max(round(min(0.5 / max(fast, 1.0), 0.5) / step), 1)
         mean_rates, increments = _increments(stamps, rates, reference, known, longer)
@@ -238,12 +238,12 @@ def _increments(
 
 @dataclass(frozen=True, eq=False)
 class VectorProposal:
-    """What a recording shows of an accelerometer or a magnetometer; the sensor's unit, rad."""
+    """What a recording shows about an accelerometer or a magnetometer; the sensor's unit, rad."""
 
     reference: FloatArray | None
     """The vector in reference axes that is compared with, shape (3,); None without a reference attitude."""
     magnitude: float
-    """Its length: gravity, or the field's median length at rest (of all rows where nothing is at rest)."""
+    """Its length: gravity, or the field's median length at rest (of all rows if nothing is at rest)."""
     norm_rest: Quantiles | None
     """At rest, by how much the length is off."""
     norm_moving: Quantiles | None
@@ -258,7 +258,7 @@ class VectorProposal:
     misalignment: float | None
     """Angle of that turn: how far sensor axes and the reference's body axes seem to differ."""
     averaged_rest: Quantiles | None = None
-    """Of the means over 0.5 s at rest: of the vector against the reference attitude, or without one of the length."""
+    """Error of means over 0.5 s at rest: of the vector against the reference attitude, or without one of its length."""
     scatter_rest: Quantiles | None = None
     """At rest, a sample's distance from the mean over its 0.5 s."""
 
@@ -314,7 +314,7 @@ def propose_vector(
     rest, moving = still & known, finite & known & ~resting
     aligned, misalignment = None, None
     if rest.sum() > 2:
-        # Needs rests in more than one pose to mean something; with one, the turn about the vector stays zero.
+        # This needs rests in more than one pose. With one pose the turn about the vector stays zero.
         turn = _best_turn(expected[rest], rows[rest])
         misalignment = float(turn.magnitude())
         aligned = quantiles(angles_between(turn.apply(rows[rest]), expected[rest]))
@@ -340,7 +340,7 @@ def _with_averages(
     attitudes: FloatArray | None,
     reference: FloatArray | None,
 ) -> VectorProposal:
-    """The proposal with what averages over pieces of rest show."""
+    """The proposal, completed by averages over pieces of rest."""
     still = resting & _finite(rows)
     if not still.any():
         return vector
@@ -357,7 +357,7 @@ def _with_averages(
 
 
 def _best_turn(expected: FloatArray, measured: FloatArray) -> Rotation:
-    """The small turn about which cross products vanish in the mean, by least squares of least length; iterated."""
+    """The small turn after which the mean cross product vanishes, by least squares of least length; iterated."""
     turn = Rotation.identity()
     goal = expected / np.linalg.norm(expected, axis=1, keepdims=True)
     start = measured / np.linalg.norm(measured, axis=1, keepdims=True)
@@ -395,11 +395,11 @@ class DelayProposal:
     delay: float
     """Positive: what the signal shows at a stamp was true that much earlier."""
     pieces: int
-    """How many pieces of the recording moved enough to tell."""
+    """How many pieces of the recording moved enough to show a delay."""
     scatter: float
     """The largest difference between a piece's delay and this one."""
     step: float
-    """Between samples: nothing is known below a part of it."""
+    """The step between samples, which limits how well the delay is known."""
 
 
 def delay_of_rates(
@@ -433,14 +433,14 @@ def delay_of_rates(
     turns = np.full_like(rates, np.nan)
     turns[1:-1] = (reference[:-2].inv() * reference[2:]).as_rotvec() / spans[:, None]
     turns[1:-1][~(known[:-2] & known[2:])] = np.nan
-    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # of a gap the gyro knows nothing
+    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # the gyro knows nothing about a gap
     return _delay(stamps, lambda shifted: rates - shifted, turns, limit, piece)
 
 
 def delay_of_vectors(
     times: ArrayLike, vectors: ArrayLike, angular_velocities: ArrayLike, *, limit: float = 0.1, piece: float = 8.0
 ) -> DelayProposal | None:
-    """How late a vector sensor is against the gyro, no reference needed: b' = -ω × b holds with the ω of then.
+    """How late a vector sensor is against the gyro, without a reference: b' = -ω × b holds with the ω of that time.
 
     For a vector that is constant in space: the magnetic field, or the specific force as far as gravity outweighs
     motion. Arguments are those of `delay_of_rates`.
@@ -454,7 +454,7 @@ def delay_of_vectors(
     rates = np.asarray(angular_velocities, dtype=np.float64)
     if len(stamps) < 3:
         return None
-    # Both sides as a mean over about 0.1 s, or noise drowns the derivative.
+    # Both sides are means over about 0.1 s; otherwise noise hides the derivative.
     half = max(round(0.05 / float(np.median(np.diff(stamps)))), 1)
     if len(stamps) <= 2 * half:
         return None
@@ -513,7 +513,7 @@ def _lowest(shifts: NDArray[np.floating[Any]], costs: NDArray[np.floating[Any]])
     if not np.isfinite(costs).all():
         return None
     n = int(np.argmin(costs))
-    # Flat: no shift makes matters twice as bad as the best one.
+    # Flat: no shift has twice the cost of the best one.
     if n in (0, len(costs) - 1) or costs.max() < 2.0 * costs[n]:
         return None
     left, middle, right = costs[n - 1 : n + 2]
@@ -527,7 +527,7 @@ def _lowest(shifts: NDArray[np.floating[Any]], costs: NDArray[np.floating[Any]])
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording with N rows; what was not measured is None."""
+    """A recording with N rows; None for what was not measured."""
 
     times: FloatArray
     """s, increasing, shape (N,)."""
@@ -545,12 +545,12 @@ class Recording:
 
 @dataclass(frozen=True)
 class StartProposal:
-    """What a recording that starts at rest shows against that rest."""
+    """Differences from the rest at the start, in a recording that starts at rest."""
 
     duration: float
-    """Of the rest, s."""
+    """Length of the rest, s."""
     bias_moved: Quantiles | None
-    """Of a piece at rest anywhere, its mean's distance from the gyro's mean over the rest at the start, rad/s."""
+    """Distance of the mean of a piece at rest anywhere from the gyro's mean over the rest at the start, rad/s."""
     field_moved: Quantiles | None
     """Against the mean field of that rest, its delay taken out, µT: length of the vector difference with a reference
     attitude, without one the difference of the lengths."""
@@ -558,7 +558,7 @@ class StartProposal:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What a recording shows of itself."""
+    """Everything that a recording shows about its errors."""
 
     duration: float
     """s."""
@@ -580,7 +580,7 @@ class Proposal:
 
 
 def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Proposal:
-    """Measure how large errors and motions were in a recording, with its reference attitude where it has one.
+    """Measure how large errors and motions were in a recording, with its reference attitude if it has one.
 
     Parameters
     ----------
@@ -601,9 +601,9 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
             times, rates, forces, duration=0.5, rate_deviation=np.deg2rad(1.0), rate=np.deg2rad(5.0),
             acceleration_deviation=0.5,
         )  # fmt: skip
-        # Nobody knows of a rest across a gap whether it is one.
+        # Whether the body rests across a gap is not known.
         resting[:-1] &= np.diff(times) <= longest_interval_of(np.diff(times), None)
-    # A constant bias says nothing of the delay.
+    # A constant bias says nothing about the delay.
     gyro_delay = None if attitudes is None else delay_of_rates(times, rates, attitudes)
     delay = 0.0 if gyro_delay is None else gyro_delay.delay
     gyro = propose_gyro(times, rates, resting, attitudes, delay=delay)
@@ -633,7 +633,7 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
 
 
 def _against_the_start(recording: Recording, resting: NDArray[np.bool_], late: float) -> StartProposal:
-    """What differs from the rest at the start; ``late`` is the magnetometer's delay against the reference, s."""
+    """Differences from the rest at the start; ``late`` is the magnetometer's delay against the reference, s."""
     times, rates = recording.times, recording.angular_velocities
     begin, end = _spans(times, resting)[0]
     at_start, still = resting & (times <= end), resting & _finite(rates)

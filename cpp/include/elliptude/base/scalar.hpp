@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What a scalar type must bring, and the matrix types that everything is written in.
+/// What a scalar type must provide, and the matrix types of the library.
 ///
 /// `double`, `float` and `long double` work as they are. Another type (a dual number for automatic differentiation, a
 /// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
@@ -141,7 +141,7 @@ template <typename Derived>
   return isfinite(Scalar((entries - entries).sum()));
 }
 
-/// Whether the square of a vector's length has neither overflowed nor lost what counts to underflow.
+/// Whether the square of a vector's length has neither overflowed nor lost digits to underflow.
 template <typename Scalar>
 [[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
   using Limits = std::numeric_limits<Value<Scalar>>;

@@ -99,7 +99,7 @@ struct Functions {
   Scalar cotangent;  ///< (1 − (θ/2) cot(θ/2)) / θ², finite below a full turn
 };
 
-/// What to calculate: a caller pays for what it asks.
+/// Which of them to calculate: a caller pays only for what it needs.
 enum class Want : std::uint8_t { exponential, jacobian, inverse_jacobian };
 
 template <Want want, typename Scalar>

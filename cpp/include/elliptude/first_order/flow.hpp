@@ -152,7 +152,7 @@ class RigidBodyFlow {
   Interruption interruption_;
 };
 
-/// A body of which nothing is known but what its gyro says: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
+/// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
 /// The rate is the input; over an interval, with F = exp(S(h(ω̃ − β̂))),
 ///
 ///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v + ½ h β'),   δβ⁺ = δβ + h β'.   (theory, section 12)

@@ -17,10 +17,10 @@ struct BodyInput {
 
 /// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
 /// acceleration whose integral over the step is at most `rate_defect`.
-/// Rates are known to some ε times the ratio of the largest moment to the least: a needle's, of 1e5, to 1e-11 of themselves.
+/// Rates are known to some ε times the ratio of the largest moment to the least: for a needle with a ratio of 1e5, to 1e-11.
 template <typename Scalar, typename Potential>
 struct MotionSeries {
-  /// Of ω̂. The truncation error is then that of a method of this order.
+  /// Order of ω̂. The truncation error is then that of a method of this order.
   static constexpr int order = 8;
   static constexpr int terms = order + 1;
   using Coefficients = std::array<Vector3<Scalar>, terms>;

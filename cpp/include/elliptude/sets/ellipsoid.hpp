@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2) and what bounds their sums.
+/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2) and bounds of their sums.
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
 #include "elliptude/base/scalar.hpp"
@@ -123,7 +123,7 @@ template <typename Scalar, int N>
   return ellipsoid.shape.diagonal().cwiseSqrt();
 }
 
-/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside. Of a point off the plane of an ellipsoid with a coordinate of no width it is infinite.
+/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside; infinite for a point off the plane of a flat ellipsoid.
 /// \return `not_finite`, `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status quadratic_form(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x,
@@ -200,7 +200,7 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// Of two ellipsoids about zero the sum, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
+/// The sum of two ellipsoids about zero, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
   const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
@@ -252,7 +252,7 @@ template <typename Scalar, int N>
     center += terms[i].center;
     const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
     if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
-      // A term must not be left out for its rounding.
+      // A term must not be lost to rounding.
       return Status::not_positive_definite;
     }
     share[i] = scalar::sqrt(square);

@@ -2,7 +2,7 @@
 
 /// \file
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
-/// quadrics as an ellipsoid is, and what a measurement says of the state is one. (theory, section 7)
+/// quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
 #include "elliptude/sets/intersection.hpp"
 
@@ -25,7 +25,7 @@ struct HalfQuadric {
   Half half;
 };
 
-/// What it says of all six coordinates.
+/// The same as a quadric of all six coordinates.
 template <typename Scalar>
 [[nodiscard]] Quadric<Scalar, 6> extended(const HalfQuadric<Scalar>& half) noexcept {
   const int start = half.half == Half::first ? 0 : 3;
@@ -113,7 +113,7 @@ template <typename Scalar, int N>
 }
 
 /// {z : T z + s in the quadric}: the quadric seen in coordinates y = T z + s, of any dimension. With T a selection of columns
-/// it says of all coordinates what was measured of some.
+/// it turns a measurement of some coordinates into a quadric of all.
 template <typename Scalar, int M, int N>
 [[nodiscard]] Quadric<Scalar, M> pullback(const Quadric<Scalar, N>& quadric, const Matrix<Scalar, N, M>& transform,
                                           const Vector<Scalar, N>& shift) noexcept {

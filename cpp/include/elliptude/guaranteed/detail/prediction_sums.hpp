@@ -12,7 +12,7 @@
 namespace elliptude {
 namespace tube {
 
-/// A growth in a prediction that is never too much.
+/// A growth in a prediction that is always acceptable.
 template <typename Scalar>
 [[nodiscard]] Scalar always_moderate() noexcept {
   return scalar::constant<Scalar>(0.01L);

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The set that measurements of one moment, and what was known before, leave possible: one fusion, with nothing decided about
-/// contradictions. (theory, sections 16.5 to 16.7)
+/// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
+/// about contradictions. (theory, sections 16.5 to 16.7)
 
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/measurement/sensors.hpp"
@@ -31,7 +31,7 @@ struct Solution {
   bool used_prediction;
 };
 
-/// Two blocks and nothing between: of an attitude and of a vector that is left to its bound. Each is a set of its own, and the
+/// Two blocks with zeros between: an attitude's, and that of a vector that is left to its bound. Each is a set of its own, and the
 /// state is in the product of both. (theory, section 16.7)
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> product_shape(const Matrix3<Scalar>& attitude, const Matrix3<Scalar>& vector) noexcept {
@@ -41,7 +41,7 @@ template <typename Scalar>
   return shape;
 }
 
-/// What a criterion says of the attitude alone.
+/// The criterion for the attitude alone.
 template <typename Scalar>
 [[nodiscard]] SizeCriterion<Scalar, 3> attitude_criterion(const SizeCriterion<Scalar, 6>& criterion) noexcept {
   const bool by_volume = criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume;
@@ -49,7 +49,7 @@ template <typename Scalar>
           criterion.weight.template topLeftCorner<3, 3>()};
 }
 
-/// Finds the smallest ellipsoid about what selected measurements, and the past if wanted, leave possible.
+/// Finds the smallest ellipsoid about the states that selected measurements, and the past if wanted, leave possible.
 template <typename State>
 class SetSolver {
  public:
@@ -60,7 +60,7 @@ class SetSolver {
   bool estimates_vector;
   const Measurements<Scalar>& measurements;
 
-  /// Of the past, besides what bounds the vector at all times.
+  /// Whether the past takes part, besides what bounds the vector at all times.
   enum class Past : std::uint8_t { used, forgotten };
 
   /// \param center where the coordinates begin if there is no prediction; null for one by the selected measurements.
@@ -166,7 +166,7 @@ class SetSolver {
       }
       quadrics[count++] = of_attitude(quadric);
     }
-    // A bound that cannot be used must not be missing without a word.
+    // A bound that cannot be used must not be left out silently.
     if (known.has_vector_bound) {
       if (const Status status = add_vector(known.vector_bound.center, known.vector_bound.shape); status != Status::ok) {
         return status;
@@ -186,7 +186,7 @@ class SetSolver {
     return status;
   }
 
-  /// Of the attitude alone: the vector is in its bound, and the state in the product of both sets.
+  /// Solves for the attitude alone: the vector is in its bound, and the state in the product of both sets.
   [[nodiscard]] Status solve_attitude(Sensors selected, bool with_prediction,
                                       Solution<State>& solution) const noexcept {
     if (!known.has_vector_bound) {
