@@ -3,7 +3,7 @@
 `make mutate`, or `.venv/bin/python tools/mutate.py [--only TEXT] [--language cpp|python] [--jobs N]`. The mistakes are
 listed in `tests/mutations/*.toml`:
 
-    file = "cpp/include/elliptude/state.hpp"        what is changed
+    file = "cpp/include/elliptude/attitude/state_ellipsoid.hpp"    what is changed
     tests = ["test_fusion", "test_chart"]           what is run, the likeliest to notice first
 
     [[mutation]]
@@ -195,7 +195,8 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
             used = [Path(used) for used in log.read_text(encoding="utf-8").replace("\\\n", " ").split()[1:]]
             if all(path.exists() and path.stat().st_mtime <= target.stat().st_mtime for path in used):
                 return ""
-        command = [*compiler, *flags, "-MMD", "-MF", str(log), "-c", f"tests/cpp/{name}.cpp", "-o", str(target)]
+        (source,) = (ROOT / "tests" / "cpp").rglob(f"{name}.cpp")
+        command = [*compiler, *flags, "-MMD", "-MF", str(log), "-c", str(source), "-o", str(target)]
         error = run(command, 3600, dict(os.environ), ROOT)
         if not error and name != "main":
             program.unlink(missing_ok=True)
@@ -230,14 +231,14 @@ def package_command(test: str) -> list[str]:
 
 
 def copy_package(folder: Path, place: Place | None) -> None:
-    """The package with its compiled core, and with one mutation."""
+    """The package with its compiled modules, and with one mutation."""
     import elliptude  # the installed one, for its compiled core
 
     target = folder / "elliptude"
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(ROOT / "python" / "elliptude", target, ignore=shutil.ignore_patterns("__pycache__", "_core*.so"))
-    for core in Path(elliptude.__file__).parent.glob("_core*.so"):
-        (target / core.name).symlink_to(core.resolve())
+    shutil.copytree(ROOT / "python" / "elliptude", target, ignore=shutil.ignore_patterns("__pycache__", "_*.so"))
+    for module in Path(elliptude.__file__).parent.glob("_*.so"):
+        (target / module.name).symlink_to(module.resolve())
     if place is not None:
         path = folder / place.mutation.file.removeprefix("python/")
         source = path.read_text(encoding="utf-8")

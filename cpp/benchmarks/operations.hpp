@@ -8,11 +8,11 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <elliptude/guaranteed_filter.hpp>
-#include <elliptude/intersection.hpp>
-#include <elliptude/linearization.hpp>
-#include <elliptude/measurement.hpp>
-#include <elliptude/wahba_set.hpp>
+#include <elliptude/attitude/wahba_set.hpp>
+#include <elliptude/dynamics/linearization.hpp>
+#include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/sets/intersection.hpp>
 #include <random>
 
 namespace elliptude::operations {

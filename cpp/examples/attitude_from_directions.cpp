@@ -1,7 +1,7 @@
 // The attitude from directions that are known in reference axes and measured in body axes: Wahba's problem.
 
 #include <cstdio>
-#include <elliptude/wahba.hpp>
+#include <elliptude/attitude/wahba.hpp>
 
 using elliptude::Status;
 

@@ -2,7 +2,7 @@
 // angular momentum.
 
 #include <cstdio>
-#include <elliptude/integrator.hpp>
+#include <elliptude/dynamics/integrator.hpp>
 
 using elliptude::Status;
 

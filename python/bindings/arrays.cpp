@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 
 #include <algorithm>
-#include <elliptude/so3.hpp>
+#include <elliptude/base/so3.hpp>
 #include <utility>
 
 namespace elliptude::python {

@@ -8,7 +8,7 @@
 #include <pybind11/pybind11.h>
 
 #include <cstdint>
-#include <elliptude/scalar.hpp>
+#include <elliptude/base/scalar.hpp>
 #include <initializer_list>
 #include <string>
 #include <vector>

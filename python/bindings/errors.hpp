@@ -5,7 +5,7 @@
 /// interpreter's lock, so that loops can fail without it.
 
 #include <cstddef>
-#include <elliptude/status.hpp>
+#include <elliptude/base/status.hpp>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -23,7 +23,7 @@ class InconsistentSets : public std::runtime_error {
   [[nodiscard]] double margin() const noexcept { return margin_; }
   [[nodiscard]] double time() const noexcept { return time_; }
   [[nodiscard]] const std::string& sensor() const noexcept { return sensor_; }
-  /// Of a log; −1 where it is of none.
+  /// The row of a log; −1 without a log.
   [[nodiscard]] std::ptrdiff_t row() const noexcept { return row_; }
   void set_row(std::ptrdiff_t row) noexcept { row_ = row; }
 
@@ -61,7 +61,7 @@ void check_most_steps(long most_steps);
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.
 [[noreturn]] void raise(Status status, const std::string& subject);
 
-/// Of loops `raise` is the better part: the subject is then put together only when it is needed.
+/// In loops use `raise` instead: it makes the subject only when it is needed.
 inline void raise_unless_ok(Status status, const std::string& subject) {
   if (status != Status::ok) {
     raise(status, subject);

@@ -41,7 +41,6 @@ PYBIND11_MODULE(_core, module) {
   define_state_ellipsoids(module);
   define_flows(module);
   define_filter(module);
-  define_truth(module);
   define_guaranteed_flows(module);
   define_guaranteed_filter(module);
 }

@@ -3,8 +3,8 @@
 /// \file
 /// A long prediction that Ctrl-C ends, as it does a loop in Python.
 
-#include <elliptude/interruption.hpp>
-#include <elliptude/status.hpp>
+#include <elliptude/base/interruption.hpp>
+#include <elliptude/base/status.hpp>
 
 namespace elliptude::python {
 

@@ -457,6 +457,7 @@ class GuaranteedFilter:
         gyro: ArrayLike | None = None,
         increment: float | None = None,
     ) -> None: ...
+    def predict_turn(self, time: float, turn: ArrayLike, turn_bound: float) -> None: ...
     def update(
         self,
         directions: ArrayLike | None = None,
@@ -487,6 +488,20 @@ class GuaranteedFilter:
         wheel_momentum: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
     ) -> GuaranteedLog: ...
+    def run_turns(
+        self,
+        times: ArrayLike,
+        turns: ArrayLike,
+        turn_bounds: ArrayLike,
+        *,
+        anchors: ArrayLike,
+        directions: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
+        attitude: AttitudeLike | None = None,
+        attitude_bound: ArrayLike | None = None,
+        sensors: Sequence[str] | None = None,
+    ) -> GuaranteedLog: ...
 
 def _gibbs_forms(
     attitudes: ArrayLike,
@@ -508,24 +523,3 @@ def measured_state(
     rate_bound: ArrayLike,
     weights: ArrayLike | None = None,
 ) -> StateEllipsoid: ...
-def _true_motion(
-    times: ArrayLike,
-    attitude: AttitudeLike,
-    angular_velocity: ArrayLike,
-    inertia: ArrayLike,
-    *,
-    weighted_center: ArrayLike | None = None,
-    orbit_rate: float = 0.0,
-    eccentricity: float = 0.0,
-    wheel_momentum: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    precise: bool = False,
-) -> tuple[_Floats, _Floats]: ...
-def _true_rotation(
-    times: ArrayLike,
-    attitude: AttitudeLike,
-    angular_velocity: ArrayLike,
-    angular_acceleration: ArrayLike,
-    *,
-    precise: bool = False,
-) -> tuple[_Floats, _Floats]: ...

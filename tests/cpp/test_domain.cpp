@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "elliptude/elliptude.hpp"
-#include "random.hpp"
+#include "support/random.hpp"
 
 using namespace elliptude;
 using elliptude::testing::Random;

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <new>
 
-#include "every_function.hpp"
+#include "support/every_function.hpp"
 
 namespace {
 

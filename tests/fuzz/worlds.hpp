@@ -5,7 +5,7 @@
 /// uniform gravity, and a body with a gyro.
 
 #include "fuzz.hpp"
-#include "independent_flow.hpp"
+#include "support/independent_flow.hpp"
 
 namespace elliptude::fuzz {
 

@@ -34,7 +34,7 @@ def modules_of(package):
     for file in package.rglob("*.py"):
         parts = (package.name, *file.relative_to(package).with_suffix("").parts)
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found | {f"{package.name}._core": None}
+    return found | {f"{package.name}.{stub.stem}": None for stub in package.glob("_*.pyi")}
 
 
 def imports(file, modules):

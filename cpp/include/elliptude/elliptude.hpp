@@ -1,45 +1,49 @@
 #pragma once
 
 /// \file
-/// Everything, in the order in which data passes through it.
+/// Includes the whole library, folder by folder, in the order in which data flows.
 
 // clang-format off
 #include "elliptude/version.hpp"
-#include "elliptude/status.hpp"
-#include "elliptude/interruption.hpp"
-#include "elliptude/scalar.hpp"
-#include "elliptude/factorization.hpp"
-#include "elliptude/so3.hpp"
-#include "elliptude/ellipsoid.hpp"
-#include "elliptude/intersection.hpp"
-#include "elliptude/quadric.hpp"
-#include "elliptude/quadric_fusion.hpp"
-#include "elliptude/chart.hpp"
-#include "elliptude/rigid_body.hpp"
-#include "elliptude/potential.hpp"
-#include "elliptude/integrator.hpp"
-#include "elliptude/linearization.hpp"
-#include "elliptude/rounding.hpp"
-#include "elliptude/state.hpp"
-#include "elliptude/flow.hpp"
-#include "elliptude/torque_expansion.hpp"
-#include "elliptude/motion_series.hpp"
-#include "elliptude/packed_forms.hpp"
-#include "elliptude/prediction_sums.hpp"
-#include "elliptude/step_means.hpp"
-#include "elliptude/error_tube.hpp"
-#include "elliptude/guaranteed_flow.hpp"
-#include "elliptude/wahba.hpp"
-#include "elliptude/wahba_set.hpp"
-#include "elliptude/measurement.hpp"
-#include "elliptude/fusion.hpp"
-#include "elliptude/convergence.hpp"
-#include "elliptude/estimator.hpp"
-#include "elliptude/filter.hpp"
-#include "elliptude/sensors.hpp"
-#include "elliptude/kept_set.hpp"
-#include "elliptude/guaranteed_solution.hpp"
-#include "elliptude/union_set.hpp"
-#include "elliptude/recovery.hpp"
-#include "elliptude/guaranteed_filter.hpp"
+
+#include "elliptude/base/status.hpp"
+#include "elliptude/base/interruption.hpp"
+#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/base/so3.hpp"
+
+#include "elliptude/linear/factorization.hpp"
+
+#include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/intersection.hpp"
+#include "elliptude/sets/quadric.hpp"
+#include "elliptude/sets/quadric_fusion.hpp"
+
+#include "elliptude/attitude/chart.hpp"
+#include "elliptude/attitude/state.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/attitude/wahba.hpp"
+#include "elliptude/attitude/wahba_set.hpp"
+
+#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/sensors.hpp"
+
+#include "elliptude/dynamics/rigid_body.hpp"
+#include "elliptude/dynamics/potential.hpp"
+#include "elliptude/dynamics/integrator.hpp"
+#include "elliptude/dynamics/linearization.hpp"
+
+#include "elliptude/first_order/flow.hpp"
+#include "elliptude/first_order/fusion.hpp"
+#include "elliptude/first_order/convergence.hpp"
+#include "elliptude/first_order/estimator.hpp"
+#include "elliptude/first_order/filter.hpp"
+
+#include "elliptude/guaranteed/torque_expansion.hpp"
+#include "elliptude/guaranteed/motion_series.hpp"
+#include "elliptude/guaranteed/error_tube.hpp"
+#include "elliptude/guaranteed/flow.hpp"
+#include "elliptude/guaranteed/kept_set.hpp"
+#include "elliptude/guaranteed/recovery.hpp"
+#include "elliptude/guaranteed/filter.hpp"
 // clang-format on

@@ -49,7 +49,7 @@ def bounds(
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
     time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
-    gyro: Annotated[str | None, typer.Option(help="Three columns, comma between.", show_default=False)] = None,
+    gyro: Annotated[str | None, typer.Option(help="Three columns, separated by commas.", show_default=False)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
     accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
     accelerometer_unit: Annotated[str | None, typer.Option(help="m/s^2, g or mg.", show_default=False)] = None,
@@ -60,20 +60,18 @@ def bounds(
     ] = None,
     reference: Annotated[
         bool,
-        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if it is mapped."),
+        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if there is one."),
     ] = True,
     mode: Annotated[
         Mode | None,
         typer.Option(
-            help="Of what --out writes. If left out: what the configuration states, else guaranteed, as its sets hold "
-            "wherever the stated bounds do, and it says where these are contradicted; first_order drops second-order "
+            help="Mode of what --out writes. If left out, that of the configuration, else guaranteed, whose sets hold "
+            "if the stated bounds do, and which says where these are contradicted; first_order drops second-order "
             "terms.",
             show_default=False,
         ),
     ] = None,
-    margin: Annotated[
-        float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in what is written.")
-    ] = 1.2,
+    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = 1.2,
     out: Annotated[
         Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
     ] = None,
@@ -85,9 +83,9 @@ def bounds(
 ) -> None:
     """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
 
-    Which columns are which sensors, and in which units, is said by a configuration, by --like, by naming columns and
-    units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
-    are quantiles and maxima of this recording, which guarantee nothing about another.
+    A configuration, --like, options that name columns and units, or the file's header say which columns are which
+    sensors, in which units; a header states sensor, axis and unit, such as "Gyroscope X (deg/s)". The command prints
+    quantiles and maxima of this recording, which guarantee nothing about another.
     """
     require_finite("--margin", margin)
     refuse_to_replace((path for path in (out, rule) if path is not None), force)
@@ -158,9 +156,9 @@ def bounds(
 
 
 def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
-    """What in the log contradicts its configuration: degrees that are called radians, or wrong axes.
+    """Contradictions between the log and its configuration: degrees declared as radians, or wrong axes.
 
-    What `estimate` would refuse is no log to write bounds for.
+    Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
     if refuse:
@@ -173,7 +171,7 @@ def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]
 
 
 def _mode(mode: Mode | None, tables: Tables) -> Mode:
-    """What is asked for, what the configuration states, or the guaranteed mode."""
+    """The mode of the option, that of the configuration, or the guaranteed mode."""
     estimator = tables.get("estimator")
     if not isinstance(estimator, dict):
         return mode or "guaranteed"
@@ -226,7 +224,7 @@ def _mapping(
 
 
 def _present(tables: Tables, log: Path) -> Tables:
-    """A preset without the sensors that the file does not have; the gyro it must have."""
+    """A preset without the sensors that the file does not have; it must have the gyro."""
     columns = set(open_log(log).columns)
     tables = dict(tables)
     if "directions" in tables:
@@ -244,7 +242,7 @@ def _listed(columns: str, count: int, option: str) -> list[str]:
 
 
 def _said(tables: Tables) -> list[str]:
-    """What is read as what."""
+    """How each column was read."""
     lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")

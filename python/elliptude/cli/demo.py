@@ -1,6 +1,6 @@
 """The command ``elliptude demo``.
 
-What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+Matplotlib is imported where it draws: its import takes a third of a second, which would slow every command.
 """
 
 import json
@@ -49,7 +49,7 @@ class _Line:
 
 def demo(
     out: Annotated[
-        Path, typer.Option(help="Folder for what is written; an earlier demo's files are replaced.", show_default=False)
+        Path, typer.Option(help="Folder for the files; those of an earlier demo are replaced.", show_default=False)
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
 ) -> None:
@@ -80,7 +80,7 @@ def demo(
         typer.echo(json.dumps([vars(line) for line in lines], indent=2, ensure_ascii=False))
         return
     terminal = Console()
-    # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
+    # Cells that end in "..." are useless; a narrower terminal breaks the lines.
     Console(width=max(terminal.width, 88)).print(_table(lines))
     typer.echo(
         f"\nAttitude error and its bound, the largest angle in the set: means from the "
@@ -143,7 +143,7 @@ def _scenario(name: str, directions: str, folder: Path) -> _Line:
 
 
 def _fermi(folder: Path) -> list[_Line]:
-    """Fermi with the Sun alone after the first row, and with the synthetic star all along."""
+    """Fermi with only the Sun after the first row, and with the synthetic star throughout."""
     recorded, configuration = fermi.telemetry(), fermi.configuration()
     lines, runs = [], []
     cases = (("Sun alone", "sun", 1), ("Sun + synthetic star", "sun-and-star", None))

@@ -34,7 +34,7 @@ def finish(
 
 
 def progress_on(console: Console, completed: str = "{task.percentage:>3.0f} %") -> Progress:
-    """On a terminal only; nothing is left of it."""
+    """A progress bar, only on a terminal; it disappears at the end."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

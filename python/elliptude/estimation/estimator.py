@@ -1,6 +1,6 @@
 """From a log and a configuration to a table of estimates with their bounds, and a summary.
 
-The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
+The estimator sees only the measurements. The truth in the log is compared with the estimates afterwards.
 """
 
 import time
@@ -31,15 +31,15 @@ _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 
 @dataclass(frozen=True, eq=False)
 class Estimation:
-    """What came of a log."""
+    """The results of a log, and how they were found."""
 
     result: Result
     vector_is_compared: bool
-    """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
+    """Whether the form is that of [ζ; δω], or of ζ alone in the projection of the set, as nothing else is known."""
     elapsed: float
-    """What filter and bounds took, s."""
+    """Time for filter and bounds, s."""
     guaranteed: GuaranteedRun | None = None
-    """What the guaranteed mode did, in that mode."""
+    """The run of the guaranteed filter, in that mode."""
     bridged: Bridged | None = None
     """Gaps of the gyro, in the modes of first order."""
 
@@ -61,8 +61,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     InconsistentMeasurement
         If sets do not meet and the configuration does not say to skip them.
     ValueError
-        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
-        all numbers.
+        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is not
+        finite.
     """
     estimator = PieceEstimator(configuration)
     (result,) = estimator.run([log])
@@ -78,8 +78,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
 class PieceEstimator:
     """A filter that goes through a log piece by piece, so that memory does not grow with the log.
 
-    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other and up to rounding, what
-    `estimate` makes of the whole log. The guaranteed mode puts them together first: its bounds are of windows, or
+    Its results for the pieces of `elliptude.logs.read_pieces` are together, up to rounding, what
+    `estimate` makes of the whole log. The guaranteed mode joins the pieces first: its bounds come from windows, or
     follow from the whole log.
     """
 
@@ -88,11 +88,11 @@ class PieceEstimator:
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
-        """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
+        """Time for filter and bounds, s, which may overlap; without reading."""
         self.vector_is_compared = False
-        """As `Estimation` has it, of the rows so far."""
+        """As in `Estimation`, for the rows so far."""
         self.guaranteed: GuaranteedRun | None = None
-        """As `Estimation` has it, after the last row."""
+        """As in `Estimation`, after the last row."""
         self.bridged = Bridged(configuration)
         """Gaps of the gyro so far, in the modes of first order."""
 
@@ -107,7 +107,7 @@ class PieceEstimator:
         Yields
         ------
         Result
-            Of a piece's rows, from the start on.
+            The result of a piece's rows, from the start on.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class PieceEstimator:
         return result
 
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
-        """Rows, what the filter made of them, and whether the first is the start."""
+        """Rows, the filter's log of them, and whether the first is the start."""
         for piece in pieces:
             begin = time.perf_counter()
             self.bridged.add(piece)
@@ -162,7 +162,7 @@ class PieceEstimator:
         whole = log if self._last is None else logs.joined([self._last, log])
         directions, rates = whole.directions, whole.rates
         if starts_here or self._last is not None:
-            # The start says all that the first row does, and a row that was worked on before has been used: neither may
+            # The start has all that the first row says, and a row of the piece before has been used: neither may
             # count twice.
             directions = directions.copy()
             directions[0] = np.nan
@@ -197,7 +197,7 @@ def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
 def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Configuration) -> FilterLog:
     arguments: dict[str, Any] = {"on_inconsistent": configuration.estimator.when_sets_do_not_meet}
     if configuration.directions:
-        # Where nothing is measured the reference does not matter, but must be a number.
+        # If nothing is measured, the reference does not matter, but must be finite.
         references = np.where(np.isfinite(log.references), log.references, [1.0, 0.0, 0.0])
         bounds = np.array([sensor.bound() for sensor in configuration.directions])
         weights = np.array([sensor.weight for sensor in configuration.directions])
@@ -216,7 +216,7 @@ def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Con
 
 @contextmanager
 def _placed(log: Log) -> Iterator[None]:
-    """Errors within it that are of a row have its place in the file in their messages."""
+    """Put the place in the file into the messages of errors of a row."""
     try:
         yield
     except (elliptude.InconsistentMeasurement, elliptude.RowError) as error:
@@ -226,7 +226,7 @@ def _placed(log: Log) -> Iterator[None]:
 
 
 def first_complete_row(log: Log, configuration: Configuration) -> int:
-    """The first row that can be the start: with two directions or more, and the rate where that is measured.
+    """The first row that can be the start: with two directions or more, and the rate if it is measured.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def _complete_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_]:
 
 
 def _no_start(configuration: Configuration) -> ValueError:
-    """What is wrong where no row of a log can be the start."""
+    """The error if no row of a log can be the start."""
     rate = " and the rate" if configuration.rate is not None else ""
     return ValueError(f"no row has two directions{rate}: there is no measurement to start from")
 

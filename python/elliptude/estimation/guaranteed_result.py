@@ -1,4 +1,4 @@
-"""What the guaranteed mode gives of a log: a table of results, figures for the summary, and what was left out."""
+"""The results of the guaranteed mode: a table, figures for the summary, and the measurements that were left out."""
 
 from collections import Counter
 from typing import Any
@@ -21,7 +21,7 @@ from elliptude.typing import FloatArray
 
 
 def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
-    """The table of results, compared with what the log knows of the truth.
+    """The table of results, compared with the truth in the log.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
     extents = guaranteed.extents()
     vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
     if not configuration.estimates_vector:
-        # What the filter has in the place of a bias says nothing of the gyro's.
+        # The filter's vector is not the gyro's bias here.
         attitude = np.arange(6) < 3
         vectors = np.full_like(vectors, np.nan)
         shapes = np.where(attitude[:, None] & attitude, shapes, np.nan)
@@ -96,7 +96,7 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
 
 
 def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
-    """What the summary says beside that of the other modes: claims, sizes, what was left out; degrees."""
+    """Figures that only this mode adds to the summary: claims, sizes, what was left out; degrees."""
     half_widths = np.rad2deg(run.sets.extents().half_widths_reference)
     has_set = np.isfinite(half_widths[:, 0])
     parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}

@@ -1,4 +1,4 @@
-"""The guaranteed filter over a log: directions with an angle per row, flow, anchors, claims, and what was dropped."""
+"""Runs the guaranteed filter over a log: directions with an angle per row, flow, anchors, claims, what was dropped."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,36 +16,34 @@ from elliptude.logs.log import Log, interval_rates
 from elliptude.results import CLAIMS, GuaranteedLog
 from elliptude.typing import FloatArray
 
-CONDITIONAL, NO_SET = CLAIMS.index("conditional"), CLAIMS.index("none")
+CONDITIONAL = CLAIMS.index("conditional")
 
-# rad/s: where the bias is an error like noise, the state's is zero, and this is as good.
+# rad/s: if the bias counts as noise, the state's bias is zero, and this is as good.
 _NO_BIAS = 1e-9
-# s of a clock of its own, on which a known turn takes no time; a power of two, so that products with it are exact.
-_INSTANT = 2.0**-30
-# rad; a bound so near to half a turn says next to nothing.
+# rad; a bound this near to half a turn says next to nothing.
 _NEXT_TO_NOTHING = 0.75 * np.pi
-# Of a turn that is integrated over n steps, rad: rounding in each, and of each radian that they turn.
+# Rounding of an integrated turn, rad: this for each step, and for each radian that the steps turn.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class GuaranteedRun:
-    """What the guaranteed filter made of a log."""
+    """One pass of the guaranteed filter over a log, with its sets and claims."""
 
     log: Log
-    """What it is of, as measured."""
+    """What it is of."""
     sets: GuaranteedLog
-    """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
+    """Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
-    """Of the angle between estimated and true up, rad, NaN without a set, shape (N,); None where up is not known.
+    """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.
 
-    From the set, or from the measured direction of up, whichever is less.
+    From the set or from the measured direction of up, whichever is smaller.
     """
     starts_heading: bool
-    """Whether the heading counts from the first row, because nothing else tells it."""
+    """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
-    """Of the gyro, that no error bound speaks of."""
+    """Gaps of the gyro, which its error bounds do not cover."""
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
@@ -64,7 +62,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     ----------
     log : Log
     configuration : Configuration
-        Of ``estimator.mode = "guaranteed"``.
+        Its ``estimator.mode`` is "guaranteed".
 
     Returns
     -------
@@ -75,7 +73,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     InconsistentMeasurement
         If sets do not meet, or a measurement contradicts its own bounds, and the policy is to raise.
     ValueError
-        If a bound cannot be had from what the log holds, or the log does not fit the filter.
+        If a bound does not follow from the log, or the log does not fit the filter.
     """
     measured = log
     if isinstance(configuration.flow, GyroFlow):
@@ -136,7 +134,7 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
     )
     if configuration.rule is None or heading_is_measured:
         return None, False
-    # Nothing tells the heading: it counts from the first row, by a turn about the vertical of the reference frame that
+    # Nothing determines the heading: it counts from the first row, by a turn about the reference frame's vertical that
     # makes the error of the first attitude perpendicular to up. Theory, section 18.6.
     up, angle = rows.directions[0, 0], float(rows.angles[0, 0])
     if not angle < np.pi:
@@ -145,7 +143,7 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
 
 
 def _disc(normal: FloatArray, radius: float) -> FloatArray:
-    """A shape (3, 3) that holds a disc, and is nowhere so thin that rounding makes it less than flat; section 18.6."""
+    """A shape (3, 3) that holds a disc, nowhere so thin that rounding makes it indefinite; section 18.6."""
     # By rounding it may be flat within 16ε of its size, and the attitude across it off by 1e-14 rad.
     epsilon = float(np.finfo(np.float64).eps)
     thickness = 64.0 * epsilon * radius**2 + _NO_BIAS**2
@@ -170,7 +168,7 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
-    """True attitudes (N, 3, 3), their heading counted from the first row as the run's is; NaN if that is not known."""
+    """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
     up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
@@ -206,7 +204,7 @@ def _filter(
 
 
 def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
-    """The core's flow from bounds of a gyro, (18.9): what does not grow with the rate, and what does.
+    """The core's flow from bounds of a gyro, (18.9): the part that does not grow with the rate, and the part that does.
 
     Parameters
     ----------
@@ -231,7 +229,7 @@ def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
 
 
 def _off_the_line(flow: GyroFlow, interval: float) -> float:
-    """How far a rate that is filled in between samples may be off by what the body does there, rad/s; section 18.3."""
+    """How far a rate that is filled in may be off because of the motion between samples, rad/s; section 18.3."""
     share = 0.5 if flow.interval_rate == "mean_of_ends" else 1.0
     return share * float(np.deg2rad(flow.angular_acceleration_deg_per_s2)) * interval
 
@@ -239,7 +237,7 @@ def _off_the_line(flow: GyroFlow, interval: float) -> float:
 def _run(
     log: Log, configuration: Configuration, rows: DirectionRows, start: elliptude.StateEllipsoid | None
 ) -> GuaranteedLog:
-    """Row by row."""
+    """Predict each row from the one before."""
     flow = configuration.flow
     arguments: dict[str, Any] = {}
     vector_bound = None
@@ -281,81 +279,28 @@ def _run_from_anchors(
     start: elliptude.StateEllipsoid | None,
     duration: float,
 ) -> GuaranteedLog:
-    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6.
-
-    The filter's clock is its own: a known turn takes an instant of it, and then, at rest with a noise of 1 rad/s, the
-    bound of the turn's angle, whatever that is, passes as time.
-    """
+    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6."""
+    assert isinstance(configuration.flow, GyroFlow)
     assert log.rates is not None
     assert rows.gyro is not None
-    count, m = len(log.times), len(rows.names)
     turns = rows.gyro.anchored_turns(log.times, log.rates - rows.bias, duration)
+    anchors = turns.anchors.copy()
+    anchors[0] = -1
     spans = log.times - log.times[turns.anchors]
-    steps = np.arange(count) - turns.anchors
-    rotation_vectors = turns.rates * spans[:, None]
-    angles = turns.angles + _ROUNDING * (steps + turns.turned)
-    # In a gap the angle may be of any turn, and the flow's largest rate does for it what the noise does elsewhere.
-    flow = elliptude.GuaranteedGyroFlow(1.0, largest_rate=1.0)
-    measured = rows.angles < _NEXT_TO_NOTHING
-    result = GuaranteedLog(
-        times=log.times,
-        attitudes=np.full((count, 3, 3), np.nan),
-        vectors=np.full((count, 3), np.nan),
-        shapes=np.full((count, 6, 6), np.nan),
-        claims=np.full(count, NO_SET, dtype=np.uint8),
-        prediction_used=np.zeros(count, dtype=np.bool_),
-        updated=np.asarray(measured.any(axis=1)),
-        dropped=np.zeros((count, m + 2), dtype=np.bool_),
-        margins=np.full(count, np.nan),
+    steps = np.arange(len(log.times)) - turns.anchors
+    attitude_filter = _filter(
+        gyro_flow(rows.gyro, configuration.flow), start, float(log.times[0]), _NO_BIAS, False, configuration
     )
-    anchor = _filter(flow, start, 0.0, _NO_BIAS, False, configuration)
-    here = anchor
-    for k in range(count):
-        try:
-            if k > 0:
-                if turns.anchors[k] != turns.anchors[k - 1]:
-                    anchor = here
-                here = _filter(flow, None, 0.0, _NO_BIAS, False, configuration)
-                here._resume(
-                    anchor.ellipsoid,
-                    anchor._vector,
-                    anchor._rests_on_drops,
-                    anchor._agreeing_updates,
-                    anchor._disputed_updates,
-                )
-                if turns.over_gap[k]:
-                    here.predict(angles[k], gyro=np.full(3, np.nan))
-                else:
-                    here.predict(_INSTANT, gyro=rotation_vectors[k] / _INSTANT)
-                    here.predict(_INSTANT + angles[k], gyro=np.zeros(3))
-            if result.updated[k]:
-                update = here.update(
-                    rows.directions[k, measured[k]],
-                    rows.references[k, measured[k]],
-                    rows.angles[k, measured[k]],
-                    sensors=np.flatnonzero(measured[k]).astype(str).tolist(),
-                )
-                result.dropped[k, [int(i) for i in update.dropped]] = True
-                result.prediction_used[k], result.margins[k] = update.prediction_used, update.margin
-            else:
-                result.prediction_used[k] = here.knows_attitude
-        except elliptude.InconsistentMeasurement as error:
-            sensor = rows.names[int(error.sensor)] if error.sensor else ""
-            raise elliptude.InconsistentMeasurement(
-                f"{f'the measurement of {sensor!r}' if sensor else 'the measurements'} contradict the prediction "
-                f"or each other (margin {error.margin:.3g}); some bound is wrong",
-                error.margin,
-                float(log.times[k]),
-                sensor,
-                k,
-            ) from error
-        except ValueError as error:
-            raise elliptude.RowError(str(error), k) from error
-        result.claims[k] = CLAIMS.index(here.claim)
-        if (ellipsoid := here.ellipsoid) is not None:
-            result.attitudes[k], result.vectors[k] = ellipsoid.attitude, ellipsoid.vector
-            result.shapes[k] = ellipsoid.shape
-    return result
+    return attitude_filter.run_turns(
+        log.times,
+        turns.rates * spans[:, None],
+        turns.angles + _ROUNDING * (steps + turns.turned),
+        anchors=anchors,
+        directions=rows.directions,
+        reference=rows.references,
+        bounds=np.where(rows.angles < _NEXT_TO_NOTHING, rows.angles, np.nan),
+        sensors=rows.names,
+    )
 
 
 def _tilt_bounds(log: GuaranteedLog, rows: DirectionRows) -> FloatArray | None:

@@ -1,7 +1,7 @@
 """Figures of an estimation for ``summary.json``, gathered piece by piece: plain numbers, in degrees.
 
-Shares and widths are over the rows with an update, as what holds between them is the update's carried on. The mean and
-the largest attitude error are over all rows with a set and a known truth, as `elliptude compare` has them.
+Shares and widths are over the rows with an update, because the rows between only carry the update on. The mean and
+the largest attitude error are over all rows with a set and a known truth, as in `elliptude compare`.
 """
 
 import platform
@@ -23,11 +23,11 @@ from elliptude.logs.plausibility import Heard
 from elliptude.typing import FloatArray
 
 SETTLED_UPDATE = 6
-"""Means "from the 6th update on" leave out what is left of the start."""
+"""Means "from the 6th update on" leave out the effect of the start."""
 
 
 class Summary:
-    """What is said of results in the end; each piece of them is added once, in their order."""
+    """The figures of a result. Its pieces are added once each, in their order."""
 
     def __init__(self) -> None:
         self._vector: tables.VectorName = "rate"
@@ -44,7 +44,7 @@ class Summary:
 
     @property
     def inside_share(self) -> float | None:
-        """Of all rows whose truth is known."""
+        """The share of all rows whose truth is known that have it inside."""
         return self._inside_rows.value()
 
     def add(self, result: Result) -> None:
@@ -61,7 +61,7 @@ class Summary:
         if result.errors is None or result.forms is None:
             return
         self._is_compared = True
-        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        # The center's error at every row that has a set, as in `elliptude compare`.
         has_set = np.flatnonzero(np.isfinite(result.largest_angles))
         self._angles.add(np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1)), has_set, settled)
         self._rates.add(np.rad2deg(np.linalg.norm(result.errors[:, 3:], axis=1)), rows, settled)
@@ -81,7 +81,7 @@ class Summary:
         bridged: Bridged | None = None,
         heard: Heard | None = None,
     ) -> dict[str, Any]:
-        """For ``summary.json``; None for what is not known.
+        """The figures for ``summary.json``; None for what is not known.
 
         Parameters
         ----------
@@ -89,13 +89,13 @@ class Summary:
         vector_is_compared : bool
             Whether forms are of [ζ; δω], or of ζ alone.
         elapsed : float
-            What the filter took, s.
+            Time for the filter, s.
         guaranteed : GuaranteedRun, optional
-            What the results are of, in the guaranteed mode.
+            The run, in the guaranteed mode.
         bridged : Bridged, optional
             Gaps of the gyro, in the modes of first order.
         heard : Heard, optional
-            What a look at the log said.
+            What a check of the log found.
 
         Returns
         -------
@@ -150,7 +150,7 @@ class Summary:
 
 
 class _Mean:
-    """Mean and maximum of what is finite."""
+    """Mean and maximum of the finite values."""
 
     def __init__(self) -> None:
         self._sum, self._count, self._maximum = 0.0, 0, -np.inf
@@ -169,7 +169,7 @@ class _Mean:
 
 
 class _Statistics:
-    """Of the updates, of those after the start has settled, and of the last row."""
+    """Statistics of all updates, of those after the start has settled, and of the last row."""
 
     def __init__(self) -> None:
         self._all, self._settled = _Mean(), _Mean()

@@ -1,8 +1,8 @@
 """Bounds proposed from a recording: how large errors and motions were in it, as quantiles and maxima.
 
-What was seen in one recording is no promise about the next: a quantile, a maximum and either with a margin are all
+What one recording showed is no promise about the next. A quantile, a maximum, and either with a margin, are all
 *proposals*, places to start from. A guarantee needs a reason that the number cannot be exceeded: a datasheet, the size
-of a room, the speed of an arm. Nothing here is called more than it is. Arrays in, dataclasses out; NumPy and SciPy.
+of a room, the speed of an arm. Arrays in, dataclasses out; needs NumPy and SciPy.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from elliptude.units import STANDARD_GRAVITY
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording with N rows; what was not measured is None."""
+    """A recording with N rows; None for what was not measured."""
 
     times: FloatArray
     """s, increasing, shape (N,)."""
@@ -41,12 +41,12 @@ class Recording:
 
 @dataclass(frozen=True)
 class StartProposal:
-    """What a recording that starts at rest shows against that rest."""
+    """Differences from the rest at the start, in a recording that starts at rest."""
 
     duration: float
-    """Of the rest, s."""
+    """Length of the rest, s."""
     bias_moved: Quantiles | None
-    """Of a piece at rest anywhere, its mean's distance from the gyro's mean over the rest at the start, rad/s."""
+    """Distance of the mean of a piece at rest anywhere from the gyro's mean over the rest at the start, rad/s."""
     field_moved: Quantiles | None
     """Against the mean field of that rest, its delay taken out, µT: length of the vector difference with a reference
     attitude, without one the difference of the lengths."""
@@ -54,7 +54,7 @@ class StartProposal:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What a recording shows of itself."""
+    """Everything that a recording shows about its errors."""
 
     duration: float
     """s."""
@@ -76,7 +76,7 @@ class Proposal:
 
 
 def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Proposal:
-    """Measure how large errors and motions were in a recording, with its reference attitude where it has one.
+    """Measure how large errors and motions were in a recording, with its reference attitude if it has one.
 
     Parameters
     ----------
@@ -97,9 +97,9 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
             times, rates, forces, duration=0.5, rate_deviation=np.deg2rad(1.0), rate=np.deg2rad(5.0),
             acceleration_deviation=0.5,
         )  # fmt: skip
-        # Nobody knows of a rest across a gap whether it is one.
+        # Whether the body rests across a gap is not known.
         resting[:-1] &= np.diff(times) <= longest_interval_of(np.diff(times), None)
-    # A constant bias says nothing of the delay.
+    # A constant bias says nothing about the delay.
     gyro_delay = None if attitudes is None else delay_of_rates(times, rates, attitudes)
     delay = 0.0 if gyro_delay is None else gyro_delay.delay
     gyro = propose_gyro(times, rates, resting, attitudes, delay=delay)
@@ -129,7 +129,7 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
 
 
 def _against_the_start(recording: Recording, resting: NDArray[np.bool_], late: float) -> StartProposal:
-    """What differs from the rest at the start; ``late`` is the magnetometer's delay against the reference, s."""
+    """Differences from the rest at the start; ``late`` is the magnetometer's delay against the reference, s."""
     times, rates = recording.times, recording.angular_velocities
     begin, end = _spans(times, resting)[0]
     at_start, still = resting & (times <= end), resting & finite_rows(rates)

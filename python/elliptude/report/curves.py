@@ -14,9 +14,9 @@ from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 PIECES = 500
-"""Of rows, of each of which the extremes are drawn."""
+"""Pieces of rows; the extremes of each are drawn."""
 
-# Of the names of lanes, px; all plots over time have it, so that their times are below one another.
+# Width of the names of lanes, px; all plots over time have it, so that their times are below one another.
 _LANES_WIDTH = 110
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 _DASHES = ("solid", "dash", "dashdot")
@@ -24,7 +24,7 @@ _DASHES = ("solid", "dash", "dashdot")
 
 def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
     """Plotly's data and layout for each place in the page."""
-    # What the list has is marked below the size of the set.
+    # The measurements in the list are marked below the size of the set.
     if run.listed is not None:
         spells = [spell for spell in spells if spell.what == "refused"]
     plots = {
@@ -41,7 +41,7 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
 
 
 def _list(values: FloatArray) -> list[float | None]:
-    """For JSON, to six digits; None where there is nothing."""
+    """Values for JSON, to six digits; None where there is nothing."""
     return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
 
 
@@ -50,7 +50,7 @@ def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
 
 
 def _time_axis(run: Run) -> dict[str, Any]:
-    """The same for all plots, so that they can be compared; times since 1970 are no "1.7B"."""
+    """The time axis of all plots, so that they can be compared; times since 1970 are not written as "1.7B"."""
     first, last = float(run.times[0]), float(run.times[-1])
     return {
         "title": {"text": "time (s)"},
@@ -61,7 +61,7 @@ def _time_axis(run: Run) -> dict[str, Any]:
 
 
 def plot_layout(**more: Any) -> dict[str, Any]:
-    """Of any plot of the page."""
+    """The layout that all plots of the page share."""
     return {
         "margin": {"l": 55, "r": 10, "t": 10, "b": 45},
         "paper_bgcolor": "rgba(0,0,0,0)",
@@ -129,7 +129,7 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
 
 
 def _drop_marks(run: Run, listed: DroppedMeasurements) -> list[dict[str, Any]]:
-    """A lane of marks for each sensor that was left out; of those that would hide one another the farthest off."""
+    """A lane of marks for each sensor that was left out. If marks would hide one another, the farthest off is drawn."""
     edges = run.times[[piece.start for piece in pieces(len(run.times), PIECES)]]
     bins = np.searchsorted(edges, listed.times, side="right")
     sensors = np.array(listed.sensors, dtype=object)
@@ -228,7 +228,7 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
 
 
 def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
-    """The outline of -bound to bound, a closed one for each piece between gaps."""
+    """The outline from -bound to bound, closed for each piece between gaps."""
     known = np.flatnonzero(np.isfinite(bound))
     x: list[float | None] = []
     y: list[float | None] = []
@@ -274,7 +274,7 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
         own = [spell for spell in spells if name in spell.sensors.split()]
         lane = f"{name} left out"
         lanes.append(lane)
-        # A line from first to last, and marks at both ends: a single measurement is seen too.
+        # A line from first to last with marks at both ends, so that a single measurement is visible too.
         traces.append(
             {
                 "type": "scatter",

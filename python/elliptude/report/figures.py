@@ -17,7 +17,7 @@ from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.typing import FloatArray
 
-# Okabe and Ito's colours, which the colour-blind can tell apart.
+# Okabe and Ito's colours, which the colour-blind can distinguish.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
@@ -29,13 +29,13 @@ _NOISE_STYLES = {
     "alternating": ("#E69F00", "v"),
     "search": (ORANGE, "x"),
 }
-# Of what is drawn; a form is beyond all numbers where P is flat.
+# The highest form that is drawn; a form is infinite if P is flat.
 _HIGHEST_FORM = 1e4
 # Forms beyond this are drawn on a log axis.
 _FAR_OUT = 10.0
 # A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
 _NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 3.1, 8
-# Fewer points than this are marked, as the lines between them are only there to guide the eye.
+# Fewer points than this are marked, because the lines between them only guide the eye.
 _MARK_BELOW = 150
 
 Style: TypeAlias = dict[str, Any]
@@ -58,7 +58,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     label : str
         What the estimates are compared with.
     inside_share : float, optional
-        Of all rows, where ``result`` are only some of them.
+        The share of all rows, if ``result`` has only some of them.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
         if is_bias
         else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
     )
-    # A bias that is an error of the gyro and not estimated has nothing to show.
+    # A bias that is not estimated has nothing to show.
     is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
     for j, (name, unit, part) in enumerate(columns):
@@ -98,7 +98,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
             axes.axhline(0.0, color=GREY, linewidth=0.5)
             axes.set_ylim(-limit, limit)
             axes.set_ylabel(unit.format(_AXES[i]))
-            # Panels of the whole width are not above those with the times.
+            # Panels of the whole width are not aligned with those below.
             axes.tick_params(labelbottom=is_alone and i == 2)
             if i == 0:
                 axes.set_title(heading, fontsize=9.5)
@@ -183,7 +183,7 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
     Parameters
     ----------
     summary : mapping
-        Of `elliptude.validation.summarize`.
+        What `elliptude.validation.summarize` returns.
 
     Returns
     -------
@@ -247,7 +247,7 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
 
 
 def new_figure(height: float) -> Figure:
-    """A figure with the Agg canvas; pyplot is left alone, as it keeps every figure that a program makes."""
+    """A figure with the Agg canvas. Not from pyplot, which keeps every figure that a program makes."""
     figure = Figure(figsize=(9.0, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -276,7 +276,7 @@ def _marks(result: Result) -> Style:
 
 
 def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
-    """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
+    """Where the axis of errors ends: the settled part fills it, and a start many times as wide is cut."""
     known = bounds[np.isfinite(bounds).all(axis=1)]
     settled = known[len(known) // 8 :]
     values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
@@ -307,7 +307,7 @@ def _draw_form(
         shares.append(share if len(curves) == 1 else f"{name} {share}")
         highest = max(highest, float(known.max()))
     axes.set_ylim(0.0, 1.15 * highest)
-    if highest > _FAR_OUT:  # or the edge could not be seen
+    if highest > _FAR_OUT:  # otherwise the edge would not be visible
         plain_log_axis(axes)
         axes.set_ylim(1e-2, 2.0 * min(highest, _HIGHEST_FORM**2))
     axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
@@ -315,7 +315,7 @@ def _draw_form(
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Where a log axis over a range has ticks: at least two within it, and not so many that their labels meet.
+    """Ticks of a log axis over a range: at least two within it, and not so many that their labels meet.
 
     Parameters
     ----------
@@ -350,14 +350,14 @@ class _PlainLogLocator(Locator):
 
 
 def _plain(value: float, _: object) -> str:
-    """0.5 and 20 as they are, powers of ten where there would be many zeros."""
+    """0.5 and 20 as they are; powers of ten instead of many zeros."""
     if 1e-3 <= value < 1e4:
         return f"{value:g}"
     return f"$10^{{{round(np.log10(value))}}}$" if np.log10(value) % 1.0 == 0.0 else f"{value:g}"
 
 
 def plain_log_axis(axes: Axes) -> None:
-    """A log axis that says 0.5, 2 and 10 instead of powers of ten, and says something on narrow ranges too."""
+    """Make an axis logarithmic, with labels such as 0.5, 2 and 10, on narrow ranges too."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(_PlainLogLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(_plain))

@@ -24,22 +24,22 @@ from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 LISTED = 500
-"""Spells of measurements left out that the report lists."""
+"""How many spells of left-out measurements the report lists."""
 EACH_LISTED = 20_000
-"""Measurements left out that it lists one by one."""
+"""How many left-out measurements it lists one by one."""
 
-# Spells that are shown without being asked for.
+# How many spells are visible at first.
 _OPEN = 12
 
 
 def summarize(run: Run, label: str) -> dict[str, Any]:
-    """The figures of a run: plain numbers, None for what is not known.
+    """The figures of a run: plain numbers; None for what is not known.
 
     Parameters
     ----------
     run : Run
     label : str
-        What it is compared with.
+        What the run is compared with.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     ----------
     run : Run
     path : path-like
-        Of the HTML file.
+        Path of the HTML file.
     title : str
     label : str
         What the run is compared with.
@@ -120,7 +120,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     Returns
     -------
     dict
-        Of `summarize`, with what was left out of the pictures as ``drawn``.
+        What `summarize` returns, with what was left out of the pictures as ``drawn``.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     }
     page = _text("report.html")
     pieces_of_page = page.split("@")
-    # Between two @ stands a name.
+    # A name between two @ is replaced.
     pieces_of_page[1::2] = [parts[name] for name in pieces_of_page[1::2]]
     with replacing(path) as temporary:
         temporary.write_text("".join(pieces_of_page), encoding="utf-8")
@@ -257,7 +257,7 @@ def _summary_table(summary: dict[str, Any]) -> str:
 
 
 def _seconds(time: float) -> str:
-    """To a microsecond, of any size."""
+    """A time to a microsecond, of any size."""
     return f"{time:.6f}".rstrip("0").rstrip(".")
 
 
@@ -296,7 +296,7 @@ def _spell_table(spells: list[Spell]) -> str:
 
 
 def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
-    """Measurements left out, column by column; the farthest off where there are very many."""
+    """Left-out measurements, column by column; only those farthest off if there are very many."""
     if listed is None or not len(listed.times):
         return None
     count = len(listed.times)
@@ -315,7 +315,7 @@ def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
 
 
 def _strip_key(run: Run) -> str:
-    """What the colours of the strip mean; of the claims those that are made."""
+    """What the colours of the strip mean; only for claims that occur."""
     colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in (run.claims or ())}
     entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
     if run.prediction_used is not None:
@@ -343,7 +343,7 @@ def _magnified(factor: int) -> str:
 
 
 def _strip_heading(run: Run, spells: list[Spell]) -> str:
-    """What the strip has, as a heading."""
+    """The heading of the strip."""
     parts = ["claims"] * (run.claims is not None) + ["use of the prediction"] * (run.prediction_used is not None)
     parts += ["measurements left out"] * bool(spells and run.listed is None)
     return " and ".join([", ".join(parts[:-1])] * (len(parts) > 1) + parts[-1:]).capitalize()

@@ -13,11 +13,11 @@ from elliptude.report.run_figures import AXIS_COLOURS, time_text
 from elliptude.typing import FloatArray
 
 FRAMES = 240
-"""Times at which the sphere is drawn."""
+"""How many times the sphere is drawn at."""
 
 _MERIDIANS, _RINGS = 36, 4
 _LARGEST = np.deg2rad(60.0)
-"""Of the errors of a set that is drawn: patches, flat between their rings, would cut through the globe if larger."""
+"""The largest errors of a set that is drawn: patches, flat between their rings, would cut through the globe."""
 _INT16 = 32767
 _NOT_KNOWN = -32768
 
@@ -87,7 +87,7 @@ def _packed(directions: FloatArray) -> str:
 
 
 def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[int]]:
-    """Of a disc whose vertices are rings of meridians; the last ring is a point."""
+    """The triangles of a disc whose vertices are rings of meridians; the last ring is a point."""
     i, j, k = [], [], []
     for ring in range(rings - 1):
         for one in range(meridians):
@@ -101,7 +101,7 @@ def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[i
 
 
 def _globe() -> dict[str, Any]:
-    """The sphere of directions, below the patches, which are flat between their vertices."""
+    """The sphere of directions, slightly smaller than the patches, which are flat between their vertices."""
     latitudes, longitudes = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25), np.linspace(0.0, 2.0 * np.pi, 49)
     across = np.cos(latitudes)[:, None]
     sphere = 0.98 * np.stack(
@@ -127,7 +127,7 @@ def _globe() -> dict[str, Any]:
 
 
 def _circles() -> dict[str, Any]:
-    """Where the planes of the reference axes meet the sphere, and these axes themselves."""
+    """The circles in which the planes of the reference axes meet the sphere, and these axes."""
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
     points: list[list[float | None]] = []
     for normal in range(3):

@@ -1,6 +1,6 @@
-"""Some rows of long results, for a picture: more points than pixels show nothing more.
+"""Chooses some rows of long results for a picture: more points than pixels show nothing more.
 
-`Thinned` takes rows as they are estimated and keeps of each so many the worst; `chosen_rows` has all rows, and keeps
+`Thinned` takes rows as they are estimated and keeps the worst of each group; `chosen_rows` has all rows, and keeps
 every extreme that a curve shows.
 """
 
@@ -16,13 +16,13 @@ from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
 LIMIT = 10_000
-"""Results of more rows are thinned, to between half as many and as many."""
+"""Results with more rows are thinned, to between half of this and this."""
 
 
 class Thinned:
-    """Of each so many rows the one with the truth furthest out, or without a truth the one with the largest set.
+    """Keeps from each group of rows the one with the truth furthest out, or without a truth the largest set.
 
-    How many rows stand for one doubles when there are too many, so memory does not grow. A picture of what is left
+    When there are too many rows, the groups double, so memory does not grow. A picture of what is left
     shows every escape that a picture of all would show.
     """
 
@@ -46,7 +46,7 @@ class Thinned:
             self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
 
     def result(self) -> Result:
-        """What is left.
+        """The rows that were kept.
 
         Raises
         ------
@@ -69,7 +69,7 @@ def _worst(result: Result, bins: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
-    """The row of each bin with the largest score, and of such the first; of several scores the first one counts most.
+    """The first row of each bin with the largest score; if there are several scores, the first one counts most.
 
     Bins must not decrease, and no score may be NaN.
     """
@@ -106,7 +106,7 @@ def _joined(first: Result, second: Result) -> Result:
 
 
 def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
-    """The weakest claim in each piece of rows; nothing where a row says nothing."""
+    """The weakest claim in each piece of rows; empty if a row has none."""
     ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
     coded = np.array([ranks[word] for word in claims])
     order = (*CLAIMS, "")
@@ -114,7 +114,7 @@ def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
 
 
 def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
-    """At how many rows of each piece that have a set the prediction went into it: "every row", "some rows", "none"."""
+    """How many of a piece's rows with a set have the prediction in it: "every row", "some rows" or "none"."""
     shares = []
     for chunk in chunks:
         known = used[chunk][np.isfinite(used[chunk])]
@@ -131,9 +131,9 @@ def pieces(count: int, most: int) -> list[slice]:
 def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     """Rows to draw instead of all: every extreme stays, each row as it is.
 
-    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
+    From each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
     the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
-    of which nothing is known.
+    without a set.
 
     Parameters
     ----------

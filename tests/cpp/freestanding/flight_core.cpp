@@ -1,6 +1,6 @@
 // The whole core, each function instantiated for double (and in flight_core_float.cpp for float), to be compiled with
 // -fno-exceptions -fno-rtti and searched for symbols of the heap, of exceptions and of locks.
-#include "../every_function.hpp"
+#include "../support/every_function.hpp"
 
 namespace elliptude::testing {
 

@@ -1,5 +1,5 @@
 // The other half of flight_core.cpp, in a file of its own so that two processors can compile them.
-#include "../every_function.hpp"
+#include "../support/every_function.hpp"
 
 namespace elliptude::testing {
 

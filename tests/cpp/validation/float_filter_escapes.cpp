@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "guaranteed.hpp"
+#include "support/guaranteed.hpp"
 
 namespace {
 

@@ -8,10 +8,10 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <elliptude/guaranteed_filter.hpp>
+#include <elliptude/guaranteed/filter.hpp>
 #include <vector>
 
-#include "random.hpp"
+#include "support/random.hpp"
 
 namespace {
 

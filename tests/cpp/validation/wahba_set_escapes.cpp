@@ -8,11 +8,11 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <elliptude/measurement.hpp>
-#include <elliptude/wahba_set.hpp>
+#include <elliptude/attitude/wahba_set.hpp>
+#include <elliptude/measurement/measurement.hpp>
 #include <vector>
 
-#include "random.hpp"
+#include "support/random.hpp"
 
 namespace {
 

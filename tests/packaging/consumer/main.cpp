@@ -1,7 +1,7 @@
 // Prints the version if the library does what it should.
 #include <cstdio>
 
-#include <elliptude/so3.hpp>
+#include <elliptude/base/so3.hpp>
 #include <elliptude/version.hpp>
 
 int main() {

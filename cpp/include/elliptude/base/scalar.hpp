@@ -1,0 +1,190 @@
+#pragma once
+
+/// \file
+/// What a scalar type must provide, and the matrix types of the library.
+///
+/// `double`, `float` and `long double` work as they are. Another type (a dual number for automatic differentiation, a
+/// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
+/// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
+/// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
+/// status that speaks for a pack is `ok` only if every lane is.
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <type_traits>
+
+namespace elliptude {
+
+template <typename Scalar, int Size>
+using Vector = Eigen::Matrix<Scalar, Size, 1>;
+template <typename Scalar, int Rows, int Columns = Rows>
+using Matrix = Eigen::Matrix<Scalar, Rows, Columns>;
+
+template <typename Scalar>
+using Vector3 = Vector<Scalar, 3>;
+template <typename Scalar>
+using Matrix3 = Matrix<Scalar, 3>;
+template <typename Scalar>
+using Vector6 = Vector<Scalar, 6>;
+template <typename Scalar>
+using Matrix6 = Matrix<Scalar, 6>;
+
+/// The built-in type in which constants for `Scalar` are written. Specialise `Value` for a scalar whose precision is
+/// not that of `double` (a pack of floats, say).
+template <typename Scalar>
+struct ScalarTraits {
+  using Value = std::conditional_t<std::is_floating_point_v<Scalar>, Scalar, double>;
+};
+
+namespace lanes {
+
+/// Calls the `select` that stands beside a pack type; in a namespace of its own so that no other is found.
+template <typename Mask, typename Scalar>
+[[nodiscard]] Scalar choose(const Mask& mask, const Scalar& a, const Scalar& b) noexcept {
+  return select(mask, a, b);
+}
+
+}  // namespace lanes
+
+namespace scalar {
+
+template <typename Scalar>
+using Value = typename ScalarTraits<Scalar>::Value;
+
+/// Distance from 1 to the next number of the precision that `Scalar` calculates in.
+template <typename Scalar>
+constexpr Value<Scalar> epsilon = std::numeric_limits<Value<Scalar>>::epsilon();
+
+/// A constant, given with more digits than any `Scalar` holds.
+template <typename Scalar>
+[[nodiscard]] constexpr Scalar constant(long double value) noexcept {
+  return Scalar(static_cast<Value<Scalar>>(value));
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar sqrt(const Scalar& x) noexcept {
+  using std::sqrt;
+  return sqrt(x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar sin(const Scalar& x) noexcept {
+  using std::sin;
+  return sin(x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar cos(const Scalar& x) noexcept {
+  using std::cos;
+  return cos(x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar atan2(const Scalar& y, const Scalar& x) noexcept {
+  using std::atan2;
+  return atan2(y, x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar exp(const Scalar& x) noexcept {
+  using std::exp;
+  return exp(x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar log(const Scalar& x) noexcept {
+  using std::log;
+  return log(x);
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar abs(const Scalar& x) noexcept {
+  using std::abs;
+  return abs(x);
+}
+
+/// `a` where `mask` holds, else `b`, lane by lane; both have been evaluated.
+template <typename Mask, typename Scalar>
+[[nodiscard]] Scalar select(const Mask& mask, const Scalar& a, const Scalar& b) noexcept {
+  if constexpr (std::is_same_v<Mask, bool>) {
+    return mask ? a : b;
+  } else {
+    return lanes::choose(mask, a, b);
+  }
+}
+
+/// Whether a comparison holds in every lane.
+template <typename Mask>
+[[nodiscard]] bool all(const Mask& mask) noexcept {
+  if constexpr (std::is_same_v<Mask, bool>) {
+    return mask;
+  } else {
+    return all_of(mask);  // found beside the scalar type
+  }
+}
+
+/// Whether a number is neither NaN nor infinite, in every lane. Written with arithmetic alone, so that each scalar type
+/// has it: x - x is zero for finite x only.
+template <typename Scalar>
+[[nodiscard]] bool isfinite(const Scalar& x) noexcept {
+  return all(x - x == Scalar(0));
+}
+
+/// Whether every entry is finite: one sum of zeros and no branch.
+template <typename Derived>
+[[nodiscard]] bool all_finite(const Eigen::MatrixBase<Derived>& matrix) noexcept {
+  using Scalar = typename Derived::Scalar;
+  const auto& entries = matrix.derived();
+  return isfinite(Scalar((entries - entries).sum()));
+}
+
+/// Whether the square of a vector's length has neither overflowed nor lost digits to underflow.
+template <typename Scalar>
+[[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
+  using Limits = std::numeric_limits<Value<Scalar>>;
+  constexpr Value<Scalar> least = Limits::min() / (Limits::epsilon() * Limits::epsilon());
+  return all(square > Scalar(least)) && all(square <= Scalar(Limits::max()));
+}
+
+/// The length of a finite vector, however small or large its entries: Eigen's `stableNorm`, without the loop that makes it cost
+/// ten times as much as the length itself.
+template <typename Scalar>
+[[nodiscard]] Scalar length(const Vector3<Scalar>& v) noexcept {
+  const Scalar square = v.squaredNorm();
+  if (is_precise_square(square)) {
+    return sqrt(square);
+  }
+  const Scalar largest = v.cwiseAbs().maxCoeff();
+  return largest > Scalar(0) ? Scalar(largest * sqrt(Scalar(Vector3<Scalar>(v / largest).squaredNorm()))) : square;
+}
+
+/// A finite vector divided by its length; zero remains zero.
+template <typename Scalar>
+[[nodiscard]] Vector3<Scalar> unit(const Vector3<Scalar>& v) noexcept {
+  const Scalar square = v.squaredNorm();
+  if (is_precise_square(square)) {
+    return v / sqrt(square);
+  }
+  const Scalar largest = v.cwiseAbs().maxCoeff();
+  if (!(largest > Scalar(0))) {
+    return v;
+  }
+  const Vector3<Scalar> scaled = v / largest;
+  return scaled / sqrt(Scalar(scaled.squaredNorm()));
+}
+
+/// Σ coefficients[k] xᵏ by Horner's rule.
+template <typename Scalar, std::size_t Count>
+[[nodiscard]] Scalar polynomial(const Scalar& x, const std::array<Value<Scalar>, Count>& coefficients) noexcept {
+  Scalar sum(coefficients[Count - 1]);
+  for (std::size_t k = Count - 1; k-- > 0;) {
+    sum = sum * x + Scalar(coefficients[k]);
+  }
+  return sum;
+}
+
+}  // namespace scalar
+}  // namespace elliptude

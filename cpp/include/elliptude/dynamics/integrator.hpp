@@ -1,0 +1,263 @@
+#pragma once
+
+/// \file
+/// The Lie group variational integrator of a rigid body in a potential (paper, eqs. findf0, updateR0, updatew0), and
+/// symmetric compositions of it of order 4, 6 and 8. It keeps the attitude a rotation and the momentum map of a symmetric
+/// potential to rounding, and its energy error does not grow.
+
+#include "elliptude/dynamics/potential.hpp"
+
+namespace elliptude {
+
+/// How the step is composed of shorter ones: stage i has length weights[i] h; the weights sum to 1 and read the same from
+/// both ends, so that the composition is time-reversible like the step itself.
+template <typename Scalar>
+struct Composition {
+  static constexpr int most_stages = 17;
+
+  int stages;
+  std::array<Scalar, most_stages> weights;
+};
+
+/// Order 2: the step itself. Order 4: Suzuki's five stages, 1/(4 − 4^⅓). Orders 6 and 8: Kahan and Li (1997), 9 and 17 stages.
+/// \return `out_of_range` for any other order.
+template <typename Scalar>
+[[nodiscard]] Status composition_of_order(int order, Composition<Scalar>& composition) noexcept {
+  Composition<Scalar> result{};
+  const auto symmetric = [&result](const auto& half) {
+    const int count = static_cast<int>(half.size());
+    result.stages = 2 * count - 1;
+    for (int i = 0; i < count; ++i) {
+      const Scalar weight = scalar::constant<Scalar>(half[static_cast<std::size_t>(i)]);
+      result.weights[static_cast<std::size_t>(i)] = weight;
+      result.weights[static_cast<std::size_t>(result.stages - 1 - i)] = weight;
+    }
+  };
+  switch (order) {
+    case 2:
+      symmetric(std::array<long double, 1>{1.0L});
+      break;
+    case 4:
+      symmetric(std::array<long double, 3>{0.41449077179437573714235406286L, 0.41449077179437573714235406286L,
+                                           -0.65796308717750294856941625144L});
+      break;
+    case 6:
+      symmetric(std::array<long double, 5>{0.39216144400731413927925056L, 0.33259913678935943859974864L,
+                                           -0.70624617255763935980996482L, 0.08221359629355080023149045L,
+                                           0.79854399093482996339895035L});
+      break;
+    case 8:
+      symmetric(std::array<long double, 9>{
+          0.13020248308889008087881763L, 0.56116298177510838456196441L, -0.38947496264484728640807860L,
+          0.15884190655515560089621075L, -0.39590389413323757733623154L, 0.18453964097831570709183254L,
+          0.25837438768632204729397911L, 0.29501172360931029887096624L, -0.60550853383003451169892108L});
+      break;
+    default:
+      return Status::out_of_range;
+  }
+  composition = result;
+  return Status::ok;
+}
+
+/// F, the rotation within one step, from h S(a) = F J_d − J_d Fᵀ (paper, eq. findf0) with a = Jω + (h/2) M. As the Cayley map
+/// of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 4), solved by Newton's method
+/// from c = (h/2) J⁻¹a: no trigonometric function.
+/// \param h the step in s; negative within compositions.
+/// \return `step_too_long` if there is no solution on the branch of small steps with a turn below a right angle: the matrix of
+/// Newton's method, −2J at rest, has then changed the sign of its determinant, or the iteration did not settle.
+template <typename Scalar>
+[[nodiscard]] Status relative_attitude(const RigidBody<Scalar>& body, const Scalar& h, const Vector3<Scalar>& a,
+                                       Matrix3<Scalar>& f) noexcept {
+  const Vector3<Scalar> ha = h * a;
+  const Matrix3<Scalar> twice_inertia = Scalar(2) * body.inertia();
+  const Matrix3<Scalar> half_inverse = scalar::constant<Scalar>(0.5L) * body.inertia_inverse();
+  const auto residual = [&](const Vector3<Scalar>& c, const Scalar& along) {
+    return Vector3<Scalar>(ha + ha.cross(c) + along * c - twice_inertia * c);
+  };
+  // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
+  // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's method.
+  Vector3<Scalar> c = half_inverse * ha;
+  c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
+  constexpr int most_steps = 40;
+  for (int step = 0; step < most_steps; ++step) {
+    const Scalar along = c.dot(ha);
+    // The columns of S(ha) + c haᵀ + (cᵀha) I − 2J, inverted by Cramer's rule.
+    const Vector3<Scalar> n0 = Vector3<Scalar>(along, ha.z(), -ha.y()) + ha.x() * c - twice_inertia.col(0);
+    const Vector3<Scalar> n1 = Vector3<Scalar>(-ha.z(), along, ha.x()) + ha.y() * c - twice_inertia.col(1);
+    const Vector3<Scalar> n2 = Vector3<Scalar>(ha.y(), -ha.x(), along) + ha.z() * c - twice_inertia.col(2);
+    const Vector3<Scalar> cofactor0 = n1.cross(n2);
+    const Vector3<Scalar> cofactor1 = n2.cross(n0);
+    const Vector3<Scalar> cofactor2 = n0.cross(n1);
+    const Scalar determinant = n0.dot(cofactor0);
+    if (!scalar::all(determinant < Scalar(0))) {
+      return Status::step_too_long;
+    }
+    const Scalar scale = Scalar(-1) / determinant;
+    const auto solve = [&](const Vector3<Scalar>& rest) {
+      return Vector3<Scalar>(scale * cofactor0.dot(rest), scale * cofactor1.dot(rest), scale * cofactor2.dot(rest));
+    };
+    // The inverse serves twice: the second change costs little and leaves the product of both.
+    const Vector3<Scalar> first = solve(residual(c, along));
+    c += first;
+    const Vector3<Scalar> second = solve(residual(c, Scalar(c.dot(ha))));
+    c += second;
+    if (scalar::all(first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance)) {
+      if (!scalar::all(c.squaredNorm() < Scalar(1))) {
+        return Status::step_too_long;
+      }
+      f = cayley(c);
+      return Status::ok;
+    }
+  }
+  return Status::step_too_long;
+}
+
+/// `relative_attitude` in the paper's own form F = exp(S(f)), where the equation is
+/// h a = (sin‖f‖/‖f‖) Jf + ((1−cos‖f‖)/‖f‖²) f × Jf. Slower; for comparison.
+template <typename Scalar>
+[[nodiscard]] Status relative_attitude_exponential(const RigidBody<Scalar>& body, const Scalar& h,
+                                                   const Vector3<Scalar>& a, Matrix3<Scalar>& f) noexcept {
+  const Vector3<Scalar> ha = h * a;
+  const Matrix3<Scalar>& inertia = body.inertia();
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar right_angle = scalar::constant<Scalar>(1.57079632679489661923132169163975144L);
+  Vector3<Scalar> x = body.inertia_inverse() * ha;
+  constexpr int most_steps = 40;
+  for (int step = 0; step < most_steps; ++step) {
+    const Scalar square = x.squaredNorm();
+    const Scalar sine = angle::functions<angle::Want::exponential>(square).sine;
+    const angle::Functions<Scalar> functions = angle::functions<angle::Want::jacobian>(square);
+    // Derivatives of the two factors are these times xᵀ.
+    const Scalar sine_slope = functions.sine_tail - functions.versine;
+    const auto tiny = square < Scalar(rotation_tolerance<Scalar>());
+    const Scalar versine_slope =
+        scalar::select(tiny, Scalar(Scalar(-1) / Scalar(12)),
+                       Scalar((sine - Scalar(2) * functions.versine) / scalar::select(tiny, Scalar(1), square)));
+    const Vector3<Scalar> jx = inertia * x;
+    const Vector3<Scalar> gyroscopic = x.cross(jx);
+    const Vector3<Scalar> residual = ha - sine * jx - functions.versine * gyroscopic;
+    const Matrix3<Scalar> newton = sine * inertia + functions.versine * (hat(x) * inertia - hat(jx)) +
+                                   (sine_slope * jx + versine_slope * gyroscopic) * x.transpose();
+    if (!scalar::all(newton.determinant() > Scalar(0))) {
+      return Status::step_too_long;
+    }
+    const Vector3<Scalar> change = newton.inverse() * residual;
+    x += change;
+    if (scalar::all(change.squaredNorm() <= tolerance)) {
+      if (!scalar::all(x.squaredNorm() < right_angle * right_angle)) {
+        return Status::step_too_long;
+      }
+      f = exp(x);
+      return Status::ok;
+    }
+  }
+  return Status::step_too_long;
+}
+
+/// One stage of the integrator, with what the next stage and the linearization use again.
+template <typename Scalar>
+struct Stage {
+  Vector3<Scalar> momentum;      ///< a = Jω + (h/2) M
+  Matrix3<Scalar> rotation;      ///< F
+  RigidBodyState<Scalar> state;  ///< after the stage
+  Vector3<Scalar> torque;        ///< of the potential after the stage
+  /// Jω after the stage, body axes. It is carried from stage to stage, and ω follows from it: to ω and back at every stage
+  /// would multiply it by J fl(J⁻¹), whose rounding errors are always the same ones and add up.
+  Vector3<Scalar> body_momentum;
+};
+
+/// The stage before the first one.
+/// \return `callback_failed`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status start_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
+                                 const RigidBodyState<Scalar>& state, Stage<Scalar>& stage) noexcept {
+  stage.state = state;
+  stage.torque = potential.torque(state.attitude, time);
+  stage.body_momentum = body.inertia() * state.angular_velocity;
+  return scalar::all_finite(stage.torque) ? Status::ok : Status::callback_failed;
+}
+
+/// Eqs. findf0, updateR0, updatew0 over one stage of length h from time t, from what the stage `before` left; `stage` may be
+/// the same. The control torque (body axes, constant over the step) acts beside the potential's.
+/// \return `step_too_long`, `callback_failed`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
+                                     const Scalar& h, const Vector3<Scalar>& control_torque,
+                                     const Stage<Scalar>& before, Stage<Scalar>& stage) noexcept {
+  static_assert(is_potential<Potential, Scalar>, "see dynamics/potential.hpp for what a potential is");
+  const Scalar half = scalar::constant<Scalar>(0.5L) * h;
+  Stage<Scalar> result;
+  result.momentum = before.body_momentum + half * (before.torque + control_torque);
+  if (const Status status = relative_attitude(body, h, result.momentum, result.rotation); status != Status::ok) {
+    return status;
+  }
+  result.state.attitude.noalias() = before.state.attitude * result.rotation;
+  result.torque = potential.torque(result.state.attitude, Scalar(time + h));
+  if (!scalar::all_finite(result.torque)) {
+    return Status::callback_failed;
+  }
+  result.body_momentum = result.rotation.transpose() * result.momentum + half * (result.torque + control_torque);
+  result.state.angular_velocity.noalias() = body.inertia_inverse() * result.body_momentum;
+  stage = result;
+  return Status::ok;
+}
+
+/// Checks the start of a step.
+/// \return `not_finite`, `not_a_rotation`; `out_of_range` of a step that is not positive.
+template <typename Scalar>
+[[nodiscard]] Status validate_step(const Scalar& time, const Scalar& h, const Vector3<Scalar>& control_torque,
+                                   const RigidBodyState<Scalar>& state) noexcept {
+  if (!scalar::isfinite(time) || !scalar::isfinite(h) || !scalar::all_finite(control_torque) ||
+      !scalar::all_finite(state.attitude) || !scalar::all_finite(state.angular_velocity)) {
+    return Status::not_finite;
+  }
+  if (!scalar::all(h > Scalar(0))) {
+    return Status::out_of_range;
+  }
+  return is_rotation(state.attitude, rotation_tolerance<Scalar>()) ? Status::ok : Status::not_a_rotation;
+}
+
+/// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
+/// step is that at the start of the next, so the potential is evaluated once for each stage.
+/// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
+/// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
+template <typename Scalar, typename Potential, typename Visit>
+[[nodiscard]] Status integrate(const RigidBody<Scalar>& body, const Potential& potential,
+                               const Composition<Scalar>& composition, const Scalar& time, const Scalar& h, long steps,
+                               const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
+                               RigidBodyState<Scalar>& next, const Visit& visit) noexcept {
+  if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
+    return status;
+  }
+  Stage<Scalar> stage;
+  if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
+    return status;
+  }
+  for (long step = 0; step < steps; ++step) {
+    Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+    for (int i = 0; i < composition.stages; ++i) {
+      const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
+      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
+          status != Status::ok) {
+        return status;
+      }
+      stage_time += length;
+    }
+    visit(step + 1, stage.state);
+  }
+  next = stage.state;
+  return Status::ok;
+}
+
+/// One step; see `integrate`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_step(const RigidBody<Scalar>& body, const Potential& potential,
+                                    const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
+                                    const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
+                                    RigidBodyState<Scalar>& next) noexcept {
+  return integrate(body, potential, composition, time, h, 1L, control_torque, state, next,
+                   [](long, const RigidBodyState<Scalar>&) {});
+}
+
+}  // namespace elliptude

@@ -1,0 +1,144 @@
+#pragma once
+
+/// \file
+/// The linearization of the discrete flow (paper, §3.1: x⁺ = A x with x = [ζ; δω]; theory, section 6), for the step, its
+/// compositions and any number of steps, with respect to the state and to a constant control torque.
+
+#include "elliptude/base/interruption.hpp"
+#include "elliptude/dynamics/integrator.hpp"
+
+namespace elliptude {
+
+/// First-order effect on [ζ; δω] at the end, ζ the error rotation vector on the body side, C = Ĉ exp(S(ζ)).
+template <typename Scalar>
+struct FlowLinearization {
+  Matrix6<Scalar> state;         ///< A, of [ζ; δω] at the start; det A = 1
+  Matrix<Scalar, 6, 3> control;  ///< B, of the control torque
+
+  [[nodiscard]] static FlowLinearization identity() noexcept {
+    return {Matrix6<Scalar>::Identity(), Matrix<Scalar, 6, 3>::Zero()};
+  }
+};
+
+/// The linearization as it grows stage by stage, in [ζ; δπ] with the momentum π = Jω, where a stage is a kick, a free rotor
+/// and a kick. Both matrices are transposed, so that a stage runs along columns: one row for each entry of ζ and δπ at the
+/// start and of the control torque, and three of zeros that make twelve, whole SIMD registers of any width.
+template <typename Scalar>
+struct MomentumLinearization {
+  Matrix<Scalar, 12, 3> zeta;
+  Matrix<Scalar, 12, 3> momentum;
+
+  [[nodiscard]] static MomentumLinearization identity() noexcept {
+    MomentumLinearization result{Matrix<Scalar, 12, 3>::Zero(), Matrix<Scalar, 12, 3>::Zero()};
+    result.zeta.template block<3, 3>(0, 0).setIdentity();
+    result.momentum.template block<3, 3>(3, 0).setIdentity();
+    return result;
+  }
+
+  /// Half a kick: δπ ← δπ + (h/2) (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the control.
+  void kick(const Scalar& half, const Matrix3<Scalar>& jacobian) noexcept {
+    const Matrix3<Scalar> transposed = half * jacobian.transpose();
+    momentum += zeta.lazyProduct(transposed);
+    for (int i = 0; i < 3; ++i) {
+      momentum(6 + i, i) += half;
+    }
+  }
+
+  /// The free rotor: with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
+  /// \return `step_too_long` if tr(F J_d) I − F J_d is singular.
+  [[nodiscard]] Status turn(const RigidBody<Scalar>& body, const Scalar& h, const Stage<Scalar>& stage) noexcept {
+    const Matrix3<Scalar>& f = stage.rotation;
+    const Matrix3<Scalar> fjd = f.lazyProduct(body.nonstandard_inertia());
+    // Rows of tr(F J_d) I − F J_d; its inverse by their cross products.
+    const Scalar trace = fjd.trace();
+    const Vector3<Scalar> r0(trace - fjd(0, 0), -fjd(0, 1), -fjd(0, 2));
+    const Vector3<Scalar> r1(-fjd(1, 0), trace - fjd(1, 1), -fjd(1, 2));
+    const Vector3<Scalar> r2(-fjd(2, 0), -fjd(2, 1), trace - fjd(2, 2));
+    Matrix3<Scalar> cofactors;
+    cofactors.col(0) = r1.cross(r2);
+    cofactors.col(1) = r2.cross(r0);
+    cofactors.col(2) = r0.cross(r1);
+    const Scalar determinant = r0.dot(Vector3<Scalar>(cofactors.col(0)));
+    if (!scalar::all(determinant > Scalar(0))) {
+      return Status::step_too_long;
+    }
+    const Matrix3<Scalar> k_transposed = (h / determinant) * cofactors.transpose().lazyProduct(f);
+    const Vector3<Scalar> carried = f.transpose() * stage.momentum;
+    const Matrix3<Scalar> by_momentum = f - k_transposed.lazyProduct(hat(carried));
+    zeta = (zeta.lazyProduct(f) + momentum.lazyProduct(k_transposed)).eval();
+    momentum = momentum.lazyProduct(by_momentum).eval();
+    return Status::ok;
+  }
+
+  /// The same in [ζ; δω].
+  [[nodiscard]] FlowLinearization<Scalar> in_angular_velocity(const RigidBody<Scalar>& body) const noexcept {
+    const Matrix<Scalar, 12, 3> rate = momentum.lazyProduct(body.inertia_inverse());
+    const Matrix3<Scalar>& inertia = body.inertia();
+    FlowLinearization<Scalar> result;
+    result.state.template topLeftCorner<3, 3>() = zeta.template middleRows<3>(0).transpose();
+    result.state.template topRightCorner<3, 3>() = zeta.template middleRows<3>(3).transpose().lazyProduct(inertia);
+    result.state.template bottomLeftCorner<3, 3>() = rate.template middleRows<3>(0).transpose();
+    result.state.template bottomRightCorner<3, 3>() = rate.template middleRows<3>(3).transpose().lazyProduct(inertia);
+    result.control.template topRows<3>() = zeta.template middleRows<3>(6).transpose();
+    result.control.template bottomRows<3>() = rate.template middleRows<3>(6).transpose();
+    return result;
+  }
+};
+
+/// As `integrate`, and the linearization of all the steps together: A^f = A_{l−1} … A_0 (paper, eq. flow).
+///
+/// A stage of length h with a = Jω + (h/2) M and F turns perturbations by
+///
+///     ζ⁺ = Fᵀζ + ξ,   ξ = K (J δω + (h/2) 𝓜 ζ),   K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹
+///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
+///
+/// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite; `interrupted`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_linearized(const RigidBody<Scalar>& body, const Potential& potential,
+                                          const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
+                                          long steps, const Vector3<Scalar>& control_torque,
+                                          const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
+                                          FlowLinearization<Scalar>& linearization,
+                                          const Interruption& interruption = Interruption()) noexcept {
+  if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
+    return status;
+  }
+  Stage<Scalar> stage;
+  if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
+    return status;
+  }
+  Matrix3<Scalar> jacobian = potential.torque_jacobian(state.attitude, time);
+  if (!scalar::all_finite(jacobian)) {
+    return Status::callback_failed;
+  }
+  auto total = MomentumLinearization<Scalar>::identity();
+  for (long step = 0; step < steps; ++step) {
+    if (interruption.after(step)) {
+      return Status::interrupted;
+    }
+    Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+    for (int i = 0; i < composition.stages; ++i) {
+      const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
+      const Scalar half = scalar::constant<Scalar>(0.5L) * length;
+      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
+          status != Status::ok) {
+        return status;
+      }
+      stage_time += length;
+      total.kick(half, jacobian);
+      if (const Status status = total.turn(body, length, stage); status != Status::ok) {
+        return status;
+      }
+      jacobian = potential.torque_jacobian(stage.state.attitude, stage_time);
+      if (!scalar::all_finite(jacobian)) {
+        return Status::callback_failed;
+      }
+      total.kick(half, jacobian);
+    }
+  }
+  next = stage.state;
+  linearization = total.in_angular_velocity(body);
+  return Status::ok;
+}
+
+}  // namespace elliptude

@@ -1,0 +1,92 @@
+#pragma once
+
+/// \file
+/// The rigid body: its inertia and what follows from it (paper, §2.3.1). SI units, body axes.
+
+#include "elliptude/attitude/state.hpp"
+#include "elliptude/linear/factorization.hpp"
+
+namespace elliptude {
+
+/// An inertia that a mass distribution can have. `make` checks it, so that every `RigidBody` is valid.
+template <typename Scalar>
+class RigidBody {
+ public:
+  /// A body with unit inertia.
+  RigidBody() noexcept
+      : inertia_(Matrix3<Scalar>::Identity()),
+        inertia_inverse_(Matrix3<Scalar>::Identity()),
+        nonstandard_inertia_(scalar::constant<Scalar>(0.5L) * Matrix3<Scalar>::Identity()),
+        principal_moments_(Vector3<Scalar>::Ones()) {}
+
+  /// \param inertia J in kg m², about the point that the body turns about.
+  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `invalid_inertia` if a principal moment exceeds the sum
+  /// of the others (equality, a flat body, is allowed).
+  [[nodiscard]] static Status make(const Matrix3<Scalar>& inertia, RigidBody& body) noexcept {
+    if (!scalar::all_finite(inertia)) {
+      return Status::not_finite;
+    }
+    if (!is_symmetric(inertia)) {
+      return Status::not_symmetric;
+    }
+    RigidBody result;
+    result.inertia_ = scalar::constant<Scalar>(0.5L) * (inertia + inertia.transpose());
+    if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_);
+        status != Status::ok) {
+      return status;
+    }
+    SymmetricEigen<Scalar, 3> eigen;
+    if (const Status status = symmetric_eigen(result.inertia_, eigen); status != Status::ok) {
+      return status;
+    }
+    const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * eigen.values(0);
+    if (!(eigen.values(0) <= eigen.values(1) + eigen.values(2) + rounding)) {
+      return Status::invalid_inertia;
+    }
+    result.principal_moments_ = eigen.values;
+    result.nonstandard_inertia_ =
+        scalar::constant<Scalar>(0.5L) * result.inertia_.trace() * Matrix3<Scalar>::Identity() - result.inertia_;
+    body = result;
+    return Status::ok;
+  }
+
+  /// J, kg m².
+  [[nodiscard]] const Matrix3<Scalar>& inertia() const noexcept { return inertia_; }
+  [[nodiscard]] const Matrix3<Scalar>& inertia_inverse() const noexcept { return inertia_inverse_; }
+  /// J_d = ½ tr(J) I − J (paper, after eq. updatew0).
+  [[nodiscard]] const Matrix3<Scalar>& nonstandard_inertia() const noexcept { return nonstandard_inertia_; }
+  /// Eigenvalues of J, largest first.
+  [[nodiscard]] const Vector3<Scalar>& principal_moments() const noexcept { return principal_moments_; }
+
+  /// ½ ωᵀJω, in joule.
+  [[nodiscard]] Scalar kinetic_energy(const Vector3<Scalar>& angular_velocity) const noexcept {
+    return scalar::constant<Scalar>(0.5L) * angular_velocity.dot(inertia_ * angular_velocity);
+  }
+
+  /// CJω, the angular momentum in reference axes, in N m s: constant for a free body.
+  [[nodiscard]] Vector3<Scalar> angular_momentum(const RigidBodyState<Scalar>& state) const noexcept {
+    return state.attitude * (inertia_ * state.angular_velocity);
+  }
+
+  /// The same body for another scalar type.
+  template <typename Other>
+  [[nodiscard]] RigidBody<Other> cast() const noexcept {
+    return RigidBody<Other>(inertia_.template cast<Other>(), inertia_inverse_.template cast<Other>(),
+                            nonstandard_inertia_.template cast<Other>(), principal_moments_.template cast<Other>());
+  }
+
+ private:
+  template <typename>
+  friend class RigidBody;
+
+  RigidBody(const Matrix3<Scalar>& inertia, const Matrix3<Scalar>& inverse, const Matrix3<Scalar>& nonstandard,
+            const Vector3<Scalar>& moments) noexcept
+      : inertia_(inertia), inertia_inverse_(inverse), nonstandard_inertia_(nonstandard), principal_moments_(moments) {}
+
+  Matrix3<Scalar> inertia_;
+  Matrix3<Scalar> inertia_inverse_;
+  Matrix3<Scalar> nonstandard_inertia_;
+  Vector3<Scalar> principal_moments_;
+};
+
+}  // namespace elliptude

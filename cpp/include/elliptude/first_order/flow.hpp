@@ -1,0 +1,245 @@
+#pragma once
+
+/// \file
+/// The flow update (paper, §3.1): how a state and its ellipsoid move between measurements, to first order in the error.
+///
+/// A flow has a `State`, an `Input` and
+///
+///     Status predict(time, duration, input, ellipsoid, criterion, Prediction<State>&) const noexcept
+///
+/// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
+
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/dynamics/linearization.hpp"
+
+namespace elliptude {
+
+template <typename State>
+struct Prediction {
+  StateEllipsoid<State> ellipsoid;
+  Matrix6<StateScalar<State>> transition;  ///< A^f (paper, eq. flow)
+};
+
+/// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid.
+template <typename Scalar, typename Potential>
+class RigidBodyFlow {
+ public:
+  using State = RigidBodyState<Scalar>;
+  struct Input {
+    Vector3<Scalar> control_torque = Vector3<Scalar>::Zero();  ///< N m, body axes, constant over the interval
+  };
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer.
+  /// \param order of the integrator: 2, 4, 6 or 8.
+  /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and anything
+  ///        in the ellipsoid from step to step. Zero for none.
+  /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the torque.
+  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                   const Scalar& longest_step, int order, const Matrix3<Scalar>& unknown_torque,
+                                   RigidBodyFlow& flow) noexcept {
+    if (!scalar::isfinite(longest_step)) {
+      return Status::not_finite;
+    }
+    if (!(longest_step > Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), unknown_torque});
+        status != Status::ok) {
+      return status;
+    }
+    Composition<Scalar> composition;
+    if (const Status status = composition_of_order(order, composition); status != Status::ok) {
+      return status;
+    }
+    flow.body_ = body;
+    flow.potential_ = potential;
+    flow.composition_ = composition;
+    flow.longest_step_ = longest_step;
+    flow.unknown_torque_ = unknown_torque;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
+    return Status::ok;
+  }
+
+  [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
+  [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
+  /// `too_many_steps`; `interrupted`; what `minimal_sum` says.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
+                               Prediction<State>& prediction) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      prediction = {ellipsoid, Matrix6<Scalar>::Identity()};
+      return Status::ok;
+    }
+    using std::ceil;
+    // A step longer by rounding than the longest is not worth another one.
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
+    }
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+
+    Prediction<State> result;
+    FlowLinearization<Scalar> linearization;
+    if (unknown_torque_.isZero(Scalar(0))) {
+      if (const Status status =
+              integrate_linearized(body_, potential_, composition_, time, h, steps, input.control_torque,
+                                   ellipsoid.center, result.ellipsoid.center, linearization, interruption_);
+          status != Status::ok) {
+        return status;
+      }
+      result.transition = linearization.state;
+      result.ellipsoid.shape = transformed_shape(linearization.state, ellipsoid.shape);
+      prediction = result;
+      return Status::ok;
+    }
+    result.ellipsoid = ellipsoid;
+    result.transition.setIdentity();
+    for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+      const State before = result.ellipsoid.center;
+      if (const Status status = integrate_linearized(body_, potential_, composition_, now, h, 1L, input.control_torque,
+                                                     before, result.ellipsoid.center, linearization);
+          status != Status::ok) {
+        return status;
+      }
+      const Matrix<Scalar, 6, 3> half = linearization.control.lazyProduct(unknown_torque_);
+      const std::array<Ellipsoid<Scalar, 6>, 2> terms{
+          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), transformed_shape(linearization.state, result.ellipsoid.shape)},
+          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(),
+                               Matrix6<Scalar>(half.lazyProduct(linearization.control.transpose()))}};
+      Ellipsoid<Scalar, 6> sum;
+      if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
+        return status;
+      }
+      result.ellipsoid.shape = sum.shape;
+      result.transition = linearization.state.lazyProduct(result.transition).eval();
+    }
+    prediction = result;
+    return Status::ok;
+  }
+
+ private:
+  RigidBody<Scalar> body_;
+  Potential potential_;
+  Composition<Scalar> composition_;
+  Scalar longest_step_;
+  Matrix3<Scalar> unknown_torque_;
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
+};
+
+/// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
+/// The rate is the input; over an interval, with F = exp(S(h(ω̃ − β̂))),
+///
+///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v + ½ h β'),   δβ⁺ = δβ + h β'.   (theory, section 12)
+template <typename Scalar>
+class GyroFlow {
+ public:
+  using State = GyroState<Scalar>;
+  struct Input {
+    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+  };
+
+  /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the next.
+  /// \param drift shape of the ellipsoid of β' = dβ/dt, (rad/s²)², constant over an interval and anything in it from one to
+  ///        the next.
+  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
+  [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,
+                                   GyroFlow& flow) noexcept {
+    for (const Matrix3<Scalar>* shape : {&noise, &drift}) {
+      if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), *shape}); status != Status::ok) {
+        return status;
+      }
+    }
+    flow.noise_ = noise;
+    flow.drift_ = drift;
+    return Status::ok;
+  }
+
+  /// \return `not_finite`; `out_of_range` of a negative duration.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
+                               Prediction<State>& prediction) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      prediction = {ellipsoid, Matrix6<Scalar>::Identity()};
+      return Status::ok;
+    }
+    const Vector3<Scalar> turn = duration * (input.angular_velocity - ellipsoid.center.gyro_bias);
+    const Matrix3<Scalar> f = exp(turn);
+    const Matrix3<Scalar> by_rate = -duration * right_jacobian(turn);
+
+    Prediction<State> result;
+    result.ellipsoid.center = {ellipsoid.center.attitude * f, ellipsoid.center.gyro_bias};
+    result.transition.setIdentity();
+    result.transition.template topLeftCorner<3, 3>() = f.transpose();
+    result.transition.template topRightCorner<3, 3>() = by_rate;
+
+    std::array<Ellipsoid<Scalar, 6>, 3> terms;
+    for (Ellipsoid<Scalar, 6>& term : terms) {
+      term = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
+    }
+    terms[0].shape = transformed_shape(result.transition, ellipsoid.shape);
+    const Matrix3<Scalar> noise = by_rate.lazyProduct(noise_).lazyProduct(by_rate.transpose());
+    terms[1].shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (noise + noise.transpose());
+    // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
+    Matrix<Scalar, 6, 3> by_drift;
+    by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
+    by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
+    const Matrix<Scalar, 6, 3> half = by_drift.lazyProduct(drift_);
+    const Matrix6<Scalar> drift = half.lazyProduct(by_drift.transpose());
+    terms[2].shape = scalar::constant<Scalar>(0.5L) * (drift + drift.transpose());
+    Ellipsoid<Scalar, 6> sum;
+    if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
+      return status;
+    }
+    result.ellipsoid.shape = sum.shape;
+    prediction = result;
+    return Status::ok;
+  }
+
+  /// The angular velocity ω = ω̃ − β − v at a sample, with its bound: an output here.
+  [[nodiscard]] Status angular_velocity(const StateEllipsoid<State>& ellipsoid, const Input& input,
+                                        Ellipsoid<Scalar, 3>& result) const noexcept {
+    const std::array<Ellipsoid<Scalar, 3>, 2> terms{
+        Ellipsoid<Scalar, 3>{input.angular_velocity - ellipsoid.center.gyro_bias,
+                             ellipsoid.shape.template bottomRightCorner<3, 3>()},
+        Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), noise_}};
+    return minimal_sum(terms.data(), terms.size(), SizeCriterion<Scalar, 3>::trace(), result);
+  }
+
+ private:
+  Matrix3<Scalar> noise_;
+  Matrix3<Scalar> drift_;
+};
+
+}  // namespace elliptude

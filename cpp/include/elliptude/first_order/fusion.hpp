@@ -1,0 +1,269 @@
+#pragma once
+
+/// \file
+/// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the measured set.
+
+#include "elliptude/measurement/measurement.hpp"
+
+namespace elliptude {
+
+/// An ellipsoid after fusion, with the share of the prediction in it.
+template <typename State>
+struct Fusion {
+  StateEllipsoid<State> ellipsoid;
+  StateScalar<State> share;   ///< 0 the measurement alone, 1 the prediction alone; the paper's q is share / (1 − share)
+  StateScalar<State> margin;  ///< of the overlap, `overlap_margin`; set also if the sets do not meet
+};
+
+/// How an ellipsoid's attitude errors are carried to another center. Both are of first order in the error; only the second
+/// is right to first order if the centers differ.
+enum class Recentring : std::uint8_t {
+  shifted,      ///< the paper's: log(exp(S(a)) exp(S(ζ))) ≈ a + ζ
+  first_order,  ///< a + J_r⁻¹(a) ζ, and J_r(ζ̂) (ζ − ζ̂) after the fusion
+};
+
+/// diag(G, I) P diag(G, I)ᵀ.
+template <typename Scalar>
+[[nodiscard]] Matrix6<Scalar> with_attitude_transformed(const Matrix3<Scalar>& g,
+                                                        const Matrix6<Scalar>& shape) noexcept {
+  Matrix6<Scalar> transform = Matrix6<Scalar>::Identity();
+  transform.template topLeftCorner<3, 3>() = g;
+  return transformed_shape(transform, shape);
+}
+
+/// The ellipsoid of errors x about a center, in coordinates where it is E(x̂, P), put about its own center (paper, eqs. nattes,
+/// nveles).
+template <typename State>
+[[nodiscard]] StateEllipsoid<State> recentred(const State& center, const Ellipsoid<StateScalar<State>, 6>& ellipsoid,
+                                              Recentring recentring) noexcept {
+  using Scalar = StateScalar<State>;
+  StateEllipsoid<State> result{retract(center, ellipsoid.center), ellipsoid.shape};
+  if (recentring == Recentring::first_order) {
+    result.shape = with_attitude_transformed(
+        ExponentialChart::moved_to(Vector3<Scalar>(ellipsoid.center.template head<3>())), ellipsoid.shape);
+  }
+  return result;
+}
+
+/// The prediction seen from the measured center: E(x̂^mf, P^f) (paper, eqs. errz, errPi, ellRmf).
+template <typename State>
+[[nodiscard]] Ellipsoid<StateScalar<State>, 6> seen_from(const State& center, const StateEllipsoid<State>& ellipsoid,
+                                                         Recentring recentring) noexcept {
+  using Scalar = StateScalar<State>;
+  Ellipsoid<Scalar, 6> seen{state_error(center, ellipsoid.center), ellipsoid.shape};
+  if (recentring == Recentring::first_order) {
+    seen.shape = with_attitude_transformed(ExponentialChart::seen_from(Vector3<Scalar>(seen.center.template head<3>())),
+                                           ellipsoid.shape);
+  }
+  return seen;
+}
+
+namespace fusion {
+
+/// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
+template <typename State>
+[[nodiscard]] bool is_kept(const StateEllipsoid<State>& set) noexcept {
+  Matrix6<StateScalar<State>> factor;
+  return scalar::all_finite(set.shape) && is_in_domain(set.shape) &&
+         (cholesky(set.shape, factor) == Status::ok || validate(set) == Status::ok);
+}
+
+}  // namespace fusion
+
+/// Fuses a predicted and a measured ellipsoid about the measured center (paper, eqs. xhatP-LP).
+/// \return what `minimal_intersection` says; after `empty_intersection` the margin is set, and nothing else.
+template <typename State>
+[[nodiscard]] Status fuse(const StateEllipsoid<State>& measured, const StateEllipsoid<State>& predicted,
+                          Recentring recentring, const SizeCriterion<StateScalar<State>, 6>& criterion,
+                          Fusion<State>& fusion) noexcept {
+  using Scalar = StateScalar<State>;
+  const Ellipsoid<Scalar, 6> seen = seen_from(measured.center, predicted, recentring);
+  Intersection<Scalar, 6> intersection;
+  const Status status = minimal_intersection(measured.in_coordinates(), seen, criterion, intersection);
+  if (status != Status::ok && status != Status::empty_intersection) {
+    return status;
+  }
+  Scalar margin;
+  if (const Status overlap = overlap_margin(measured.in_coordinates(), seen, margin); overlap != Status::ok) {
+    return overlap;
+  }
+  fusion.margin = margin;
+  if (status == Status::ok && margin < Scalar(0)) {
+    return Status::empty_intersection;
+  }
+  if (status == Status::ok) {
+    // The prediction alone has no need to be carried to the measured center and back.
+    const StateEllipsoid<State> fused =
+        intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
+    if (!fusion::is_kept(fused)) {
+      return Status::beyond_domain;
+    }
+    fusion.ellipsoid = fused;
+    fusion.share = intersection.share;
+  }
+  return status;
+}
+
+namespace fusion {
+
+/// The q of least size for ‖y − Bu‖ ≤ 1 with a few rows: with the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its
+/// eigenvectors, wᵢ the weights W' of the vectors of u that belong to them and w₀ that of all others,
+///
+///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q,
+///
+/// all of it cheap, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start: every q gives a
+/// bound.
+template <typename Scalar, int Rows, int N>
+[[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
+                                    const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
+  SymmetricEigen<Scalar, Rows> eigen;
+  if (symmetric_eigen(Matrix<Scalar, Rows>(b.lazyProduct(b.transpose())), eigen) != Status::ok ||
+      !(eigen.values(Rows - 1) > Scalar(0))) {
+    return start;
+  }
+  const Vector<Scalar, Rows> along = eigen.vectors.transpose().lazyProduct(y);
+  const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
+  Vector<Scalar, Rows> weights;
+  Scalar rest(0);
+  if (!size.by_volume()) {
+    const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
+    weights = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
+    rest = size.weight().trace() - weights.sum();
+  }
+  Scalar q = start;
+  constexpr int most_steps = 20;
+  const Scalar longest(9);
+  for (int step = 0; step < most_steps; ++step) {
+    Scalar level = Scalar(1) + q;
+    Scalar level1(1);
+    Scalar level2(0);
+    Scalar trace = rest / q;  // of W'A⁻¹, and its derivatives
+    Scalar trace1 = -trace / q;
+    Scalar trace2 = Scalar(-2) * trace1 / q;
+    Scalar determinant1 = -Scalar(N - Rows) / q;  // of −log det A
+    Scalar determinant2 = -determinant1 / q;
+    for (int i = 0; i < Rows; ++i) {
+      const Scalar inverse = Scalar(1) / (eigen.values(i) + q);
+      const Scalar square = along(i) * along(i);
+      level -= square * q * inverse;
+      const Scalar slope = square * eigen.values(i) * inverse * inverse;
+      level1 -= slope;
+      level2 += Scalar(2) * slope * inverse;
+      determinant1 -= inverse;
+      determinant2 += inverse * inverse;
+      if (!size.by_volume()) {
+        const Scalar part = weights(i) * inverse;
+        trace += part;
+        trace1 -= part * inverse;
+        trace2 += Scalar(2) * part * inverse * inverse;
+      }
+    }
+    if (!(level > Scalar(0))) {
+      return start;
+    }
+    const Scalar relative = level1 / level;
+    Scalar slope = relative;
+    Scalar curvature = level2 / level - relative * relative;
+    if (size.by_volume()) {
+      slope = Scalar(N) * slope + determinant1;
+      curvature = Scalar(N) * curvature + determinant2;
+    } else {
+      slope += trace1 / trace;
+      curvature += trace2 / trace - (trace1 / trace) * (trace1 / trace);
+    }
+    curvature = q * slope + q * q * curvature;  // now with respect to log q
+    slope = q * slope;
+    Scalar move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
+    move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+    q = move > Scalar(0) ? Scalar(q * (Scalar(1) + move)) : Scalar(q / (Scalar(1) - move));
+    if (scalar::abs(move) <= scalar::constant<Scalar>(1e-3L)) {  // its square is left
+      break;
+    }
+  }
+  return scalar::isfinite(q) && q > Scalar(0) ? q : start;
+}
+
+}  // namespace fusion
+
+/// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
+/// velocity or an attitude alone, about the predicted center.
+/// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
+template <typename State, int Rows>
+[[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
+                          const StateEllipsoid<State>& predicted, Recentring recentring,
+                          const SizeCriterion<StateScalar<State>, 6>& criterion, Fusion<State>& fusion) noexcept {
+  using Scalar = StateScalar<State>;
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = validate(predicted); status != Status::ok) {
+    return status;
+  }
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  Matrix6<Scalar> l;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = cholesky_semidefinite(predicted.shape, l); status != Status::ok) {
+    return status;
+  }
+  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
+  // the constants of the quadric would cancel.
+  const Vector6<Scalar> present =
+      l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Matrix<Scalar, Rows, 6> b = h.lazyProduct(l);
+  const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
+  const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
+  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
+    return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
+  };
+  const fusion::Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};
+  Intersection<Scalar, 6> intersection;
+  fusion::Combination<Scalar, 6> best;
+  const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
+  const fusion::RelativeSize<Scalar, 6> size(l, present, criterion);
+  Scalar start = problem.typical_weight();
+  if (start > Scalar(0) && present.sum() == Scalar(6)) {
+    start = fusion::weight_of_rows(y, b, size, start);
+  }
+  const Status status = fusion::minimal_intersection(origin, l, problem, size, start, intersection, best);
+  if (status != Status::ok && status != Status::empty_intersection) {
+    return status;
+  }
+  // Whether they meet is decided in the measured coordinates: E(0, HPHᵀ) and E(y, R).
+  const Ellipsoid<Scalar, Rows> image =
+      affine_image(predicted.in_coordinates(), measurement.h, Vector<Scalar, Rows>(Vector<Scalar, Rows>::Zero()));
+  Scalar margin;
+  if (const Status overlap = overlap_margin(Ellipsoid<Scalar, Rows>{measurement.y, measurement.bound}, image, margin);
+      overlap != Status::ok) {
+    return overlap;
+  }
+  fusion.margin = margin;
+  if (margin < Scalar(0)) {
+    return Status::empty_intersection;
+  }
+  // Where the measurement is far sharper than the prediction, M is too ill-conditioned for a proof and for the shape.
+  const bool undecided = status == Status::empty_intersection;
+  const Scalar q = undecided ? start : Scalar(intersection.share / (Scalar(1) - intersection.share));
+  if (undecided || intersection.share == Scalar(1)) {
+    intersection.set = predicted.in_coordinates();
+  }
+  if (undecided || (intersection.share < Scalar(1) && problem.is_ill_conditioned(q, best))) {
+    Matrix6<Scalar> rows = Matrix6<Scalar>::Zero();
+    rows.template topRows<Rows>() = b;
+    Vector6<Scalar> offset = Vector6<Scalar>::Zero();
+    offset.template head<Rows>() = -y;
+    fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
+    intersection.share = q / (Scalar(1) + q);
+  }
+  const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
+  if (!fusion::is_kept(fused)) {
+    return Status::beyond_domain;
+  }
+  fusion.ellipsoid = fused;
+  fusion.share = intersection.share;
+  return Status::ok;
+}
+
+}  // namespace elliptude

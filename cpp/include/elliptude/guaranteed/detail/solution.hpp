@@ -1,0 +1,235 @@
+#pragma once
+
+/// \file
+/// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
+/// about contradictions. (theory, sections 16.5 to 16.7)
+
+#include "elliptude/guaranteed/kept_set.hpp"
+#include "elliptude/measurement/sensors.hpp"
+#include "elliptude/sets/quadric_fusion.hpp"
+
+namespace elliptude {
+
+/// What a guaranteed filter knows.
+template <typename State>
+struct Knowledge {
+  using Scalar = StateScalar<State>;
+
+  GibbsEllipsoid<State> set;          ///< where the attitude is known
+  Ellipsoid<Scalar, 3> vector;        ///< what is known of the vector where the attitude is not
+  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for it
+  bool has_attitude = false;
+  bool has_vector = false;
+  bool has_vector_bound = false;
+};
+
+/// A set of states about a center that is only where its coordinates begin.
+template <typename State>
+struct Solution {
+  State center;
+  QuadricFusion<StateScalar<State>, 6> fusion;
+  bool used_prediction;
+};
+
+/// Two blocks with zeros between: an attitude's, and that of a vector that is left to its bound. Each is a set of its own, and the
+/// state is in the product of both. (theory, section 16.7)
+template <typename Scalar>
+[[nodiscard]] Matrix6<Scalar> product_shape(const Matrix3<Scalar>& attitude, const Matrix3<Scalar>& vector) noexcept {
+  Matrix6<Scalar> shape = Matrix6<Scalar>::Zero();
+  shape.template topLeftCorner<3, 3>() = attitude;
+  shape.template bottomRightCorner<3, 3>() = vector;
+  return shape;
+}
+
+/// The criterion for the attitude alone.
+template <typename Scalar>
+[[nodiscard]] SizeCriterion<Scalar, 3> attitude_criterion(const SizeCriterion<Scalar, 6>& criterion) noexcept {
+  const bool by_volume = criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume;
+  return {by_volume ? SizeCriterion<Scalar, 3>::Kind::volume : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
+          criterion.weight.template topLeftCorner<3, 3>()};
+}
+
+/// Finds the smallest ellipsoid about the states that selected measurements, and the past if wanted, leave possible.
+template <typename State>
+class SetSolver {
+ public:
+  using Scalar = StateScalar<State>;
+
+  const Knowledge<State>& known;
+  const SizeCriterion<Scalar, 6>& criterion;
+  bool estimates_vector;
+  const Measurements<Scalar>& measurements;
+
+  /// Whether the past takes part, besides what bounds the vector at all times.
+  enum class Past : std::uint8_t { used, forgotten };
+
+  /// \param center where the coordinates begin if there is no prediction; null for one by the selected measurements.
+  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; what `validate` says.
+  [[nodiscard]] Status solve(Sensors selected, Past past, const State* center,
+                             Solution<State>& solution) const noexcept {
+    const bool with_prediction = past == Past::used && known.has_attitude;
+    if (with_prediction) {
+      solution.center = known.set.center;
+    } else if (center != nullptr) {
+      solution.center = *center;
+    } else if (const Status status = measured_center(selected, past, solution.center); status != Status::ok) {
+      return sensors::checked(measurements, status);
+    }
+    return estimates_vector ? solve_state(selected, past, with_prediction, solution)
+                            : solve_attitude(selected, with_prediction, solution);
+  }
+
+  /// A center for coordinates where there is no prediction: any will do, one near the truth does best. Only what is selected may
+  /// choose it, and of the vector what is known best: seen from far away a sharp set is lost in rounding.
+  [[nodiscard]] Status measured_center(Sensors selected, Past past, State& center) const noexcept {
+    Vector3<Scalar> vector = Vector3<Scalar>::Zero();
+    Scalar least_trace(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+    const auto offer = [&](const Vector3<Scalar>& value, const Matrix3<Scalar>& shape) {
+      if (shape.trace() < least_trace) {
+        vector = value;
+        least_trace = shape.trace();
+      }
+    };
+    if ((selected & angular_velocity_bit) != 0) {
+      offer(measurements.angular_velocity->value, measurements.angular_velocity->bound);
+    }
+    if (past == Past::used && !known.has_attitude && known.has_vector) {
+      offer(known.vector.center, known.vector.shape);
+    }
+    if (known.has_vector_bound) {
+      offer(known.vector_bound.center, known.vector_bound.shape);
+    }
+    Matrix3<Scalar> attitude;
+    if ((selected & attitude_bit) != 0) {
+      // Within `rotation_tolerance`, but cones hold about a rotation to rounding.
+      attitude = renormalized(measurements.attitude->attitude);
+    } else {
+      Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+      for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+        if ((selected & direction_bit(i)) != 0) {
+          const Direction<Scalar>& direction = measurements.directions[i];
+          // A weight is any positive number: within these no sum is lost.
+          const Scalar least(scalar::epsilon<Scalar>);
+          const Scalar square = direction.bound.trace();
+          const Scalar weight = square < least ? Scalar(Scalar(1) / least)
+                                               : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);
+          profile += (weight * scalar::unit(direction.reference)) * scalar::unit(direction.body).transpose();
+        }
+      }
+      Scalar condition;
+      if (attitude_by_svd(profile, attitude, condition) != Status::ok) {
+        return Status::unbounded;
+      }
+    }
+    center = State{attitude, vector};
+    return Status::ok;
+  }
+
+ private:
+  /// Below this a multiplier is what the search has left of zero.
+  static Scalar least_multiplier() noexcept { return scalar::constant<Scalar>(1e-6L); }
+
+  [[nodiscard]] Status solve_state(Sensors selected, Past past, bool with_prediction,
+                                   Solution<State>& solution) const noexcept {
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    Quadric<Scalar, 3> quadric;
+    const Matrix3<Scalar>& attitude = solution.center.attitude;
+    const auto add_vector = [&](const Vector3<Scalar>& value, const Matrix3<Scalar>& shape) {
+      const Vector3<Scalar> offset = value - vector_part(solution.center);
+      const Status status = to_quadric(with_least_width(Ellipsoid<Scalar, 3>{offset, shape}), quadric);
+      if (status == Status::ok) {
+        quadrics[count++] = of_vector(quadric);
+      }
+      return status;
+    };
+    for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+      if ((selected & direction_bit(i)) != 0) {
+        if (const Status status = cone(attitude, measurements.directions[i], quadric); status != Status::ok) {
+          return status;
+        }
+        quadrics[count++] = of_attitude(quadric);
+      }
+    }
+    if ((selected & angular_velocity_bit) != 0) {
+      const AngularVelocity<Scalar>& measured = *measurements.angular_velocity;
+      if (const Status status = validate(measured); status != Status::ok) {
+        return status;
+      }
+      if (const Status status = add_vector(measured.value, measured.bound); status != Status::ok) {
+        return status;
+      }
+    }
+    if ((selected & attitude_bit) != 0) {
+      if (const Status status = to_quadric(attitude, *measurements.attitude, quadric); status != Status::ok) {
+        return status;
+      }
+      quadrics[count++] = of_attitude(quadric);
+    }
+    // A bound that cannot be used must not be left out silently.
+    if (known.has_vector_bound) {
+      if (const Status status = add_vector(known.vector_bound.center, known.vector_bound.shape); status != Status::ok) {
+        return status;
+      }
+    }
+    if (past == Past::used && !known.has_attitude && known.has_vector) {
+      if (const Status status = add_vector(known.vector.center, known.vector.shape); status != Status::ok) {
+        return status;
+      }
+    }
+    const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
+    const Status status =
+        fusion::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
+    solution.used_prediction =
+        with_prediction && status == Status::ok &&
+        (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > least_multiplier());
+    return status;
+  }
+
+  /// Solves for the attitude alone: the vector is in its bound, and the state in the product of both sets.
+  [[nodiscard]] Status solve_attitude(Sensors selected, bool with_prediction,
+                                      Solution<State>& solution) const noexcept {
+    if (!known.has_vector_bound) {
+      return Status::unbounded;
+    }
+    const Matrix3<Scalar>& attitude = solution.center.attitude;
+    std::array<Quadric<Scalar, 3>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+      if ((selected & direction_bit(i)) != 0) {
+        if (const Status status = cone(attitude, measurements.directions[i], quadrics[count]); status != Status::ok) {
+          return status;
+        }
+        ++count;
+      }
+    }
+    if ((selected & attitude_bit) != 0) {
+      if (const Status status = to_quadric(attitude, *measurements.attitude, quadrics[count]); status != Status::ok) {
+        return status;
+      }
+      ++count;
+    }
+    const Ellipsoid<Scalar, 3> predicted{Vector3<Scalar>::Zero(), known.set.shape.template topLeftCorner<3, 3>()};
+    QuadricFusion<Scalar, 3> found;
+    found.margin = Scalar(1);
+    found.contradiction = QuadricFusion<Scalar, 3>::none;
+    const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count,
+                                               attitude_criterion(criterion), found);
+    solution.fusion.margin = found.margin;
+    solution.fusion.contradiction = found.contradiction;
+    if (status != Status::ok) {
+      return status;
+    }
+    const Vector3<Scalar> offset = known.vector_bound.center - vector_part(solution.center);
+    solution.fusion.set.center << found.set.center, offset;
+    solution.fusion.set.shape = product_shape(found.set.shape, known.vector_bound.shape);
+    solution.fusion.multipliers = found.multipliers;
+    solution.fusion.predicted_multiplier = found.predicted_multiplier;
+    solution.fusion.prediction_alone = found.prediction_alone;
+    solution.used_prediction =
+        with_prediction && (found.prediction_alone || found.predicted_multiplier > least_multiplier());
+    return Status::ok;
+  }
+};
+
+}  // namespace elliptude

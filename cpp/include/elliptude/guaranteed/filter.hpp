@@ -1,0 +1,763 @@
+#pragma once
+
+/// \file
+/// The guaranteed filter: its set holds the state of the continuous motion whenever what it was told of errors holds. (theory,
+/// sections 16 to 18)
+
+#include "elliptude/first_order/filter.hpp"
+#include "elliptude/guaranteed/detail/solution.hpp"
+#include "elliptude/guaranteed/detail/union_set.hpp"
+#include "elliptude/guaranteed/recovery.hpp"
+
+namespace elliptude {
+
+/// What to do with measurements that no predicted state can have caused: some bound is then wrong.
+enum class Policy : std::uint8_t {
+  raise,             ///< report `empty_intersection`, and leave the filter as it was
+  drop_measurement,  ///< leave out as few measurements as make the rest agree with the prediction
+  restart,           ///< forget the prediction, and start again from the measurements
+  relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
+};
+
+/// What the truth's being in the set rests on.
+enum class Claim : std::uint8_t {
+  unconditional,  ///< on what the filter was told of errors, for all that it has used
+  conditional,    ///< also on that what was dropped on the way was what was wrong
+  none,           ///< no set: the attitude is not known
+};
+
+/// What a guaranteed update did.
+template <typename Scalar>
+struct GuaranteedUpdate {
+  Claim claim = Claim::none;
+  bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
+  Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
+  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 where that
+  /// has no measure, as of an angular velocity beyond the `FilterDomain`.
+  Scalar margin = Scalar(1);
+  Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
+};
+
+/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing at all of the attitude, at the beginning or when a
+/// prediction has become too large to be of use, and then starts from the next measurements that determine one. A function
+/// that does not return `ok` has changed nothing.
+template <typename FlowType>
+class AttitudeFilter<FlowType, GuaranteedEstimator> {
+ public:
+  using Flow = FlowType;
+  using State = typename Flow::State;
+  using Input = typename Flow::Input;
+  using Scalar = StateScalar<State>;
+  using Set = GibbsEllipsoid<State>;
+  static constexpr bool measures_rate = std::is_same_v<State, RigidBodyState<Scalar>>;
+
+  struct Settings {
+    SizeCriterion<Scalar, 6> criterion = SizeCriterion<Scalar, 6>::volume();
+    Policy policy = Policy::raise;
+    /// For `Policy::relaxed`: how many of at most eight measurements may be wrong, 0 to 2.
+    int most_wrong = 0;
+    /// After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the
+    /// measurements of that moment alone, if they bound one. As many updates after a contradiction that others have followed
+    /// the past is given up for such a set, too, which remains conditional until so many have agreed. (theory, section 16.8)
+    int regain_after = 10;
+    /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`, which is all
+    /// that is ever known of it, and the attitude is predicted and fused by itself: its sets are smaller, as no part of a sum
+    /// has to bound the bias. The shape is then of two sets, one of the attitude and the bound of the bias, with zeros between,
+    /// and the state is in their product. (theory, section 16.7)
+    bool estimates_vector = true;
+  };
+
+  /// A filter that knows nothing at `time`.
+  /// \return `not_finite`; `out_of_range` of the settings; what `validate` says of the criterion.
+  [[nodiscard]] static Status make(const Flow& flow, const Settings& settings, const Scalar& time,
+                                   AttitudeFilter& filter) noexcept {
+    if (!scalar::isfinite(time)) {
+      return Status::not_finite;
+    }
+    if (settings.most_wrong < 0 || settings.most_wrong > 2 || settings.regain_after < 1 ||
+        (measures_rate && !settings.estimates_vector)) {
+      return Status::out_of_range;
+    }
+    if (const Status status = validate(settings.criterion); status != Status::ok) {
+      return status;
+    }
+    filter.flow_ = flow;
+    filter.settings_ = settings;
+    filter.time_ = time;
+    filter.known_.has_vector_bound = false;
+    filter.forget();
+    return Status::ok;
+  }
+
+  /// The state is in this set now.
+  /// \return what `validate` says; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
+  /// `out_of_range` beyond the `FilterDomain`.
+  template <typename Chart>
+  [[nodiscard]] Status start(const StateEllipsoid<State, Chart>& set) noexcept {
+    if (const Status status = validate(set); status != Status::ok) {
+      return status;
+    }
+    Matrix6<Scalar> factor;
+    if (const Status status = cholesky(set.shape, factor); status != Status::ok) {
+      return status;
+    }
+    Set begin;
+    if constexpr (std::is_same_v<Chart, GibbsChart>) {
+      begin = set;
+    } else {
+      if (const Status status = converted(set, begin); status != Status::ok) {
+        return status;
+      }
+    }
+    if (!is_rotation(begin.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
+      begin.center.attitude = renormalized(begin.center.attitude);  // about the nearest rotation, which rounding turns
+      begin.shape = with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+    }
+    confine(begin);
+    if (!can_be_kept(begin)) {
+      return Status::out_of_range;
+    }
+    known_.set = begin;
+    known_.has_attitude = true;
+    known_.has_vector = false;
+    trust_ = {};
+    claim_ = Claim::unconditional;
+    return Status::ok;
+  }
+
+  /// The angular velocity, or the gyro's bias, is in this ellipsoid at all times, rad/s.
+  /// \return what `validate` says; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
+  [[nodiscard]] Status bound_vector(const Ellipsoid<Scalar, 3>& bound) noexcept {
+    if (const Status status = validated(bound); status != Status::ok) {
+      return status;
+    }
+    known_.vector_bound = with_least_width(bound);
+    known_.has_vector_bound = true;
+    if (known_.has_attitude) {
+      confine(known_.set);
+    }
+    return Status::ok;
+  }
+
+  /// Forgets all but what bounds the vector: the attitude, what was measured of the vector, and what was dropped. So one goes on
+  /// under `Policy::raise` where the past is what is wrong, or cannot be predicted.
+  void forget() noexcept {
+    known_.has_attitude = false;
+    known_.has_vector = false;
+    trust_ = {};
+    claim_ = Claim::none;
+  }
+
+  [[nodiscard]] const Scalar& time() const noexcept { return time_; }
+  [[nodiscard]] const Flow& flow() const noexcept { return flow_; }
+  [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
+  [[nodiscard]] Claim claim() const noexcept { return claim_; }
+  /// Whether there is a set; `ellipsoid` is only then of use.
+  [[nodiscard]] bool knows_attitude() const noexcept { return known_.has_attitude; }
+  [[nodiscard]] const Set& ellipsoid() const noexcept { return known_.set; }
+  /// Whether something is known of the angular velocity or the bias while the attitude is not; `vector` is only then of use.
+  [[nodiscard]] bool knows_vector() const noexcept { return known_.has_vector; }
+  [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return known_.vector; }
+  /// Whether what is known, of the attitude or of the vector, rests on what was dropped, and what updates have said since.
+  [[nodiscard]] const Trust& trust() const noexcept { return trust_; }
+
+  /// Goes on, bit for bit, as a filter that was stored, after `make` with its settings and time and `bound_vector`.
+  /// \param set its set, or null if it did not know the attitude.
+  /// \param vector what it knew without the attitude, or null.
+  /// \return `out_of_range` of both, or of a negative count; what `start` and `bound_vector` say.
+  [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
+    if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr)) {
+      return Status::out_of_range;
+    }
+    if (set != nullptr) {
+      if (const Status status = start(*set); status != Status::ok) {
+        return status;
+      }
+    } else if (vector != nullptr) {
+      if (const Status status = validated(*vector); status != Status::ok) {
+        return status;
+      }
+      known_.vector = *vector;
+    }
+    known_.has_attitude = set != nullptr;
+    known_.has_vector = vector != nullptr;
+    trust_ = trust;
+    claim_ = present_claim();
+    return Status::ok;
+  }
+
+  /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
+  /// the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another can be: a wrong rate
+  /// may be one that no step is short enough for.
+  /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
+  /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
+  [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
+    return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      return predicted_set(duration, input, set, predicted);
+    });
+  }
+
+  /// Moves the set of a gyro's filter over a turn that is known but for an angle, however it was measured: rates that were added
+  /// up, of which the errors partly cancel, or a turntable. One filter may be copied and predicted to many times, so that each
+  /// row of a log is predicted from one before it in one piece. (theory, section 18.6)
+  /// \param turn rotation vector in the body axes at the filter's time, rad.
+  /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
+  /// \return what `predict` says, and `out_of_range` of a negative angle.
+  [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    static_assert(!measures_rate, "a rigid body's flow predicts the angular velocity, which a turn does not tell");
+    if (!scalar::all_finite(turn) || !(angle == angle)) {
+      return Status::not_finite;
+    }
+    if (!(angle >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    return predict_by(time, Input{}, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      if (!scalar::isfinite(duration)) {
+        return Status::not_finite;
+      }
+      if (turns_too_far(turn)) {
+        return beyond_all_turns();
+      }
+      if (!settings_.estimates_vector && known_.has_vector_bound) {
+        return flow_.predict_attitude_turn(duration, turn, angle, known_.vector_bound, set, predicted);
+      }
+      return flow_.predict_turn(duration, turn, angle, set, predicted);
+    });
+  }
+
+  /// Fuses all measurements of one moment with the prediction, at once. Where the attitude is not known they may start it.
+  /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity given to a
+  /// gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the `FilterDomain`, or of more than
+  /// eight measurements of which some may be wrong; `empty_intersection` if they contradict the prediction, or each other, and
+  /// the policy is to say so.
+  [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
+    if (measurements.direction_count > most_sensor_directions ||
+        (!measures_rate && measurements.angular_velocity != nullptr)) {
+      return Status::out_of_range;
+    }
+    const Sensors given = sensors::present(measurements);
+    Sensors beyond = 0;  // what cannot be, and is left out
+    if (measurements.angular_velocity != nullptr) {
+      const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
+      if (const Status status = validate(rate); status != Status::ok) {
+        return status;
+      }
+      if (!in_domain(Ellipsoid<Scalar, 3>{rate.value, rate.bound})) {
+        if (settings_.policy == Policy::raise || (settings_.policy == Policy::relaxed && settings_.most_wrong == 0)) {
+          return Status::out_of_range;
+        }
+        beyond = angular_velocity_bit;
+      }
+    }
+    const Sensors all = given & ~beyond;
+    GuaranteedUpdate<Scalar> result;
+    Solution solution;
+    Status status = Status::ok;
+    if (may_be_wrong() && given != 0) {
+      if (sensors::number_of(given) > 8) {
+        return Status::out_of_range;
+      }
+      status = relaxed(measurements, all, settings_.most_wrong - sensors::number_of(beyond), solution, result);
+    } else {
+      const SetSolver<State> solver = solver_of(measurements);
+      status = solver.solve(all, Past::used, nullptr, solution);
+      if (status == Status::ok) {
+        result.margin = solution.fusion.margin;
+      } else if (status != Status::unbounded) {
+        if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
+          return invalid;
+        }
+        // What is right by itself and cannot be put together is as good as a contradiction, but is not called one.
+        const bool empty = status == Status::empty_intersection;
+        result.margin = empty ? solution.fusion.margin : Scalar(-1);
+        result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
+        if (const Status resolved = resolve(solver, all, solution, result); resolved != Status::empty_intersection) {
+          status = resolved;
+        }
+      }
+      if (beyond != 0) {
+        result.margin = Scalar(-1);
+        result.contradicting = beyond;
+      }
+    }
+    if (status == Status::empty_intersection) {
+      update.margin = result.margin;
+      update.contradicting = result.contradicting;
+    }
+    if (status != Status::ok && status != Status::unbounded) {
+      return status;
+    }
+    result.dropped |= beyond;
+    return accept(measurements, all, status == Status::ok, solution, result, update);
+  }
+
+  /// One linear measurement of the error [ζ; δ] about the present center.
+  /// \return what `to_quadric` and `minimal_intersection` say; `unbounded` if the attitude is not known, or the set is not in
+  /// the `FilterDomain` afterwards.
+  template <int Rows>
+  [[nodiscard]] Status update(const LinearMeasurement<Scalar, Rows>& measurement,
+                              GuaranteedUpdate<Scalar>& update) noexcept {
+    if (!known_.has_attitude) {
+      return Status::unbounded;
+    }
+    LinearMeasurement<Scalar, Rows> seen = measurement;
+    if (!settings_.estimates_vector && known_.has_vector_bound) {
+      if (const Status status = without_vector(seen); status != Status::ok) {
+        return status;
+      }
+    }
+    Quadric<Scalar, 6> quadric;
+    if (const Status status = to_quadric(seen, known_.set, quadric); status != Status::ok) {
+      return status;
+    }
+    QuadricFusion<Scalar, 6> fusion;
+    Status status = Status::ok;
+    if (settings_.estimates_vector) {
+      const Ellipsoid<Scalar, 6> predicted = known_.set.in_coordinates();
+      status = minimal_intersection(&predicted, &quadric, 1, settings_.criterion, fusion);
+    } else {
+      QuadricFusion<Scalar, 3> found;
+      found.margin = Scalar(1);
+      const Ellipsoid<Scalar, 3> predicted = attitude_of(known_.set);
+      const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
+                                           quadric.c};
+      status = minimal_intersection(&predicted, &of_attitude, 1, attitude_criterion(settings_.criterion), found);
+      fusion.margin = found.margin;
+      if (status == Status::ok) {
+        fusion.prediction_alone = found.prediction_alone;
+        fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
+        fusion.set.shape = product_shape(found.set.shape, known_.vector_bound.shape);
+      }
+    }
+    if (status != Status::ok) {
+      if (status == Status::empty_intersection) {
+        update.margin = fusion.margin;
+      }
+      return status;
+    }
+    if (!fusion.prediction_alone) {
+      Set next;
+      if (const Status placed = place(known_.set.center, fusion.set, next); placed != Status::ok) {
+        return placed;
+      }
+      known_.set = next;
+    }
+    update = {claim_, true, 0, fusion.margin, 0};
+    return Status::ok;
+  }
+
+ private:
+  using Solution = elliptude::Solution<State>;
+  using Past = typename SetSolver<State>::Past;
+
+  [[nodiscard]] SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
+    return {known_, settings_.criterion, settings_.estimates_vector, measurements};
+  }
+
+  [[nodiscard]] bool may_be_wrong() const noexcept {
+    return settings_.policy == Policy::relaxed && settings_.most_wrong > 0;
+  }
+
+  [[nodiscard]] Claim present_claim() const noexcept {
+    return !known_.has_attitude ? Claim::none : trust_.rests_on_drops() ? Claim::conditional : Claim::unconditional;
+  }
+
+  [[nodiscard]] static Ellipsoid<Scalar, 3> vector_of(const Set& set) noexcept {
+    return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
+  }
+  [[nodiscard]] static Ellipsoid<Scalar, 3> attitude_of(const Set& set) noexcept {
+    return {Vector3<Scalar>::Zero(), set.shape.template topLeftCorner<3, 3>()};
+  }
+
+  /// \return what `validate` says of an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
+  [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
+    if (const Status status = validate(vector); status != Status::ok) {
+      return status;
+    }
+    Matrix3<Scalar> factor;
+    if (const Status status = cholesky(vector.shape, factor); status != Status::ok) {
+      return status;
+    }
+    return in_domain(vector) ? Status::ok : Status::out_of_range;
+  }
+
+  /// Where the vector is left to its bound, nothing else is said of it.
+  void confine(Set& set) const noexcept {
+    if constexpr (!measures_rate) {
+      if (!settings_.estimates_vector && known_.has_vector_bound) {
+        set.center.gyro_bias = known_.vector_bound.center;
+        set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known_.vector_bound.shape);
+      }
+    }
+  }
+
+  /// \param move from a duration and a set to the set that is predicted, as `Flow::predict`.
+  template <typename Move>
+  [[nodiscard]] Status predict_by(const Scalar& time, const Input& input, const Move& move) noexcept {
+    const Scalar duration = time - time_;
+    if (known_.has_attitude) {
+      Set predicted;
+      Status status = move(duration, known_.set, predicted);
+      // A rigid body's flow has factored the shape itself.
+      if (status == Status::ok && (measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
+        known_.set = predicted;
+        time_ = time;
+        return Status::ok;
+      }
+      status = status == Status::ok ? Status::unbounded : status;
+      if (status == Status::interrupted ||
+          (status != Status::unbounded && (settings_.policy == Policy::raise || !predicts_another(duration, move)))) {
+        return status;
+      }
+    }
+    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
+    bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
+    if (has_vector) {
+      const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
+      // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
+      const bool is_flat = status == Status::not_positive_definite && settings_.policy != Policy::raise;
+      if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
+        return status;
+      }
+      has_vector = status == Status::ok && can_be_kept(vector);
+    } else if (!scalar::isfinite(duration)) {
+      return Status::not_finite;
+    } else if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    known_.vector = vector;
+    known_.has_vector = has_vector;
+    known_.has_attitude = false;
+    if (!has_vector) {
+      trust_ = {};  // nothing is left that could rest on what was dropped
+    }
+    claim_ = Claim::none;
+    time_ = time;
+    return Status::ok;
+  }
+
+  [[nodiscard]] Status predicted_set(const Scalar& duration, const Input& input, const Set& set,
+                                     Set& predicted) const noexcept {
+    if constexpr (!measures_rate) {
+      const Vector3<Scalar> turn = duration * input.angular_velocity;
+      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) && turns_too_far(turn)) {
+        return beyond_all_turns();
+      }
+      if (!settings_.estimates_vector && known_.has_vector_bound) {
+        return flow_.predict_attitude(time_, duration, input, known_.vector_bound, set, predicted);
+      }
+    }
+    return flow_.predict(time_, duration, input, set, predicted);
+  }
+
+  [[nodiscard]] static bool turns_too_far(const Vector3<Scalar>& turn) noexcept {
+    return !(turn.cwiseAbs().maxCoeff() <= FilterDomain<Scalar>::largest());
+  }
+
+  [[nodiscard]] Status beyond_all_turns() const noexcept {
+    return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+  }
+
+  /// Whether a prediction fails for the set, and not for what the user has given: a small set at rest can be predicted.
+  template <typename Move>
+  [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
+    Set another{{known_.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
+    another.shape *= scalar::constant<Scalar>(1e-6L);
+    Set ignored;
+    const Status status = move(duration, another, ignored);
+    return status == Status::ok || status == Status::unbounded;
+  }
+
+  /// y = H [ζ; δ] + v with δ in its bound: H_δ δ is one more error.
+  template <int Rows>
+  [[nodiscard]] Status without_vector(LinearMeasurement<Scalar, Rows>& measurement) const noexcept {
+    if (!scalar::all_finite(measurement.h) || !scalar::all_finite(measurement.bound)) {
+      return Status::not_finite;
+    }
+    const Matrix<Scalar, Rows, 3> h = measurement.h.template rightCols<3>();
+    const Matrix<Scalar, Rows, 3> half = h.lazyProduct(known_.vector_bound.shape);
+    const Matrix<Scalar, Rows> added = half.lazyProduct(h.transpose());
+    if (added.trace() > Scalar(0)) {
+      const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
+      measurement.bound =
+          (scalar::constant<Scalar>(0.5L) + Scalar(16) * Scalar(scalar::epsilon<Scalar>)) * (sum + sum.transpose());
+      measurement.h.template rightCols<3>().setZero();
+    }
+    return Status::ok;
+  }
+
+  /// A set of errors about a center put about its own. All sets but predictions come this way.
+  /// \return `unbounded` if it may hold half turns, or cannot be kept.
+  [[nodiscard]] Status place(const State& center, const Ellipsoid<Scalar, 6>& errors, Set& next) const noexcept {
+    Set placed;
+    if (recentred(center, errors, placed) != Status::ok) {
+      return Status::unbounded;
+    }
+    confine(placed);
+    if (!can_be_kept(placed)) {
+      return Status::unbounded;
+    }
+    next = placed;
+    return Status::ok;
+  }
+
+  /// After a contradiction, by the policy.
+  /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
+  [[nodiscard]] Status resolve(const SetSolver<State>& solver, Sensors all, Solution& solution,
+                               GuaranteedUpdate<Scalar>& result) const noexcept {
+    if (settings_.policy != Policy::drop_measurement && settings_.policy != Policy::restart) {
+      return Status::empty_intersection;
+    }
+    if (settings_.policy == Policy::restart && (known_.has_attitude || known_.has_vector)) {
+      Solution alone;
+      if (solver.solve(all, Past::forgotten, nullptr, alone) == Status::ok) {
+        solution = alone;
+        return Status::ok;
+      }
+    }
+    // The fewest that have to go; among as many, those without which the others agree best.
+    const auto attempt = [&](Sensors dropped, Scalar& best) {
+      Solution trial;
+      const Sensors kept = all & ~dropped;
+      if (kept == 0 && !known_.has_attitude) {
+        return;
+      }
+      if (solver.solve(kept, Past::used, nullptr, trial) == Status::ok &&
+          (result.dropped == 0 || trial.fusion.margin > best)) {
+        best = trial.fusion.margin;
+        result.dropped = dropped;
+        solution = trial;
+      }
+    };
+    Scalar best(0);
+    for (Sensors rest = all; rest != 0; rest &= rest - 1) {
+      attempt(sensors::lowest(rest), best);
+    }
+    if (result.dropped == 0) {
+      for (Sensors first = all; first != 0; first &= first - 1) {
+        for (Sensors second = first & (first - 1); second != 0; second &= second - 1) {
+          attempt(sensors::lowest(first) | sensors::lowest(second), best);
+        }
+      }
+    }
+    if (result.dropped == 0) {
+      attempt(all, best);
+    }
+    if (result.dropped != 0) {
+      return Status::ok;
+    }
+    // With none of them to go by: which ones are right is not to be known. Without a prediction what the angular velocity says
+    // does not need them.
+    result.dropped = known_.has_attitude ? all : all & ~angular_velocity_bit;
+    return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
+  }
+
+  /// All states that the prediction allows and that at most `wrong` measurements exclude: the union over what may be left out, in
+  /// one ellipsoid, and that within the prediction, which holds them all. Measurements that every consistent choice leaves out
+  /// are proved wrong. (theory, section 16.10)
+  [[nodiscard]] Status relaxed(const Measurements<Scalar>& measurements, Sensors all, int wrong, Solution& solution,
+                               GuaranteedUpdate<Scalar>& result) const noexcept {
+    if (const Status status = sensors::checked(measurements, Status::ok); status != Status::ok) {
+      return status;
+    }
+    const SetSolver<State> solver = solver_of(measurements);
+    // All choices in the same coordinates. An angular velocity or an attitude that may be wrong had better not choose them.
+    State center = known_.set.center;
+    if (!known_.has_attitude &&
+        solver.measured_center(all & ~angular_velocity_bit & ~attitude_bit, Past::used, center) != Status::ok &&
+        solver.measured_center(all, Past::used, center) != Status::ok) {
+      return Status::unbounded;
+    }
+    bool found = false;
+    bool uses_prediction = true;
+    bool alone = false;  // whether some choice says no more than the prediction
+    Sensors kept_by_some = 0;
+    result.margin = Scalar(-1);
+    Status failure = Status::ok;
+    const auto add = [&](Sensors kept) {
+      if (failure != Status::ok) {
+        return;  // what one choice leaves unbounded, no other bounds
+      }
+      Solution trial;
+      Status status = known_.has_attitude ? Status::ok : Status::unbounded;
+      if (known_.has_attitude || kept != 0) {
+        status = solver.solve(kept, Past::used, &center, trial);
+      }
+      if (status == Status::empty_intersection) {
+        result.contradicting = sensors::at(kept, trial.fusion.contradiction);
+        return;
+      }
+      if (status != Status::ok) {
+        failure = status;
+        return;
+      }
+      kept_by_some |= kept;
+      result.margin = trial.fusion.margin > result.margin ? trial.fusion.margin : result.margin;
+      uses_prediction = uses_prediction && trial.used_prediction;
+      alone = alone || trial.fusion.prediction_alone;
+      if (!found) {
+        solution = trial;
+        found = true;
+      } else if (!alone) {
+        failure = enclosing(solution.fusion.set, trial.fusion.set, solution.fusion.set);
+      }
+    };
+    sensors::for_each_choice(all, wrong, add);
+    if (failure != Status::ok) {
+      result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
+      result.contradicting = 0;
+    }
+    if (failure != Status::ok && !known_.has_attitude) {
+      return Status::unbounded;
+    }
+    if (failure == Status::ok && !found) {
+      return Status::empty_intersection;
+    }
+    if (failure == Status::ok) {
+      if (wrong >= sensors::number_of(all)) {
+        // All may be wrong: one is proved so if it contradicts what is known by itself.
+        for (Sensors rest = all; rest != 0; rest &= rest - 1) {
+          Solution trial;
+          const Sensors one = sensors::lowest(rest);
+          if (solver.solve(one, Past::used, &center, trial) != Status::empty_intersection) {
+            kept_by_some |= one;
+          }
+        }
+      }
+      result.dropped = all & ~kept_by_some;
+    }
+    solution.used_prediction = known_.has_attitude && (uses_prediction || alone || failure != Status::ok);
+    if (known_.has_attitude) {
+      const Ellipsoid<Scalar, 6> predicted = known_.set.in_coordinates();
+      alone = alone || failure != Status::ok;
+      if (!alone && settings_.estimates_vector) {
+        solution.fusion.set = within_prediction(predicted, solution.fusion.set, settings_.criterion, alone);
+      } else if (!alone) {
+        const Ellipsoid<Scalar, 3> joined{solution.fusion.set.center.template head<3>(),
+                                          solution.fusion.set.shape.template topLeftCorner<3, 3>()};
+        const Ellipsoid<Scalar, 3> attitude =
+            within_prediction(attitude_of(known_.set), joined, attitude_criterion(settings_.criterion), alone);
+        solution.fusion.set.center << attitude.center, Vector3<Scalar>::Zero();
+        solution.fusion.set.shape = product_shape(attitude.shape, known_.vector_bound.shape);
+      }
+      if (alone) {
+        solution.center = known_.set.center;
+        solution.fusion.set = predicted;
+        solution.used_prediction = true;
+      }
+    }
+    solution.fusion.prediction_alone = alone;
+    return Status::ok;
+  }
+
+  /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up that the
+  /// filter may not keep.
+  [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded,
+                              const Solution& solution, GuaranteedUpdate<Scalar>& result,
+                              GuaranteedUpdate<Scalar>& update) noexcept {
+    Set next = known_.set;
+    bool used_prediction = bounded && solution.used_prediction;
+    if (bounded && !(solution.used_prediction && solution.fusion.prediction_alone)) {
+      // Where it is not: the measurements say too little, and what was kept is kept.
+      bounded = place(solution.center, solution.fusion.set, next) == Status::ok;
+      used_prediction = used_prediction && bounded;
+    }
+    Trust trust = trust_;
+    if (all != 0 || result.dropped != 0) {
+      // Where nothing is taken up there is nothing that could rest on what was left out; but a vector that is known without an
+      // attitude may be what the measurements contradict.
+      const bool contradicted = result.margin < Scalar(0) || (!may_be_wrong() && result.dropped != 0);
+      trust.count(contradicted, bounded || known_.has_attitude || known_.has_vector);
+    }
+    if (trust.past_is_due(settings_.regain_after)) {
+      Solution alone;
+      if (solver_of(measurements).solve(all, Past::forgotten, nullptr, alone) == Status::ok &&
+          place(alone.center, alone.fusion.set, next) == Status::ok) {
+        trust.give_up_past(settings_.regain_after);
+        result.dropped &= ~all;
+        bounded = true;
+        used_prediction = false;
+      }
+    }
+    Ellipsoid<Scalar, 3> vector = known_.vector;
+    bool has_vector = known_.has_vector;
+    if (!bounded && !known_.has_attitude && !may_be_wrong() && (all & angular_velocity_bit & ~result.dropped) != 0) {
+      const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
+      const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
+      const Status status = has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
+      const bool may_drop = settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart;
+      if (status != Status::ok && !may_drop) {
+        if (status == Status::empty_intersection) {
+          update.margin = result.margin;
+          update.contradicting = angular_velocity_bit;
+        }
+        return status;
+      }
+      if (status != Status::ok) {
+        trust = trust_;
+        trust.count(true, true);
+      }
+      const bool is_due = trust.past_is_due(settings_.regain_after);
+      if (is_due) {
+        trust.give_up_past(settings_.regain_after);
+      }
+      if (!has_vector || is_due || (status != Status::ok && settings_.policy == Policy::restart)) {
+        vector = measured;
+      } else if (status != Status::ok) {
+        result.dropped |= angular_velocity_bit;
+      }
+      has_vector = true;
+    }
+    if (bounded) {
+      known_.set = next;
+    }
+    known_.has_attitude = known_.has_attitude || bounded;
+    known_.vector = vector;
+    known_.has_vector = has_vector && !known_.has_attitude;
+    trust_ = trust;
+    claim_ = present_claim();
+    result.claim = claim_;
+    result.prediction_used = used_prediction;
+    update = result;
+    return Status::ok;
+  }
+
+  /// What is known of the vector, and what was measured of it together with that.
+  /// \param margin set after `empty_intersection`.
+  [[nodiscard]] static Status fused_vector(const Ellipsoid<Scalar, 3>& measured, Ellipsoid<Scalar, 3>& vector,
+                                           Scalar& margin) noexcept {
+    Quadric<Scalar, 3> quadric;
+    if (const Status status =
+            to_quadric(Ellipsoid<Scalar, 3>{measured.center - vector.center, measured.shape}, quadric);
+        status != Status::ok) {
+      return status;
+    }
+    const Ellipsoid<Scalar, 3> known{Vector3<Scalar>::Zero(), vector.shape};
+    QuadricFusion<Scalar, 3> fusion;
+    const Status status = minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 3>::volume(), fusion);
+    if (status == Status::empty_intersection) {
+      margin = fusion.margin;
+    }
+    if (status != Status::ok) {
+      return status;
+    }
+    const Ellipsoid<Scalar, 3> fused{vector.center + fusion.set.center, fusion.set.shape};
+    if (can_be_kept(fused)) {
+      vector = fused;
+    }
+    return Status::ok;
+  }
+
+  Flow flow_;
+  Settings settings_;
+  Scalar time_;
+  Knowledge<State> known_;
+  Trust trust_;  // of what is known, of the attitude or of the vector
+  Claim claim_;
+};
+
+/// The guaranteed filter of a flow.
+template <typename Flow>
+using GuaranteedFilter = AttitudeFilter<Flow, GuaranteedEstimator>;
+
+}  // namespace elliptude

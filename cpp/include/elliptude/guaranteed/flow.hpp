@@ -1,0 +1,567 @@
+#pragma once
+
+/// \file
+/// Flows that carry a set of states so that it holds the state of the continuous motion afterwards, with nothing left out
+/// (theory, section 17). The errors are y = [γ; δ] in the Gibbs chart.
+///
+/// A guaranteed flow has a `State`, an `Input` and
+///
+///     Status predict(time, duration, input, ellipsoid, result) const noexcept
+///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
+///
+/// the second for when nothing is known of the attitude.
+
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/base/interruption.hpp"
+#include "elliptude/guaranteed/error_tube.hpp"
+
+namespace elliptude {
+
+/// A set in the Gibbs chart: what the guaranteed filter keeps.
+template <typename State>
+using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
+
+/// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
+/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
+template <typename Scalar, typename Potential>
+class GuaranteedRigidBodyFlow {
+  static_assert(has_expansion<Potential, Scalar>,
+                "this potential offers no bounds of its torque: see guaranteed/torque_expansion.hpp for what a "
+                "guaranteed flow needs");
+
+ public:
+  using State = RigidBodyState<Scalar>;
+  using Input = BodyInput<Scalar>;
+
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
+  ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
+  /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia error
+  /// reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
+  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                   const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
+                                   GuaranteedRigidBodyFlow& flow) noexcept {
+    if (!scalar::isfinite(longest_step) || !scalar::isfinite(uncertainty.inertia)) {
+      return Status::not_finite;
+    }
+    if (!(longest_step > Scalar(0)) || !(uncertainty.inertia >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (!(uncertainty.inertia < body.principal_moments()(2))) {
+      return Status::invalid_inertia;
+    }
+    if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), uncertainty.torque});
+        status != Status::ok) {
+      return status;
+    }
+    const TorqueExpansion<Potential, Scalar, 1> expansion(potential);
+    const TorqueBounds<Scalar> torque_bounds = expansion.bounds(Matrix3<Scalar>::Identity());
+    const TorqueBounds<Scalar> acceleration_bounds = expansion.bounds(body.inertia_inverse());
+    if (!scalar::isfinite(torque_bounds.largest) || !scalar::isfinite(acceleration_bounds.largest)) {
+      return Status::not_finite;
+    }
+    flow.body_ = body;
+    flow.potential_ = potential;
+    flow.longest_step_ = longest_step;
+    flow.uncertainty_ = uncertainty;
+    flow.torque_bounds_ = torque_bounds;
+    flow.acceleration_bounds_ = acceleration_bounds;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
+    return Status::ok;
+  }
+
+  [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
+  [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// Where the motion or the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
+  /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
+  /// the step too long for it, for the prediction to say anything; `interrupted`.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
+        !scalar::all_finite(input.wheel_momentum)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    using std::ceil;
+    // A step longer by rounding than the longest is not worth another one.
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
+    }
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    Status status = divided(time, duration, steps, input, ellipsoid, result);
+    long finer = steps;
+    const bool may_close = status == Status::unbounded || status == Status::step_too_long;
+    for (int retry = 0; retry < 2 && may_close && finer <= most_steps_ / 3; ++retry) {
+      finer *= 3;
+      const Status again = divided(time, duration, finer, input, ellipsoid, result);
+      if (again == Status::ok || again == Status::interrupted) {
+        return again;
+      }
+      if (again == Status::unbounded) {
+        status = again;  // the motion is not what fails
+      }
+    }
+    return status;
+  }
+
+  /// What remains known of the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
+                                      const Ellipsoid<Scalar, 3>& ellipsoid,
+                                      Ellipsoid<Scalar, 3>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    const Scalar error = uncertainty_.inertia;
+    const Matrix3<Scalar>& j = body_.inertia();
+    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Scalar gradient = torque_bounds_.by_inertia * error;
+    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + tube::radius(ellipsoid.shape);
+    const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
+    Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
+                      tube::radius(momentum_shape) + error * speed;
+    momentum +=
+        duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+                    tube::radius(uncertainty_.torque));
+    momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
+    const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
+    shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+    if (!scalar::all_finite(shape) || !is_in_domain(shape)) {
+      return Status::beyond_domain;
+    }
+    result.center = -inverse * input.wheel_momentum;
+    result.shape = shape;
+    return Status::ok;
+  }
+
+ private:
+  struct Course {
+    GibbsEllipsoid<State> end;
+    Scalar size;                  // of the set at the end: √det P
+    Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
+  };
+
+  /// The prediction in so many steps.
+  [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
+    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
+    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    Course longest_tubes;
+    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
+    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded ||
+                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
+      Course shorter_tubes;
+      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
+      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
+        result = shorter_tubes.end;
+        return Status::ok;
+      }
+    }
+    if (status == Status::ok) {
+      result = longest_tubes.end;
+    }
+    return status;
+  }
+
+  /// A tube after another, each until its errors have moved by more than `longest`.
+  [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
+                              const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
+                              Course& course) const noexcept {
+    State state = ellipsoid.center;
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+    MotionSeries<Scalar, Potential> series(potential_, torque_bounds_, acceleration_bounds_);
+    const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
+    ErrorTube<Scalar, Potential> tube;
+    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
+      Matrix6<Scalar> factor;  // of a set that is as it should be, h² has overflowed
+      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
+    }
+    course.largest_displacement = Scalar(0);
+    for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
+        return status;
+      }
+      const Scalar displacement = tube.displacement();
+      if (displacement > course.largest_displacement) {
+        course.largest_displacement = displacement;
+      }
+      if (displacement > longest && tube.start(tube.shape(), h, stiffness) != Status::ok) {
+        return Status::unbounded;
+      }
+      if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
+        return status;
+      }
+      state = series.end;
+    }
+    course.end.center = state;
+    course.end.shape = tube.shape();
+    Matrix6<Scalar> factor;
+    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+      return Status::unbounded;
+    }
+    course.size = factor.diagonal().prod();
+    return Status::ok;
+  }
+
+  RigidBody<Scalar> body_;
+  Potential potential_;
+  Scalar longest_step_;
+  BodyUncertainty<Scalar> uncertainty_;
+  TorqueBounds<Scalar> torque_bounds_;        // of M
+  TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
+};
+
+/// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.
+template <typename Scalar>
+struct GyroUncertainty {
+  Matrix3<Scalar> noise = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of v, (rad/s)²
+  Matrix3<Scalar> drift = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of dβ/dt at every time, (rad/s²)²
+  /// Largest relative error: v may be larger by this times ‖ω̃‖ of the rate that is given for an interval. Of a mean that is right
+  /// for an error which is one linear map of the rate throughout the interval.
+  Scalar scale = Scalar(0);
+  Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
+  /// The longest interval, s, that a rate and all of the above speak of; negative for any. Of a longer one, such as where samples
+  /// were lost, nothing is known but the next number.
+  Scalar longest_interval = Scalar(-1);
+  Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative where none is known
+};
+
+/// A body of which nothing is known but what its gyro says, at every time between its samples.
+template <typename Scalar>
+class GuaranteedGyroFlow {
+ public:
+  using State = GyroState<Scalar>;
+  /// Which rate of an interval the gyro's input is.
+  enum class IntervalRate : std::uint8_t {
+    first_sample,  ///< that at its beginning
+    mean_of_ends,  ///< the mean of those at both ends
+    mean,          ///< its mean over the interval, from a gyro that integrates
+  };
+  struct Input {
+    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+    /// Bound of the angle that the errors v of the samples make together over this interval, rad, where a better one is known
+    /// than the duration times the noise; negative for none.
+    Scalar increment = Scalar(-1);
+    bool is_measured = true;  ///< false: there is no rate of this interval, as if it were too long to be spoken of
+  };
+
+  /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
+  /// `not_positive_definite`.
+  [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
+                                   GuaranteedGyroFlow& flow) noexcept {
+    if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration) ||
+        !scalar::isfinite(uncertainty.longest_interval) || !scalar::isfinite(uncertainty.largest_rate)) {
+      return Status::not_finite;
+    }
+    if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    for (const Matrix3<Scalar>* shape : {&uncertainty.noise, &uncertainty.drift}) {
+      if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), *shape}); status != Status::ok) {
+        return status;
+      }
+    }
+    flow.uncertainty_ = uncertainty;
+    flow.interval_rate_ = interval_rate;
+    return Status::ok;
+  }
+
+  /// With ω̂ = ω̃ − β̂ and F = exp(S(hω̂)) the linear part is γ⁺ = Fᵀγ − h J_r(hω̂) δβ (theory, section 17.6).
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if the set
+  /// may reach half turns within the interval.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) ||
+        (input.is_measured && (!scalar::all_finite(input.angular_velocity) || !scalar::isfinite(input.increment)))) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    if (!speaks_of(duration, input)) {
+      return predict_unmeasured(duration, ellipsoid, result);
+    }
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar& h = duration;
+    const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
+    const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
+    const Vector3<Scalar> turn = h * rate;
+    const Matrix3<Scalar> f = exp(turn);
+    const Matrix6<Scalar> shape =
+        congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
+
+    // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
+    const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
+    const Scalar acceleration = uncertainty_.angular_acceleration;
+    const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
+    const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
+    const Scalar noise = tube::radius(uncertainty_.noise) + scale;
+    const Scalar drift = tube::radius(uncertainty_.drift);
+    const Scalar difference = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) +
+                              h * drift + noise + wander;  // ≥ ‖δω‖
+    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
+    const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
+    if (!(angle < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    const Scalar reach = Scalar(2) * scalar::sin(angle) / scalar::cos(angle);
+    const Scalar nonlinear = h * reach * difference * (reach > Scalar(2) ? Scalar(half * half * reach) : half);
+
+    // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
+    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
+                  half * h * h * drift;
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
+    // more as a is not nothing (theory, section 17.8).
+    const Scalar slip =
+        rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
+    ball +=
+        slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
+    std::array<Matrix6<Scalar>, 3> others;
+    for (Matrix6<Scalar>& term : others) {
+      term.setZero();
+    }
+    if (input.increment >= Scalar(0)) {
+      ball += input.increment;
+    } else {
+      ball += h * scale;
+      const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
+      const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
+      const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
+      others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
+      others[0].diagonal().template head<3>().array() +=
+          rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
+    }
+    // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
+    if (drift > Scalar(0)) {
+      const Matrix3<Scalar> d = (h * h) * uncertainty_.drift;
+      const Scalar back = -half * h;
+      others[1].template topLeftCorner<3, 3>() = (back * back) * d;
+      others[1].template topRightCorner<3, 3>() = back * d;
+      others[1].template bottomLeftCorner<3, 3>() = back * d;
+      others[1].template bottomRightCorner<3, 3>() = d;
+      ball += half * half * h * h * h * speed * drift;
+    }
+    others[2] = tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
+    Matrix6<Scalar> sum;
+    if (const Status status = tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias};
+    result.shape = sum;
+    return Status::ok;
+  }
+
+  /// Over an interval in which the body turned by `turn`, and before, after or within that by a turn of at most `angle` about any
+  /// axis: what rates add up to, and how far that may be off. The bias has drifted. (theory, section 18.6)
+  /// \param turn rotation vector in the body axes at the beginning, rad.
+  /// \param angle rad; anything from π on says nothing of the attitude.
+  /// \return `not_finite`, but an infinite angle is none; `out_of_range` of a negative duration or angle; `not_positive_definite` of
+  /// a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
+                                    const GibbsEllipsoid<State>& ellipsoid,
+                                    GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(duration) || !scalar::all_finite(turn) || !(angle == angle)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0)) || !(angle >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    const Matrix3<Scalar> f = exp(turn);
+    // What F and the center are off by rounding is one more turn of the body, and a little of the errors themselves (theory,
+    // section 17.8).
+    const Scalar slip = rounding::share<Scalar>(rounding::turn) +
+                        rounding::share<Scalar>(rounding::turn_by_angle) * scalar::sqrt(Scalar(turn.squaredNorm()));
+    const GibbsEllipsoid<State> turned{
+        {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias},
+        congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
+    return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
+  }
+
+  /// The attitude alone, of a bias that may be anywhere in its bound at every time: what it does to the rate is bounded as the
+  /// noise is, and nothing is said of where it is afterwards. (theory, section 16.7)
+  /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
+  /// \return what `predict` says.
+  [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
+                                        const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
+    GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.drift.setZero();
+    flow.uncertainty_.noise = sum_of_shapes(uncertainty_.noise, bias.shape);
+    flow.uncertainty_.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+    Input given = input;
+    if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
+      given.increment += rounding::enlarged(Scalar(duration * tube::radius(bias.shape)), rounding::product);
+    }
+    GibbsEllipsoid<State> predicted;
+    if (const Status status = flow.predict(time, duration, given, with_next_to_no_bias(bias, ellipsoid), predicted);
+        status != Status::ok) {
+      return status;
+    }
+    result = with_bias(bias, predicted);
+    return Status::ok;
+  }
+
+  /// The attitude alone over a turn, as `predict_attitude`.
+  /// \return what `predict_turn` says.
+  [[nodiscard]] Status predict_attitude_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
+                                             const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
+                                             GibbsEllipsoid<State>& result) const noexcept {
+    GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.drift.setZero();
+    GibbsEllipsoid<State> predicted;
+    if (const Status status =
+            flow.predict_turn(duration, turn, angle, with_next_to_no_bias(bias, ellipsoid), predicted);
+        status != Status::ok) {
+      return status;
+    }
+    result = with_bias(bias, predicted);
+    return Status::ok;
+  }
+
+  /// The bias without the attitude: it drifts.
+  /// \return `not_finite`; `out_of_range` of a negative duration; `not_positive_definite`; `beyond_domain` if it drifts beyond all
+  /// numbers.
+  [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
+                                      const Ellipsoid<Scalar, 3>& ellipsoid,
+                                      Ellipsoid<Scalar, 3>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    Matrix3<Scalar> sum = ellipsoid.shape;
+    if (duration > Scalar(0) && !uncertainty_.drift.isZero(Scalar(0))) {
+      const std::array<Matrix3<Scalar>, 1> others{Matrix3<Scalar>((duration * duration) * uncertainty_.drift)};
+      if (const Status status = tube::sum<Scalar, 3, 1>(ellipsoid.shape, others, sum); status != Status::ok) {
+        return status;
+      }
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::beyond_domain;
+    }
+    result.center = ellipsoid.center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
+ private:
+  /// Whether anything but `largest_rate` is known of an interval.
+  [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
+    const Scalar& longest = uncertainty_.longest_interval;
+    return input.is_measured && (longest < Scalar(0) || duration <= longest);
+  }
+
+  /// A set's attitude beside a bias that is as good as known, as a set is not flat.
+  [[nodiscard]] static GibbsEllipsoid<State> with_next_to_no_bias(const Ellipsoid<Scalar, 3>& bias,
+                                                                  const GibbsEllipsoid<State>& ellipsoid) noexcept {
+    GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
+    set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
+    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) * rounding::share<Scalar>(1));
+    return set;
+  }
+
+  /// A set's attitude beside a bias that is in its bound.
+  [[nodiscard]] static GibbsEllipsoid<State> with_bias(const Ellipsoid<Scalar, 3>& bias,
+                                                       const GibbsEllipsoid<State>& ellipsoid) noexcept {
+    GibbsEllipsoid<State> set = ellipsoid;
+    set.shape.template bottomLeftCorner<3, 3>().setZero();
+    set.shape.template topRightCorner<3, 3>().setZero();
+    set.shape.template bottomRightCorner<3, 3>() = bias.shape;
+    return set;
+  }
+
+  /// Over an interval of which nothing is known but that the body turns by no more than an angle.
+  /// \return what `predict_any_turn` says; `unbounded` if no such angle is known.
+  [[nodiscard]] Status predict_unmeasured(const Scalar& duration, const GibbsEllipsoid<State>& ellipsoid,
+                                          GibbsEllipsoid<State>& result) const noexcept {
+    if (!(uncertainty_.largest_rate >= Scalar(0))) {
+      return Status::unbounded;
+    }
+    return predict_any_turn(duration, Scalar(uncertainty_.largest_rate * duration), Scalar(0), ellipsoid, result);
+  }
+
+  /// Over a turn about any axis by no more than an angle: the center stays, and the errors move by at most what (17.10) says.
+  /// (theory, section 17.6)
+  /// \param slip what each error is off by besides, of itself.
+  /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_any_turn(const Scalar& duration, const Scalar& angle, const Scalar& slip,
+                                        const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    const Scalar half_angle = scalar::atan2(Scalar(half * before), Scalar(1));
+    const Scalar half_turn = half * angle;
+    if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    // The cosines lose no more than tan 1.5 = 14 times what their arguments do.
+    const Scalar moved =
+        Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
+    std::array<Matrix6<Scalar>, 2> others;
+    others[0] = tube::attitude_ball(rounding::enlarged(Scalar(moved + slip * before), rounding::bound));
+    others[1].setZero();
+    others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
+    Matrix6<Scalar> sum;
+    if (const Status status = tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = ellipsoid.center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
+  GyroUncertainty<Scalar> uncertainty_;
+  IntervalRate interval_rate_;
+};
+
+}  // namespace elliptude

@@ -1,0 +1,426 @@
+#pragma once
+
+/// \file
+/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must offer
+/// where bounds are guaranteed. (theory, section 17)
+///
+/// A torque here is a polynomial in vectors that are fixed in the reference frame, or turn in it at a known rate, as they are
+/// seen from the body: s = Cᵀr(t), which obeys s' = −ω × s + Cᵀr'(t). `TorqueExpansion<Potential, Scalar, Terms>` is
+/// specialised for each potential that can be used in a guaranteed flow:
+///
+///     explicit TorqueExpansion(const Potential&);
+///     Vector3<Scalar> start(attitude, time);               // coefficient 0 of M(s)
+///     Vector3<Scalar> extend(k, rate);                      // coefficient k, from coefficients 0 … k − 1 of ω
+///     Matrix3<Scalar> jacobian(k);                          // coefficient k of ∂M/∂ζ, for k extended before
+///     void add_curvature(s, transform, forms);              // forms[i] += row i of transform times ½ ∂²M/∂γ² at time s
+///     void add_cubic(s, transform, axes, forms);            // column i += the same of the terms of third order in γ = axes v
+///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
+
+#include "elliptude/dynamics/potential.hpp"
+#include "elliptude/sets/ellipsoid.hpp"
+
+namespace elliptude {
+
+/// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree, of at
+/// most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a motion that
+/// is continued to complex times z, its length is at most `largest` exp(degree (Σ‖ω_k‖|z|ᵏ + turn_rate) |z|), and that of its
+/// Jacobian at most `degree` times as much. In γ the terms of second order are at most ½ degree² ‖γ‖² times `largest`, those of
+/// third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖) (theory, section 17.3).
+template <typename Scalar>
+struct TorqueBounds {
+  Scalar largest = Scalar(0);    ///< of the transformed torque; N m for the torque itself
+  Scalar degree = Scalar(0);     ///< 0 for no torque
+  Scalar turn_rate = Scalar(0);  ///< rad/s, at which the potential turns in the reference frame
+  /// 1/s²: an error ΔJ of the inertia, in the spectral norm, changes the torque itself by at most this times ‖ΔJ‖.
+  Scalar by_inertia = Scalar(0);
+  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. What is said of lengths
+  /// above holds in each direction, with the ellipsoid's width there in place of `largest`.
+  Matrix3<Scalar> shape = Matrix3<Scalar>::Zero();
+
+  /// A second potential's torque beside this one: both grow with the degree and the rate, so the larger ones hold for the sum.
+  void add(const TorqueBounds& other) noexcept {
+    largest += other.largest;
+    degree = other.degree > degree ? other.degree : degree;
+    turn_rate = other.turn_rate > turn_rate ? other.turn_rate : turn_rate;
+    by_inertia += other.by_inertia;
+    shape = sum_of_shapes(shape, other.shape);
+  }
+};
+
+/// For each potential that can be used in a guaranteed flow.
+template <typename Potential, typename Scalar, int Terms>
+class TorqueExpansion;
+
+namespace expansion {
+
+/// Three columns of three numbers, and zeros that fill SIMD registers.
+template <typename Scalar>
+using Columns = Matrix<Scalar, 4, 3>;
+
+/// Three numbers, and a zero for the same.
+template <typename Scalar>
+using Padded = Vector<Scalar, 4>;
+
+/// The matrix of x ↦ x × s.
+template <typename Derived>
+[[nodiscard]] Columns<typename Derived::Scalar> across(const Eigen::MatrixBase<Derived>& s) noexcept {
+  using Scalar = typename Derived::Scalar;
+  const Scalar zero(0);
+  Columns<Scalar> matrix;
+  matrix << zero, s(2), -s(1), -s(2), zero, s(0), s(1), -s(0), zero, zero, zero, zero;
+  return matrix;
+}
+
+/// Coefficient k of ω × s, from those of ω and the matrices `across` of those of s. The last of these, just made, comes last.
+template <typename Scalar, int Terms>
+[[nodiscard]] Padded<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
+                                               const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
+  Padded<Scalar> sum = across_s[0].lazyProduct(rate[static_cast<std::size_t>(k)]);
+  for (int i = k - 1; i >= 0; --i) {
+    sum += across_s[static_cast<std::size_t>(k - i)].lazyProduct(rate[static_cast<std::size_t>(i)]);
+  }
+  return sum;
+}
+
+/// The value of a series of `count` terms at s.
+template <typename Scalar, typename Term, std::size_t Terms>
+[[nodiscard]] Term value(const std::array<Term, Terms>& series, int count, const Scalar& s) noexcept {
+  Term sum = series[static_cast<std::size_t>(count - 1)];
+  for (int k = count - 2; k >= 0; --k) {
+    sum = series[static_cast<std::size_t>(k)] + s * sum;
+  }
+  return sum;
+}
+
+/// What a turn by γ = 2 tan(θ/2) n does to s = Cᵀr to second order: s + s × γ + ½ (γ(γ·s) − s‖γ‖²). Component i of N times the
+/// second-order part, as the matrix of a quadratic form of γ.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> second_order_form(const Vector3<Scalar>& row_of_n, const Vector3<Scalar>& s) noexcept {
+  const Scalar quarter = scalar::constant<Scalar>(0.25L);
+  Matrix3<Scalar> form = quarter * (row_of_n * s.transpose());
+  form += quarter * (s * row_of_n.transpose());
+  form.diagonal().array() -= scalar::constant<Scalar>(0.5L) * row_of_n.dot(s);
+  return form;
+}
+
+template <typename Scalar>
+using Forms = std::array<Matrix3<Scalar>, 3>;
+
+/// Symmetric forms of three numbers, one a row, by the coefficients of b₁², b₂², b₃², √2 b₂b₃, √2 b₃b₁, √2 b₁b₂, which together have
+/// the length ‖b‖².
+template <typename Scalar>
+using RowForms = Matrix<Scalar, 3, 6>;
+
+template <typename Scalar>
+[[nodiscard]] RowForms<Scalar> rows_of(const Forms<Scalar>& forms) noexcept {
+  const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
+  RowForms<Scalar> rows;
+  for (int i = 0; i < 3; ++i) {
+    const Matrix3<Scalar>& form = forms[static_cast<std::size_t>(i)];
+    for (int a = 0; a < 3; ++a) {
+      rows(i, a) = form(a, a);
+      rows(i, 3 + a) = root * form((a + 1) % 3, (a + 2) % 3);
+    }
+  }
+  return rows;
+}
+
+/// b × Jb.
+template <typename Scalar>
+[[nodiscard]] RowForms<Scalar> gyroscopic_forms(const Matrix3<Scalar>& inertia) noexcept {
+  const Scalar root = scalar::constant<Scalar>(0.70710678118654752440084436210484903928L);
+  RowForms<Scalar> forms;
+  for (int a = 0; a < 3; ++a) {
+    // b_next (Jb)_last − b_last (Jb)_next
+    const int next = (a + 1) % 3;
+    const int last = (a + 2) % 3;
+    forms(a, next) = inertia(last, next);
+    forms(a, last) = -inertia(next, last);
+    forms(a, a) = Scalar(0);
+    forms(a, 3 + a) = root * (inertia(last, last) - inertia(next, next));  // of b_next b_last
+    forms(a, 3 + next) = -root * inertia(next, a);                         // of b_last b_a
+    forms(a, 3 + last) = root * inertia(last, a);                          // of b_a b_next
+  }
+  return forms;
+}
+
+/// Three cubic forms of γ, one a column, by the coefficients of their ten monomials: γᵢ³, γᵢ²γⱼ, γ₁γ₂γ₃, each divided by the root
+/// of how often the monomial stands in γ ⊗ γ ⊗ γ (1, 3, 6), so that a form's value is an inner product with a vector of length
+/// ‖γ‖³.
+template <typename Scalar>
+using CubicForms = Matrix<Scalar, 10, 3>;
+
+/// The form (lᵀγ)(γᵀQγ) for a symmetric Q.
+template <typename Scalar>
+[[nodiscard]] Vector<Scalar, 10> cubic_product(const Vector3<Scalar>& l, const Matrix3<Scalar>& q) noexcept {
+  const Scalar third = scalar::constant<Scalar>(0.57735026918962576450914878050195745565L);  // 1/√3
+  const Scalar sixth = scalar::constant<Scalar>(0.40824829046386301636621401245098189866L);  // 1/√6
+  Vector<Scalar, 10> form;
+  for (int i = 0; i < 3; ++i) {
+    form(i) = l(i) * q(i, i);
+    const int next = (i + 1) % 3;
+    const int last = (i + 2) % 3;
+    form(3 + 2 * i) = third * (l(next) * q(i, i) + Scalar(2) * l(i) * q(i, next));  // γᵢ² γ_next
+    form(4 + 2 * i) = third * (l(last) * q(i, i) + Scalar(2) * l(i) * q(i, last));  // γᵢ² γ_last
+  }
+  form(9) = Scalar(2) * sixth * (l(0) * q(1, 2) + l(1) * q(0, 2) + l(2) * q(0, 1));
+  return form;
+}
+
+}  // namespace expansion
+
+template <typename Scalar, int Terms>
+class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const FreeBody<Scalar>& /*potential*/) noexcept {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& /*attitude*/, const Scalar& /*time*/) noexcept {
+    return Vector3<Scalar>::Zero();
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int /*k*/, const std::array<Vector3<Scalar>, Terms>& /*rate*/) noexcept {
+    return Vector3<Scalar>::Zero();
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int /*k*/) const noexcept { return Matrix3<Scalar>::Zero(); }
+  void add_curvature(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/,
+                     expansion::Forms<Scalar>& /*forms*/) const noexcept {}
+  void add_cubic(const Scalar& /*s*/, const Matrix3<Scalar>& /*transform*/, const Matrix3<Scalar>& /*axes*/,
+                 expansion::CubicForms<Scalar>& /*forms*/) const noexcept {}
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& /*transform*/) const noexcept { return {}; }
+};
+
+/// M = m g ρ × s with s = Cᵀe₃.
+template <typename Scalar, int Terms>
+class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const UniformGravity<Scalar>& potential) noexcept : moment_(potential.moment()) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) noexcept {
+    down_[0] = attitude.row(2).transpose();
+    across_down_[0] = expansion::across(down_[0]);
+    count_ = 1;
+    return moment_.cross(down_[0]);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    const auto index = static_cast<std::size_t>(k);
+    down_[index] =
+        expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_down_).template head<3>() / Scalar(-k);
+    across_down_[index] = expansion::across(down_[index]);
+    count_ = k + 1;
+    return moment_.cross(down_[index]);
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    return hat_product(moment_, down_[static_cast<std::size_t>(k)]);
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> down = expansion::value(down_, count_, s);
+    const Matrix3<Scalar> n = transform.lazyProduct(hat(moment_));
+    for (int i = 0; i < 3; ++i) {
+      forms[static_cast<std::size_t>(i)] += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), down);
+    }
+  }
+  /// −¼‖γ‖² m × (s × γ).
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> down = expansion::value(down_, count_, s);
+    const Matrix3<Scalar> linear =
+        scalar::constant<Scalar>(-0.25L) * transform.lazyProduct(hat_product(moment_, down)).lazyProduct(axes);
+    const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
+    for (int i = 0; i < 3; ++i) {
+      forms.col(i) += expansion::cubic_product(Vector3<Scalar>(linear.row(i).transpose()), square);
+    }
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    const Matrix3<Scalar> map = transform.lazyProduct(hat(moment_));
+    const Matrix3<Scalar> shape = map.lazyProduct(map.transpose());
+    return {norm_of_gram(shape), Scalar(1), Scalar(0), Scalar(0), shape};
+  }
+
+ private:
+  Vector3<Scalar> moment_;
+  std::array<Vector3<Scalar>, Terms> down_;
+  std::array<expansion::Columns<Scalar>, Terms> across_down_;
+  int count_ = 0;
+};
+
+/// M = 3n² b × Jb with b = Cᵀr, the radial direction, and the direction of motion v: r' = n v, v' = −n r.
+template <typename Scalar, int Terms>
+class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const GravityGradient<Scalar>& potential) noexcept
+      : inertia_(potential.inertia()), orbit_(potential.orbit()), rate_(potential.orbit_rate()) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
+    const Scalar angle = rate_ * time;
+    const Scalar cosine = scalar::cos(angle);
+    const Scalar sine = scalar::sin(angle);
+    const Vector3<Scalar> radial = attitude.transpose() * (cosine * orbit_.col(0) + sine * orbit_.col(1));
+    const Vector3<Scalar> along = attitude.transpose() * (cosine * orbit_.col(1) - sine * orbit_.col(0));
+    add(0, padded(radial), padded(along));
+    return torque(0);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    const auto last = static_cast<std::size_t>(k - 1);
+    const Scalar factor = Scalar(1) / Scalar(k);
+    add(k, factor * (rate_ * along_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
+        factor * (-rate_ * radial_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
+    return torque(k);
+  }
+  /// 3n² (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
+  /// 3n² (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    const Matrix3<Scalar> square = squares_[static_cast<std::size_t>(k)].template topRows<3>();
+    const Matrix3<Scalar> product = square.lazyProduct(inertia_);
+    const Scalar trace = inertia_.trace();
+    Matrix3<Scalar> sum = trace * square + square.trace() * inertia_ - Scalar(2) * product - product.transpose();
+    sum.diagonal().array() += Scalar(2) * product.trace() - trace * square.trace();
+    return strength() * sum;
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
+    const Matrix3<Scalar> n = strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
+    // (S(b)γ) × (J S(b)γ): component a of it is the antisymmetric combination of rows of S(b) and J S(b).
+    const Matrix3<Scalar> p = hat(b);
+    const Matrix3<Scalar> q = inertia_.lazyProduct(p);
+    std::array<Matrix3<Scalar>, 3> cross;
+    for (int a = 0; a < 3; ++a) {
+      const int next = (a + 1) % 3;
+      const int last = (a + 2) % 3;
+      const Matrix3<Scalar> form = p.row(next).transpose() * q.row(last) - p.row(last).transpose() * q.row(next);
+      cross[static_cast<std::size_t>(a)] = (scalar::constant<Scalar>(0.5L) * strength()) * (form + form.transpose());
+    }
+    for (int i = 0; i < 3; ++i) {
+      Matrix3<Scalar>& form = forms[static_cast<std::size_t>(i)];
+      form += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), b);
+      form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
+    }
+  }
+  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is 3n² (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives −½‖γ‖² N b₁
+  /// more: 3n² (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
+    const Matrix3<Scalar> b1 = hat(b).lazyProduct(axes);
+    const Matrix3<Scalar> jb1 = inertia_.lazyProduct(b1);
+    const Matrix3<Scalar> jaxes = inertia_.lazyProduct(axes);
+    const Matrix3<Scalar> linear =
+        scalar::constant<Scalar>(-0.75L) * linear_part(b, Vector3<Scalar>(inertia_ * b)).lazyProduct(b1);
+    const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
+    const Vector3<Scalar> along = scalar::constant<Scalar>(0.25L) * (axes.transpose() * b);  // half of ½ γ·b
+    expansion::CubicForms<Scalar> torque;
+    for (int a = 0; a < 3; ++a) {
+      const int next = (a + 1) % 3;
+      const int last = (a + 2) % 3;
+      const Matrix3<Scalar> form =
+          b1.row(next).transpose() * jaxes.row(last) - b1.row(last).transpose() * jaxes.row(next) +
+          axes.row(next).transpose() * jb1.row(last) - axes.row(last).transpose() * jb1.row(next);
+      torque.col(a) = expansion::cubic_product(Vector3<Scalar>(linear.row(a).transpose()), square) +
+                      expansion::cubic_product(along, Matrix3<Scalar>(form + form.transpose()));
+    }
+    forms += torque.lazyProduct(Matrix3<Scalar>(strength() * transform.transpose()));
+  }
+  /// The components of b × Jb are forms without a trace, so they act on bbᵀ − I/3 alone, of length √(2/3), which a turn, of complex
+  /// rates too, changes as it does the spherical harmonics of degree two.
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    const Matrix<Scalar, 3, 6> map = transform.lazyProduct(expansion::gyroscopic_forms(inertia_));
+    const Matrix3<Scalar> shape =
+        (strength() * strength() * scalar::constant<Scalar>(2.0L / 3.0L)) * map.lazyProduct(map.transpose());
+    return {norm_of_gram(shape), Scalar(2), rate_, strength(), shape};
+  }
+
+ private:
+  [[nodiscard]] static expansion::Padded<Scalar> padded(const Vector3<Scalar>& v) noexcept {
+    return expansion::Padded<Scalar>(v(0), v(1), v(2), Scalar(0));
+  }
+  /// 3n², in 1/s².
+  [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
+  /// Coefficient k of both directions, and of bbᵀ.
+  void add(int k, const expansion::Padded<Scalar>& radial, const expansion::Padded<Scalar>& along) noexcept {
+    const auto index = static_cast<std::size_t>(k);
+    radial_[index] = radial;
+    along_[index] = along;
+    across_radial_[index] = expansion::across(radial);
+    across_along_[index] = expansion::across(along);
+    squares_[index] = radial_[0].lazyProduct(radial.template head<3>().transpose());
+    for (std::size_t i = 1; i <= index; ++i) {
+      squares_[index] += radial_[i].lazyProduct(radial_[index - i].template head<3>().transpose());
+    }
+    count_ = k + 1;
+  }
+  /// Coefficient k of 3n² b × Jb, the axis of bbᵀJ.
+  [[nodiscard]] Vector3<Scalar> torque(int k) const noexcept {
+    const Matrix3<Scalar> product = squares_[static_cast<std::size_t>(k)].template topRows<3>().lazyProduct(inertia_);
+    return strength() *
+           Vector3<Scalar>(product(1, 2) - product(2, 1), product(2, 0) - product(0, 2), product(0, 1) - product(1, 0));
+  }
+  /// −S(Jb) + S(b)J, which gives d(b × Jb) from db.
+  [[nodiscard]] Matrix3<Scalar> linear_part(const Vector3<Scalar>& b, const Vector3<Scalar>& jb) const noexcept {
+    return hat(b).lazyProduct(inertia_) - hat(jb);
+  }
+
+  Matrix3<Scalar> inertia_;
+  Matrix3<Scalar> orbit_;
+  Scalar rate_;
+  std::array<expansion::Padded<Scalar>, Terms> radial_;
+  std::array<expansion::Padded<Scalar>, Terms> along_;
+  std::array<expansion::Columns<Scalar>, Terms> across_radial_;
+  std::array<expansion::Columns<Scalar>, Terms> across_along_;
+  std::array<expansion::Columns<Scalar>, Terms> squares_;  // of bbᵀ
+  int count_ = 0;
+};
+
+template <typename Scalar, int Terms, typename... Potentials>
+class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const SumPotential<Potentials...>& sum) noexcept
+      : terms_(std::apply(
+            [](const auto&... p) {
+              return std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...>(p...);  // each one made in its place
+            },
+            sum.potentials())) {}
+
+  [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
+    return std::apply([&](auto&... term) { return Vector3<Scalar>((term.start(attitude, time) + ...)); }, terms_);
+  }
+  [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
+    return std::apply([&](auto&... term) { return Vector3<Scalar>((term.extend(k, rate) + ...)); }, terms_);
+  }
+  [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
+    return std::apply([&](const auto&... term) { return Matrix3<Scalar>((term.jacobian(k) + ...)); }, terms_);
+  }
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
+                     expansion::Forms<Scalar>& forms) const noexcept {
+    std::apply([&](const auto&... term) { (term.add_curvature(s, transform, forms), ...); }, terms_);
+  }
+  void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
+                 expansion::CubicForms<Scalar>& forms) const noexcept {
+    std::apply([&](const auto&... term) { (term.add_cubic(s, transform, axes, forms), ...); }, terms_);
+  }
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    TorqueBounds<Scalar> sum;
+    std::apply([&](const auto&... term) { (sum.add(term.bounds(transform)), ...); }, terms_);
+    return sum;
+  }
+
+ private:
+  std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...> terms_;
+};
+
+namespace concepts {
+
+template <typename Potential, typename Scalar, typename = void>
+struct HasExpansion : std::false_type {};
+
+template <typename Potential, typename Scalar>
+struct HasExpansion<Potential, Scalar,
+                    std::void_t<decltype(std::declval<const TorqueExpansion<Potential, Scalar, 4>&>().bounds(
+                        std::declval<const Matrix3<Scalar>&>()))>> : std::true_type {};
+
+}  // namespace concepts
+
+/// Whether a potential can be used in a guaranteed flow.
+template <typename Potential, typename Scalar>
+constexpr bool has_expansion = concepts::HasExpansion<Potential, Scalar>::value;
+
+}  // namespace elliptude

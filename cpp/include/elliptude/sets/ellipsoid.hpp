@@ -1,0 +1,315 @@
+#pragma once
+
+/// \file
+/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2) and bounds of their sums.
+/// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
+
+#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/status.hpp"
+#include "elliptude/linear/factorization.hpp"
+
+namespace elliptude {
+
+template <typename Scalar, int N>
+struct Ellipsoid {
+  Vector<Scalar, N> center;
+  Matrix<Scalar, N> shape;  ///< P, symmetric positive semidefinite
+};
+
+/// How large an ellipsoid is: tr(W P), the weighted sum of its squared semi-axes, or its volume. The trace depends on the
+/// units of the coordinates (W carries them), the volume does not.
+template <typename Scalar, int N>
+struct SizeCriterion {
+  enum class Kind : std::uint8_t { trace, weighted_trace, volume };
+
+  Kind kind;
+  Matrix<Scalar, N> weight;  ///< W, symmetric positive definite; the identity unless the trace is weighted
+
+  [[nodiscard]] static SizeCriterion trace() noexcept { return {Kind::trace, Matrix<Scalar, N>::Identity()}; }
+  [[nodiscard]] static SizeCriterion weighted_trace(const Matrix<Scalar, N>& weight) noexcept {
+    return {Kind::weighted_trace, weight};
+  }
+  [[nodiscard]] static SizeCriterion volume() noexcept { return {Kind::volume, Matrix<Scalar, N>::Identity()}; }
+};
+
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::weighted_trace) {
+    return Status::ok;
+  }
+  Matrix<Scalar, N> factor;
+  if (!scalar::all_finite(criterion.weight)) {
+    return Status::not_finite;
+  }
+  return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
+}
+
+/// Whether each squared half-width is zero, or between the least normal number over ε² and the largest times ε²: in double
+/// semi-axes from 1e-138 to 1e137, in float from 1e-12 to 1e12. Products of a few entries then neither overflow nor lose digits
+/// to underflow. (docs/domain.md)
+template <typename Scalar, int N>
+[[nodiscard]] bool is_in_domain(const Matrix<Scalar, N>& shape) noexcept {
+  using Limits = std::numeric_limits<scalar::Value<Scalar>>;
+  const Scalar least(Limits::min() / (Limits::epsilon() * Limits::epsilon()));
+  const Scalar most(Limits::max() * (Limits::epsilon() * Limits::epsilon()));
+  for (int i = 0; i < N; ++i) {
+    const Scalar& square = shape(i, i);
+    if (!(square <= most) || !(scalar::abs(square) >= least || square == Scalar(0))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// \return `not_finite`, `not_symmetric`; `beyond_domain` of a width; `not_positive_definite` if the shape is not even
+/// semidefinite.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  if (!is_in_domain(ellipsoid.shape)) {
+    return Status::beyond_domain;
+  }
+  Matrix<Scalar, N> factor;
+  return is_symmetric(ellipsoid.shape) ? cholesky_semidefinite(ellipsoid.shape, factor) : Status::not_symmetric;
+}
+
+/// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where that makes the
+/// image of a positive definite shape indefinite, the diagonal is raised by what outweighs it.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
+                                                  const Matrix<Scalar, N>& shape) noexcept {
+  const Matrix<Scalar, N> half = transform.lazyProduct(shape);
+  const Matrix<Scalar, N> whole = half.lazyProduct(transform.transpose());
+  Matrix<Scalar, N> result = scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
+  Matrix<Scalar, N> factor;
+  if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
+    const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
+    result.diagonal() += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * width.cwiseAbs2();
+  }
+  return result;
+}
+
+/// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection of rows
+/// it is the projection of E on these coordinates.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid,
+                                                const Matrix<Scalar, M, N>& transform,
+                                                const Vector<Scalar, M>& shift) noexcept {
+  const Matrix<Scalar, M, N> half = transform.lazyProduct(ellipsoid.shape);
+  const Matrix<Scalar, M> shape = half.lazyProduct(transform.transpose());
+  return {transform.lazyProduct(ellipsoid.center) + shift,
+          scalar::constant<Scalar>(0.5L) * (shape + shape.transpose())};
+}
+
+/// The projection on `Size` consecutive coordinates from `First` on.
+template <int First, int Size, typename Scalar, int N>
+[[nodiscard]] Ellipsoid<Scalar, Size> projection(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  static_assert(0 <= First && First + Size <= N);
+  return {ellipsoid.center.template segment<Size>(First), ellipsoid.shape.template block<Size, Size>(First, First)};
+}
+
+/// The support function max {dᵀx : x in E} = dᵀx̂ + √(dᵀPd).
+template <typename Scalar, int N>
+[[nodiscard]] Scalar support(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& direction) noexcept {
+  const Scalar square = direction.dot(ellipsoid.shape.lazyProduct(direction));
+  return direction.dot(ellipsoid.center) + scalar::sqrt(scalar::select(square > Scalar(0), square, Scalar(0)));
+}
+
+/// The support along each coordinate axis, less the center: √Pᵢᵢ, the half-widths of the smallest box about E.
+template <typename Scalar, int N>
+[[nodiscard]] Vector<Scalar, N> half_widths(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  return ellipsoid.shape.diagonal().cwiseSqrt();
+}
+
+/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside; infinite for a point off the plane of a flat ellipsoid.
+/// \return `not_finite`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status quadratic_form(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x,
+                                    Scalar& value) noexcept {
+  Vector<Scalar, N> rest = x - ellipsoid.center;
+  if (!scalar::all_finite(rest) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky_semidefinite(ellipsoid.shape, l); status != Status::ok) {
+    return status;
+  }
+  Scalar sum(0);
+  for (int i = 0; i < N; ++i) {
+    if (l(i, i) == Scalar(0)) {
+      if (!(rest(i) == Scalar(0))) {
+        value = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+        return Status::ok;
+      }
+      continue;
+    }
+    const Scalar u = rest(i) / l(i, i);
+    sum += u * u;
+    for (int k = i + 1; k < N; ++k) {
+      rest(k) -= l(k, i) * u;
+    }
+  }
+  value = sum;
+  return Status::ok;
+}
+
+/// Whether x is in E. An ellipsoid that is not valid contains nothing.
+template <typename Scalar, int N>
+[[nodiscard]] bool contains(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x) noexcept {
+  Scalar value;
+  return quadratic_form(ellipsoid, x, value) == Status::ok && value <= Scalar(1);
+}
+
+/// The logarithm of the volume. \return `not_positive_definite` also of a flat ellipsoid, which has none.
+template <typename Scalar, int N>
+[[nodiscard]] Status log_volume(const Ellipsoid<Scalar, N>& ellipsoid, Scalar& value) noexcept {
+  Matrix<Scalar, N> l;
+  if (const Status status = cholesky(ellipsoid.shape, l); status != Status::ok) {
+    return status;
+  }
+  // The unit ball's volume by V(n) = V(n − 2) 2π/n.
+  long double ball = N % 2 == 0 ? 1.0L : 2.0L;
+  for (int n = N % 2 == 0 ? 2 : 3; n <= N; n += 2) {
+    ball *= 2.0L * 3.14159265358979323846264338327950288L / static_cast<long double>(n);
+  }
+  Scalar sum = scalar::log(scalar::constant<Scalar>(ball));
+  for (int i = 0; i < N; ++i) {
+    sum += scalar::log(Scalar(l(i, i)));
+  }
+  value = sum;
+  return Status::ok;
+}
+
+/// Semi-axes, longest first, and their directions (columns).
+template <typename Scalar, int N>
+struct PrincipalAxes {
+  Vector<Scalar, N> lengths;
+  Matrix<Scalar, N> directions;
+};
+
+template <typename Scalar, int N>
+[[nodiscard]] Status principal_axes(const Ellipsoid<Scalar, N>& ellipsoid, PrincipalAxes<Scalar, N>& axes) noexcept {
+  SymmetricEigen<Scalar, N> eigen;
+  if (const Status status = symmetric_eigen(ellipsoid.shape, eigen); status != Status::ok) {
+    return status;
+  }
+  axes.lengths = eigen.values.cwiseMax(Scalar(0)).cwiseSqrt();
+  axes.directions = eigen.vectors;
+  return Status::ok;
+}
+
+/// The sum of two ellipsoids about zero, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
+  const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
+  const Scalar width_b = scalar::sqrt(Scalar(b.trace()));
+  if (width_a == Scalar(0)) {
+    return b;
+  }
+  if (width_b == Scalar(0)) {
+    return a;
+  }
+  return (Scalar(1) + width_b / width_a) * a + (Scalar(1) + width_a / width_b) * b;
+}
+
+/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
+/// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
+/// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
+/// shape of zeros only move the center.
+/// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
+/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
+/// `beyond_domain` if the sum is beyond all numbers.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
+                                 const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
+  constexpr std::size_t max_terms = 64;
+  if (count == 0 || count > max_terms) {
+    return Status::out_of_range;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
+  std::array<Scalar, max_terms> share{};
+  const auto combined = [&](const Scalar& total) {
+    Matrix<Scalar, N> shape = Matrix<Scalar, N>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (share[i] > Scalar(0)) {
+        shape += (total / share[i]) * terms[i].shape;
+      }
+    }
+    return shape;
+  };
+
+  // The best shares for the trace; for the volume they are where the iteration starts.
+  Scalar total(0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const Status status = validate(terms[i]); status != Status::ok) {
+      return status;
+    }
+    center += terms[i].center;
+    const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
+    if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+      // A term must not be lost to rounding.
+      return Status::not_positive_definite;
+    }
+    share[i] = scalar::sqrt(square);
+    total += share[i];
+  }
+  Matrix<Scalar, N> shape = combined(total);
+
+  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+    constexpr int most_steps = 200;
+    const Scalar tolerance = Scalar(8) * Scalar(scalar::epsilon<Scalar>);
+    for (int step = 0; step < most_steps; ++step) {
+      Matrix<Scalar, N> inverse;
+      if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
+        return status;
+      }
+      Scalar change(0);
+      Scalar next_total(0);
+      std::array<Scalar, max_terms> next{};
+      for (std::size_t i = 0; i < count; ++i) {
+        if (share[i] > Scalar(0)) {
+          const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
+          if (!(square > Scalar(0))) {  // flat to rounding
+            return Status::not_positive_definite;
+          }
+          next[i] = scalar::sqrt(square);
+          next_total += next[i];
+        }
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
+        change = difference > change ? difference : change;
+      }
+      share = next;
+      total = next_total;
+      shape = combined(total);
+      if (change <= tolerance) {
+        break;
+      }
+    }
+  }
+  if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {
+    return Status::beyond_domain;
+  }
+  Matrix<Scalar, N> factor;
+  if (cholesky(shape, factor) != Status::ok) {
+    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of its own
+    // terms, each at most √(Pᵢᵢ Pⱼⱼ).
+    for (std::size_t i = 0; i < count; ++i) {
+      if (cholesky(terms[i].shape, factor) == Status::ok) {
+        shape.diagonal() *= Scalar(1) + Scalar(128) * Scalar(scalar::epsilon<Scalar>);
+        break;
+      }
+    }
+  }
+  sum.center = center;
+  sum.shape = shape;
+  return Status::ok;
+}
+
+}  // namespace elliptude

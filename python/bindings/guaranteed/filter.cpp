@@ -1,0 +1,303 @@
+#include <pybind11/stl.h>
+
+#include "guaranteed/python_filter.hpp"
+#include "module.hpp"
+
+namespace elliptude::python {
+
+void define_guaranteed_filter(py::module_& module) {
+  using namespace py::literals;
+  using Filter = PythonGuaranteedFilter;
+
+  py::class_<Filter>(
+      module, "GuaranteedFilter", collectable<Filter>(),
+      R"(GuaranteedFilter(flow, start=None, *, time=0.0, criterion='volume', weight=None, policy='raise', most_wrong=0, regain_after=10, vector_bound=None, estimate_vector=True)
+--
+
+A set that holds attitude and angular velocity (or gyro bias) whenever what it was told of errors holds, to the last term.
+
+It may know nothing of the attitude, at the beginning or when a prediction has become too large to be of use, and then starts
+from the next measurements that determine one. A call that raises leaves the filter as it was, but for `run`.
+
+Parameters
+----------
+flow : GuaranteedRigidBodyFlow or GuaranteedGyroFlow
+start : StateEllipsoid, optional
+    Holds the state at `time`, in either chart; nothing is known if omitted.
+time : float
+    s.
+criterion : {'volume', 'trace', 'weighted_trace'}
+    What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
+weight : (6, 6) array_like, optional
+    The weight of the trace, symmetric positive definite.
+policy : {'raise', 'drop_measurement', 'restart', 'relaxed'}
+    What to do with measurements that no predicted state can have caused, which proves that some bound is wrong. 'raise' raises;
+    'drop_measurement' leaves out as few as make the rest agree; 'restart' forgets the prediction; 'relaxed' lets `most_wrong`
+    of the measurements of every update be wrong, whether that shows or not.
+most_wrong : {0, 1, 2}
+    For 'relaxed', of at most eight measurements.
+regain_after : int
+    After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the measurements
+    of that moment alone, if they bound one. As many updates after a contradiction that others have followed the past is given
+    up for such a set, too, which remains conditional until so many have agreed. Disturbances should not last as long.
+vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of these, optional
+    The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
+    about a center.
+estimate_vector : bool
+    For a GuaranteedGyroFlow: whether its bias is estimated. If not, `vector_bound` is all that is known of it, and the attitude's
+    sets, predicted and fused by themselves, are smaller. The shape then holds two sets, the attitude's and the bound of the
+    bias, with zeros between: the state is in both, not in the ellipsoid of all six numbers, whose form may be up to 2 for it
+    (`StateEllipsoid.quadratic_form`, `contains`, `GuaranteedLog.forms` with vectors).
+
+Raises
+------
+ValueError
+    If an argument is not finite or out of its range, or the start is flat or holds half turns.
+)")
+      .def(py::init<py::object, const std::optional<AnyStateEllipsoid>&, const py::object&, std::string,
+                    const py::object&, const std::string&, int, int, const py::object&, bool>(),
+           "flow"_a, "start"_a = py::none(), py::kw_only(), "time"_a = 0.0, "criterion"_a = "volume",
+           "weight"_a = py::none(), "policy"_a = "raise", "most_wrong"_a = 0, "regain_after"_a = 10,
+           "vector_bound"_a = py::none(), "estimate_vector"_a = true)
+      .def_property_readonly("flow", &Filter::flow, "The flow, as it was given.")
+      .def_property_readonly("time", &Filter::time, "Of the set, s.")
+      .def_property_readonly("criterion", &Filter::criterion, "What the smallest ellipsoid is.")
+      .def_property_readonly("weight", &Filter::weight,
+                             "Of the weighted trace, shape (6, 6); None for another criterion.")
+      .def_property_readonly("policy", &Filter::policy, "What is done with measurements that contradict.")
+      .def_property_readonly("most_wrong", &Filter::most_wrong,
+                             "How many measurements of an update may be wrong, for 'relaxed'.")
+      .def_property_readonly("regain_after", &Filter::regain_after,
+                             "After how many updates without contradiction a conditional claim ends.")
+      .def_property_readonly("vector_bound", &Filter::vector_bound,
+                             "What the vector is always in: (center, shape), rad/s and (rad/s)²; or None.")
+      .def_property_readonly("estimate_vector", &Filter::estimate_vector,
+                             "Whether the gyro's bias is estimated, and not only bounded; True for a body.")
+      .def_property_readonly(
+          "claim", &Filter::claim,
+          "What the truth's being in the set rests on: 'unconditional', on what the filter was told of errors; "
+          "'conditional', also on that what was dropped was what was wrong; 'none', there is no set.")
+      .def_property_readonly("knows_attitude", &Filter::knows_attitude, "Whether there is a set.")
+      .def_property_readonly("ellipsoid", &Filter::ellipsoid,
+                             "The set, a StateEllipsoid in the Gibbs chart; None if the attitude is not known. With "
+                             "`estimate_vector=False` its shape is of two sets, attitude's and vector's, with zeros "
+                             "between, and the form of a state that is in both up to 2.")
+      .def_property_readonly("_agreeing_updates", &Filter::agreeing_updates)
+      .def_property_readonly("_vector", &Filter::vector)
+      .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)
+      .def_property_readonly("_disputed_updates", &Filter::disputed_updates)
+      .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a,
+           "disputed_updates"_a = 0)
+      .def("forget", &Filter::forget, R"(forget(self)
+--
+
+Forgets all but `vector_bound`: the next measurements that determine an attitude start the filter again.
+
+So one goes on under the policy 'raise' after what is known has turned out to be wrong, or cannot be predicted.
+)")
+      .def("predict", &Filter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
+           "wheel_momentum"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
+           R"(predict(self, time, *, control_torque=None, wheel_momentum=None, gyro=None, increment=None)
+--
+
+Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten. So it is, except under the
+policy 'raise', if this set cannot be predicted where another can be: one about a wrong rate, say.
+
+Parameters
+----------
+time : float
+    s, not before `self.time`.
+control_torque : (3,) array_like, optional
+    N m, body axes, constant over the interval; for a GuaranteedRigidBodyFlow, as the next.
+wheel_momentum : (3,) array_like, optional
+    Angular momentum of wheels relative to the body, N m s, body axes, constant over the interval.
+gyro : (3,) array_like
+    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow. NaN where
+    nothing was measured: of that interval the flow's `largest_rate` alone is known.
+increment : float, optional
+    Bound of the angle that the errors v of the gyro make together over this interval, rad, where a better one is known than
+    the duration times the noise.
+
+Raises
+------
+ValueError
+    If time runs backwards, a step is too long for the motion, or an argument is not finite.
+)")
+      .def("predict_turn", &Filter::predict_turn, "time"_a, "turn"_a, "turn_bound"_a,
+           R"(predict_turn(self, time, turn, turn_bound)
+--
+
+Moves the set of a GuaranteedGyroFlow over a turn that is known, but for an angle.
+
+So errors of a gyro that cancel over many samples do not add up: add up the rates outside, and say how far the whole turn may be
+off. The bias, where it is estimated, drifts as the flow says.
+
+Parameters
+----------
+time : float
+    s, not before `self.time`.
+turn : (3,) array_like
+    Rotation vector from the attitude at `self.time` to that at `time`, rad, body axes.
+turn_bound : float
+    The true turn differs by a turn about any axis of at most this, rad. From π on it says nothing: the attitude is forgotten.
+
+Raises
+------
+ValueError
+    If time runs backwards, or an argument is out of its range.
+TypeError
+    If the flow is that of a rigid body.
+)")
+      .def(
+          "update", &Filter::update, "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(),
+          py::kw_only(), "angular_velocity"_a = py::none(), "rate_bound"_a = py::none(), "attitude"_a = py::none(),
+          "attitude_bound"_a = py::none(), "sensors"_a = py::none(),
+          R"(update(self, directions=None, reference=None, bounds=None, *, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, sensors=None)
+--
+
+Fuses all that was measured at one moment with the prediction, at once. Any number of directions will do.
+
+Parameters
+----------
+directions : (m, 3) array_like
+    Measured in body axes, 1 to 32.
+reference : (m, 3) array_like
+    The same directions in reference axes.
+bounds : float, (m,) or (m, 3, 3) array_like
+    Bounds of the direction errors: angles in rad, below pi, or shapes in rad².
+angular_velocity : (3,) array_like, optional
+    rad/s, body axes; for a GuaranteedRigidBodyFlow.
+rate_bound : float or (3, 3) array_like
+    rad/s, or a shape in (rad/s)².
+attitude : (3, 3) array_like or scipy Rotation, optional
+    A whole attitude, as a star tracker gives it: C = C̃ exp(S(ν)).
+attitude_bound : float or (3, 3) array_like
+    Bound of ν: an angle in rad, below pi, or a shape in rad².
+sensors : sequence of str, optional
+    Names for messages and for what is dropped: of the directions, or of these, the angular velocity and the attitude as far as
+    they are given. Without names a direction is its index, and the others are 'angular_velocity' and 'attitude'.
+
+Returns
+-------
+GuaranteedUpdate
+
+Raises
+------
+InconsistentMeasurement
+    If no state satisfies all bounds and the policy does not say what to do then; with the sensor that contradicts most, where it
+    is not the prediction.
+ValueError
+    If an argument is not finite or out of its range.
+)")
+      .def("update_linear", &Filter::update_linear, "y"_a, "h"_a, "bound"_a,
+           R"(update_linear(self, y, h, bound)
+--
+
+Fuses y = H x + v of the error x = [ζ; δ] about the present center, v in the ellipsoid of the shape `bound`.
+
+Parameters
+----------
+y : (r,) array_like
+h : (r, 6) array_like
+bound : (r, r) array_like
+
+Returns
+-------
+GuaranteedUpdate
+
+Raises
+------
+InconsistentMeasurement
+    If no predicted state can have caused it, whatever the policy.
+ValueError
+    If the attitude is not known, or an argument is not finite or out of its range.
+)")
+      .def(
+          "run", &Filter::run, "times"_a, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+          "bounds"_a = py::none(), "angular_velocity"_a = py::none(), "rate_bound"_a = py::none(),
+          "attitude"_a = py::none(), "attitude_bound"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
+          "control_torque"_a = py::none(), "wheel_momentum"_a = py::none(), "sensors"_a = py::none(),
+          R"(run(self, times, *, directions=None, reference=None, bounds=None, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, gyro=None, increment=None, control_torque=None, wheel_momentum=None, sensors=None)
+--
+
+Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.
+
+Parameters
+----------
+times : (n,) array_like
+    s, not decreasing, from `self.time` on.
+directions : (n, m, 3) array_like, optional
+    Rows that are all NaN were not measured.
+reference : (m, 3) or (n, m, 3) array_like
+bounds : float, (m,), (n, m) or (m, 3, 3) array_like
+    Angles in rad, or shapes in rad²; an angle that is NaN, or pi and more, says that nothing was measured there.
+angular_velocity : (n, 3) array_like, optional
+    For a GuaranteedRigidBodyFlow; rows that are all NaN were not measured.
+rate_bound : float, (n,) or (3, 3) array_like
+    rad/s, NaN where nothing was measured, or a shape in (rad/s)².
+attitude : (n, 3, 3) array_like or scipy Rotation, optional
+    Rows that are all NaN were not measured.
+attitude_bound : float, (n,) or (3, 3) array_like
+    As for directions.
+gyro : (n, 3) array_like
+    For a GuaranteedGyroFlow: gyro[k] is the rate of the interval from times[k] to times[k + 1], as the flow's `interval_rate`
+    says, NaN where nothing was measured; times[0] must be `self.time`.
+increment : float or (n,) array_like, optional
+    As in `predict`, of the same intervals as gyro; NaN where none is known.
+control_torque, wheel_momentum : (3,) or (n, 3) array_like, optional
+    For a GuaranteedRigidBodyFlow: row k acts until times[k].
+sensors : sequence of str, optional
+    As in `update`.
+
+Returns
+-------
+GuaranteedLog
+
+Raises
+------
+InconsistentMeasurement
+    With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
+    the call.
+RowError
+    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
+)")
+      .def(
+          "run_turns", &Filter::run_turns, "times"_a, "turns"_a, "turn_bounds"_a, py::kw_only(), "anchors"_a,
+          "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(), "attitude"_a = py::none(),
+          "attitude_bound"_a = py::none(), "sensors"_a = py::none(),
+          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None)
+--
+
+Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with what is there; in one call.
+
+Only the anchors' sets are carried on. Between anchors each row is predicted from the anchor in one piece, so that errors of the
+gyro that cancel over the window do (`predict_turn`), and what repeated fusion loses is not lost. For a GuaranteedGyroFlow.
+
+Parameters
+----------
+times : (n,) array_like
+    s, not decreasing, from `self.time` on.
+turns : (n, 3) array_like
+    turns[k] is the rotation vector from the attitude at row anchors[k] to that at row k, rad, body axes.
+turn_bounds : (n,) array_like
+    How far each may be off, rad, about any axis.
+anchors : (n,) array_like of int
+    From which row each is predicted: the row before it, or the same as that one's. −1 is the filter as it is; the first is so.
+directions, reference, bounds, attitude, attitude_bound, sensors
+    As in `run`.
+
+Returns
+-------
+GuaranteedLog
+
+Raises
+------
+InconsistentMeasurement
+    With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
+    the call.
+RowError
+    If what is in a row is not finite or out of its range; with the row.
+)");
+}
+
+}  // namespace elliptude::python

@@ -1,0 +1,415 @@
+// Wahba's problem, against an independent minimiser: Newton's method on the cost from many starts, which knows neither
+// singular values nor quaternions.
+#include <doctest/doctest.h>
+
+#include <array>
+#include <limits>
+#include <vector>
+
+#include "elliptude/attitude/wahba.hpp"
+#include "support/random.hpp"
+
+using namespace elliptude;
+using elliptude::testing::Random;
+
+namespace {
+
+using Directions = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+constexpr std::array<WahbaMethod, 3> all_methods{WahbaMethod::svd, WahbaMethod::davenport, WahbaMethod::qr};
+constexpr std::array<WahbaMethod, 2> robust_methods{WahbaMethod::svd, WahbaMethod::davenport};
+
+struct Problem {
+  Directions reference;
+  Directions body;
+  Eigen::VectorXd weights;
+};
+
+// ½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² as it is defined.
+double cost(const Problem& p, const Matrix3<double>& c) {
+  double sum = 0;
+  for (Eigen::Index i = 0; i < p.reference.cols(); ++i) {
+    sum += 0.5 * p.weights(i) * (p.reference.col(i).normalized() - c * p.body.col(i).normalized()).squaredNorm();
+  }
+  return sum;
+}
+
+// Gradient and Hessian of the cost along C exp(S(ζ)) at ζ = 0: eᵀC exp(S(ζ)) b̃ = bᵀb̃ + bᵀ(ζ × b̃) + ½ bᵀ(ζ × (ζ × b̃)) + …
+void expand(const Problem& p, const Matrix3<double>& c, Vector3<double>& gradient, Matrix3<double>& hessian) {
+  gradient.setZero();
+  hessian.setZero();
+  for (Eigen::Index i = 0; i < p.reference.cols(); ++i) {
+    const Vector3<double> b = c.transpose() * p.reference.col(i).normalized();
+    const Vector3<double> measured = p.body.col(i).normalized();
+    gradient -= p.weights(i) * measured.cross(b);
+    hessian += p.weights(i) * (b.dot(measured) * Matrix3<double>::Identity() -
+                               0.5 * (b * measured.transpose() + measured * b.transpose()));
+  }
+}
+
+// The best of Newton descents from starts all over SO(3).
+Matrix3<double> independent_minimiser(const Problem& p) {
+  Random random(61);
+  Matrix3<double> best = Matrix3<double>::Identity();
+  double least = std::numeric_limits<double>::infinity();
+  for (int start = 0; start < 30; ++start) {
+    Matrix3<double> c = random.rotation();
+    for (int step = 0; step < 40; ++step) {
+      Vector3<double> gradient;
+      Matrix3<double> hessian;
+      expand(p, c, gradient, hessian);
+      const Eigen::SelfAdjointEigenSolver<Matrix3<double>> eigen(hessian);
+      // Downhill also where the cost is concave.
+      const Vector3<double> curvatures = eigen.eigenvalues().cwiseAbs().cwiseMax(1e-9 * p.weights.sum());
+      const Vector3<double> move =
+          -(eigen.eigenvectors() * (eigen.eigenvectors().transpose() * gradient).cwiseQuotient(curvatures));
+      double length = std::min(1.0, 1.0 / std::max(move.norm(), 1e-300));
+      const auto moved = [&](double share) {
+        const Vector3<double> turn = share * move;
+        return turn.norm() > 0
+                   ? Matrix3<double>(c * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix())
+                   : c;
+      };
+      while (length > 1e-6 && cost(p, moved(length)) > cost(p, c)) {
+        length /= 2;
+      }
+      c = moved(length);
+    }
+    const double value = cost(p, c);
+    if (value < least) {
+      least = value;
+      best = c;
+    }
+  }
+  // Comparing costs fixes an attitude to half the digits; plain Newton steps to the zero of the gradient find the rest.
+  for (int step = 0; step < 5; ++step) {
+    Vector3<double> gradient;
+    Matrix3<double> hessian;
+    expand(p, best, gradient, hessian);
+    const Vector3<double> turn = -hessian.ldlt().solve(gradient);
+    best = (best * Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()).toRotationMatrix()).eval();
+  }
+  return best;
+}
+
+Problem noisy(Random& random, Eigen::Index count, double noise) {
+  Problem p{Directions(3, count), Directions(3, count), Eigen::VectorXd(count)};
+  const Matrix3<double> attitude = random.rotation();
+  for (Eigen::Index i = 0; i < count; ++i) {
+    p.reference.col(i) = random.unit_vector<3>();
+    p.body.col(i) = attitude.transpose() * p.reference.col(i) + noise * random.normal_matrix<3>();
+    p.weights(i) = random.log_uniform(0.1, 10);
+  }
+  return p;
+}
+
+// Nearly coplanar directions, one of which noise has carried to the other side of the plane: det L < 0.
+Problem reflected(Random& random) {
+  Problem p{Directions(3, 3), Directions(3, 3), Eigen::VectorXd(3)};
+  const Matrix3<double> attitude = random.rotation();
+  const Matrix3<double> frame = random.rotation();
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    const double angle = 2.0 * static_cast<double>(i) + random.uniform(-0.3, 0.3);
+    const double height = i == 0 ? 0.05 : 0.0;
+    const Vector3<double> above(std::cos(angle), std::sin(angle), height);
+    const Vector3<double> below(std::cos(angle), std::sin(angle), -height);
+    p.reference.col(i) = frame * above;
+    p.body.col(i) = attitude.transpose() * frame * below + 0.01 * random.normal_matrix<3>();
+    p.weights(i) = random.uniform(0.5, 2);
+  }
+  return p;
+}
+
+double profile_determinant(const Problem& p) {
+  Matrix3<double> profile;
+  REQUIRE(attitude_profile(p.reference, p.body, p.weights, profile) == Status::ok);
+  return profile.determinant();
+}
+
+void check_against_independent(const Problem& p, WahbaMethod method) {
+  WahbaSolution<double> solution;
+  REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, solution) == Status::ok);
+  const Matrix3<double> c = solution.attitude;
+  REQUIRE(c.determinant() > 0);
+  const Matrix3<double> best = independent_minimiser(p);
+  REQUIRE(std::abs(solution.cost - cost(p, best)) <= 1e-12 * p.weights.sum());
+  REQUIRE(std::abs(solution.cost - cost(p, c)) <= 1e-13 * p.weights.sum());
+  // A gradient of rounding moves the minimiser by as much times the condition. The paper's formula squares the condition of
+  // L, which is not less.
+  Matrix3<double> profile;
+  REQUIRE(attitude_profile(p.reference, p.body, p.weights, profile) == Status::ok);
+  const Vector3<double> singular = Eigen::JacobiSVD<Matrix3<double>>(profile).singularValues();
+  const double digits = method == WahbaMethod::qr ? std::pow(singular(0) / singular(2), 2) : solution.condition;
+  REQUIRE((c - best).norm() <= 1e-14 * digits);
+  const double defect = (c.transpose() * c - Matrix3<double>::Identity()).cwiseAbs().maxCoeff();
+  REQUIRE(defect <= (method == WahbaMethod::qr ? 1e-15 * digits : 4e-15));
+  // The condition is that of the Hessian.
+  Vector3<double> gradient;
+  Matrix3<double> hessian;
+  expand(p, c, gradient, hessian);
+  REQUIRE(gradient.norm() <= 1e-13 * p.weights.sum() * digits);
+  const Vector3<double> curvatures = Eigen::SelfAdjointEigenSolver<Matrix3<double>>(hessian).eigenvalues();
+  REQUIRE(solution.condition == doctest::Approx(curvatures(2) / curvatures(0)).epsilon(1e-14 * digits + 1e-13));
+}
+
+}  // namespace
+
+TEST_CASE("all three methods find the independent minimiser") {
+  Random random(62);
+  int proper = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Problem p = noisy(random, 3 + i % 4, i % 3 == 0 ? 0.3 : 0.01);
+    if (profile_determinant(p) <= 1e-3) {
+      continue;
+    }
+    ++proper;
+    for (const WahbaMethod method : all_methods) {
+      check_against_independent(p, method);
+    }
+  }
+  CHECK(proper > 30);
+}
+
+TEST_CASE("directions without error give back the attitude and no cost") {
+  Random random(63);
+  for (int i = 0; i < 100; ++i) {
+    Problem p = noisy(random, 4, 0);
+    const Matrix3<double> attitude = random.rotation();
+    p.body = attitude.transpose() * p.reference;
+    for (const WahbaMethod method : robust_methods) {
+      WahbaSolution<double> solution;
+      REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, solution) == Status::ok);
+      REQUIRE((solution.attitude - attitude).norm() <= 1e-14 * solution.condition);
+      REQUIRE(solution.cost <= 1e-28 * solution.condition * solution.condition * p.weights.sum());
+    }
+  }
+}
+
+TEST_CASE("where det L is negative the robust methods find the best rotation and the paper's formula refuses") {
+  Random random(64);
+  int negative = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Problem p = reflected(random);
+    if (profile_determinant(p) >= -1e-6) {
+      continue;
+    }
+    ++negative;
+    for (const WahbaMethod method : robust_methods) {
+      check_against_independent(p, method);
+    }
+    WahbaSolution<double> solution{Matrix3<double>::Identity(), 7, 8};
+    REQUIRE(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::qr, solution) == Status::improper_profile);
+    REQUIRE(solution.attitude == Matrix3<double>::Identity());
+    REQUIRE(solution.cost == 7);
+    REQUIRE(solution.condition == 8);
+  }
+  CHECK(negative > 20);
+}
+
+TEST_CASE("two directions are enough for the robust methods and singular for the paper's formula") {
+  Random random(65);
+  for (int i = 0; i < 40; ++i) {
+    const Problem p = noisy(random, 2, 0.05);
+    if (p.reference.col(0).cross(p.reference.col(1)).norm() < 0.1) {
+      continue;
+    }
+    for (const WahbaMethod method : robust_methods) {
+      check_against_independent(p, method);
+    }
+    WahbaSolution<double> solution;
+    REQUIRE(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::qr, solution) == Status::improper_profile);
+  }
+}
+
+TEST_CASE("the cross product makes two directions three for the paper's formula") {
+  Random random(66);
+  for (int i = 0; i < 40; ++i) {
+    const Problem two = noisy(random, 2, 0.05);
+    if (two.reference.col(0).cross(two.reference.col(1)).norm() < 0.1) {
+      continue;
+    }
+    ThreeDirections<double> three;
+    REQUIRE(add_cross_product(Eigen::Matrix<double, 3, 2>(3 * two.reference), Eigen::Matrix<double, 3, 2>(two.body),
+                              three) == Status::ok);
+    for (const auto& [given, made] : {std::pair(two.reference, three.reference), std::pair(two.body, three.body)}) {
+      REQUIRE((made.col(0) - given.col(0).normalized()).norm() <= 1e-15);
+      REQUIRE((made.col(1) - given.col(1).normalized()).norm() <= 1e-15);
+      REQUIRE((made.col(2) - given.col(0).cross(given.col(1)).normalized()).norm() <= 1e-14);
+    }
+    const Problem p{three.reference, three.body, Eigen::Vector3d(1, 2, 3)};
+    for (const WahbaMethod method : all_methods) {
+      check_against_independent(p, method);
+    }
+  }
+}
+
+TEST_CASE("a pair of directions without a plane has no cross product") {
+  Eigen::Matrix<double, 3, 2> good;
+  good << 1, 0, 0, 1, 0, 0;
+  Eigen::Matrix<double, 3, 2> collinear;
+  collinear << 1, -2, 1, -2, 1, -2;
+  const ThreeDirections<double> before{Matrix3<double>::Identity(), Matrix3<double>::Identity()};
+  ThreeDirections<double> three = before;
+  CHECK(add_cross_product(good, collinear, three) == Status::attitude_undetermined);
+  CHECK(add_cross_product(collinear, good, three) == Status::attitude_undetermined);
+  Eigen::Matrix<double, 3, 2> spoiled = good;
+  spoiled.col(1).setZero();
+  CHECK(add_cross_product(good, spoiled, three) == Status::zero_direction);
+  spoiled(2, 1) = std::nan("");
+  CHECK(add_cross_product(spoiled, good, three) == Status::not_finite);
+  CHECK(three.reference == before.reference);
+  CHECK(three.body == before.body);
+}
+
+TEST_CASE("collinear directions and directions that contradict each other leave the attitude undetermined") {
+  Random random(67);
+  for (int i = 0; i < 100; ++i) {
+    const Vector3<double> e = random.unit_vector<3>();
+    const Vector3<double> b = random.unit_vector<3>();
+    Problem p{Directions(3, 2), Directions(3, 2), Eigen::Vector2d(1, 2)};
+    p.reference << e, -3 * e;
+    p.body << b, -b;
+    Problem one{Directions(e), Directions(b), Eigen::VectorXd::Ones(1)};
+    // Half turned about each axis: every rotation fits Σ equally, L is a multiple of −I within rotations.
+    const Matrix3<double> axes = random.rotation();
+    Problem opposite{Directions(axes), Directions(-axes), Eigen::Vector3d(1, 1, 1)};
+    for (const WahbaMethod method : robust_methods) {
+      WahbaSolution<double> solution{Matrix3<double>::Identity(), 7, 8};
+      REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, solution) == Status::attitude_undetermined);
+      REQUIRE(solve_wahba(one.reference, one.body, one.weights, method, solution) == Status::attitude_undetermined);
+      REQUIRE(solve_wahba(opposite.reference, opposite.body, opposite.weights, method, solution) ==
+              Status::attitude_undetermined);
+      REQUIRE(solution.cost == 7);
+    }
+    WahbaSolution<double> solution;
+    REQUIRE(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::qr, solution) == Status::improper_profile);
+  }
+}
+
+TEST_CASE("the condition grows as directions close up and the attitude keeps the digits that it leaves") {
+  Random random(68);
+  for (const double angle : {1e-1, 1e-3, 1e-5, 1e-6}) {
+    const Matrix3<double> attitude = random.rotation();
+    Problem p{Directions(3, 2), Directions(3, 2), Eigen::Vector2d(1, 1)};
+    p.reference << Vector3<double>(1, 0, 0), Vector3<double>(std::cos(angle), std::sin(angle), 0);
+    p.body = attitude.transpose() * p.reference;
+    for (const WahbaMethod method : robust_methods) {
+      WahbaSolution<double> solution;
+      CAPTURE(angle);
+      REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, solution) == Status::ok);
+      // Curvatures of the cost: 2 across the pair, 2 sin²(angle/2) about it.
+      const double exact = 1 / std::pow(std::sin(angle / 2), 2);
+      REQUIRE(solution.condition == doctest::Approx(exact).epsilon(1e-15 * exact + 1e-12));
+      REQUIRE((solution.attitude - attitude).norm() <= 1e-15 * exact);
+    }
+  }
+}
+
+TEST_CASE("weights count by their ratios only and a zero weight is a measurement not made") {
+  Random random(69);
+  const Problem p = noisy(random, 4, 0.1);
+  for (const WahbaMethod method : all_methods) {
+    WahbaSolution<double> once;
+    WahbaSolution<double> scaled;
+    REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, once) == Status::ok);
+    REQUIRE(solve_wahba(p.reference, p.body, Eigen::VectorXd(1e6 * p.weights), method, scaled) == Status::ok);
+    CHECK((once.attitude - scaled.attitude).norm() <= 1e-13 * once.condition);
+    CHECK(scaled.cost == doctest::Approx(1e6 * once.cost).epsilon(1e-12));
+    CHECK(scaled.condition == doctest::Approx(once.condition).epsilon(1e-12));
+    Eigen::VectorXd without = p.weights;
+    without(3) = 0;
+    WahbaSolution<double> zero;
+    WahbaSolution<double> three;
+    REQUIRE(solve_wahba(p.reference, p.body, without, method, zero) == Status::ok);
+    REQUIRE(solve_wahba(p.reference.leftCols(3), p.body.leftCols(3), without.head(3), method, three) == Status::ok);
+    CHECK((zero.attitude - three.attitude).norm() <= 1e-14);
+    CHECK((zero.attitude - once.attitude).norm() > 1e-4);  // or this test shows nothing
+  }
+}
+
+TEST_CASE("the length of a direction does not count however long or short") {
+  Random random(70);
+  const Problem p = noisy(random, 3, 0.1);
+  WahbaSolution<double> unit;
+  REQUIRE(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, unit) == Status::ok);
+  for (const double length : {1e-300, 1e-160, 1e160, 1e300}) {
+    WahbaSolution<double> other;
+    CAPTURE(length);
+    REQUIRE(solve_wahba(length * p.reference, p.body, p.weights, WahbaMethod::svd, other) == Status::ok);
+    CHECK((other.attitude - unit.attitude).norm() <= 1e-13);
+    CHECK(std::abs(other.cost - unit.cost) <= 1e-13);
+    REQUIRE(solve_wahba(p.reference, length * p.body, p.weights, WahbaMethod::svd, other) == Status::ok);
+    CHECK((other.attitude - unit.attitude).norm() <= 1e-13);
+    CHECK(std::abs(other.cost - unit.cost) <= 1e-13);
+  }
+}
+
+TEST_CASE("input that is no Wahba problem is refused by name and the output stays") {
+  Random random(71);
+  const Problem good = noisy(random, 3, 0.01);
+  WahbaSolution<double> solution{Matrix3<double>::Identity(), 7, 8};
+  const auto status = [&](const Problem& p) {
+    return solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, solution);
+  };
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    Problem p = good;
+    p.reference(1, 1) = bad;
+    CHECK(status(p) == Status::not_finite);
+    p = good;
+    p.body(2, 0) = bad;
+    CHECK(status(p) == Status::not_finite);
+    p = good;
+    p.weights(2) = bad;
+    CHECK(status(p) == Status::not_finite);
+  }
+  Problem p = good;
+  p.reference.col(1).setZero();
+  CHECK(status(p) == Status::zero_direction);
+  p = good;
+  p.body.col(2).setZero();
+  CHECK(status(p) == Status::zero_direction);
+  p = good;
+  p.weights(0) = -1e-9;
+  CHECK(status(p) == Status::out_of_range);
+  p = good;
+  p.weights.setZero();
+  CHECK(status(p) == Status::out_of_range);
+  p = good;
+  p.weights.conservativeResize(2);
+  CHECK(status(p) == Status::out_of_range);
+  p = good;
+  p.body.conservativeResize(3, 2);
+  CHECK(status(p) == Status::out_of_range);
+  CHECK(status({Directions(3, 0), Directions(3, 0), Eigen::VectorXd(0)}) == Status::out_of_range);
+  CHECK(solve_wahba(good.reference, good.body, good.weights, static_cast<WahbaMethod>(99), solution) ==
+        Status::out_of_range);
+  CHECK(solution.attitude == Matrix3<double>::Identity());
+  CHECK(solution.cost == 7);
+  CHECK(solution.condition == 8);
+
+  Matrix3<double> attitude = Matrix3<double>::Identity();
+  double condition = 7;
+  Matrix3<double> spoiled = Matrix3<double>::Identity();
+  spoiled(0, 1) = std::nan("");
+  for (const WahbaMethod method : all_methods) {
+    CHECK(attitude_of_profile(spoiled, method, attitude, condition) == Status::not_finite);
+    CHECK(attitude_of_profile(Matrix3<double>(Matrix3<double>::Zero()), method, attitude, condition) ==
+          (method == WahbaMethod::qr ? Status::improper_profile : Status::attitude_undetermined));
+  }
+  CHECK(attitude == Matrix3<double>::Identity());
+  CHECK(condition == 7);
+}
+
+TEST_CASE("a float attitude is as good as floats allow") {
+  Random random(72);
+  for (int i = 0; i < 50; ++i) {
+    const Problem p = noisy(random, 4, 0.05);
+    for (const WahbaMethod method : robust_methods) {
+      WahbaSolution<double> exact;
+      WahbaSolution<float> single;
+      REQUIRE(solve_wahba(p.reference, p.body, p.weights, method, exact) == Status::ok);
+      REQUIRE(solve_wahba(p.reference.cast<float>(), p.body.cast<float>(), p.weights.cast<float>(), method, single) ==
+              Status::ok);
+      REQUIRE((single.attitude.cast<double>() - exact.attitude).norm() <= 2e-6 * exact.condition);
+    }
+  }
+}

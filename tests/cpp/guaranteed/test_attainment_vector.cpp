@@ -1,0 +1,117 @@
+// Each term of the bound of the angular velocity without an attitude (theory, section 17.5), alone: the truth's momentum grows as
+// fast as it may, so that no term can be lost (tests/mutations/body_flow.toml).
+#include <doctest/doctest.h>
+
+#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/measurement/measurement.hpp>
+
+#include "support/random.hpp"
+
+using namespace elliptude;
+using namespace elliptude::testing;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+namespace {
+
+/// What acts; the body has the moment J about every axis, so that a torque along the momentum keeps it there.
+struct Case {
+  double center = 0;   ///< rad/s about the first axis
+  double spread = 0;   ///< of the set
+  double inertia = 0;  ///< error
+  double torque = 0;   ///< unknown
+  double control = 0;
+  double wheel = 0;
+  double gravity = 0;  ///< the largest torque of a weight
+};
+
+constexpr double moment = 2;
+constexpr double duration = 3;
+
+/// The half-width of the predicted ω + J⁻¹h_w about the first axis.
+double half_width(const Case& c) {
+  RigidBody<double> body;
+  REQUIRE(RigidBody<double>::make(moment * Matrix3d::Identity(), body) == Status::ok);
+  BodyUncertainty<double> uncertainty;
+  uncertainty.inertia = c.inertia;
+  uncertainty.torque = c.torque * c.torque * Matrix3d::Identity();
+  UniformGravity<double> gravity;
+  REQUIRE(UniformGravity<double>::make(1, 1, Vector3d(0, 0, c.gravity > 0 ? c.gravity : 1e-12), gravity) == Status::ok);
+  GuaranteedRigidBodyFlow<double, UniformGravity<double>> flow;
+  REQUIRE(decltype(flow)::make(body, gravity, 0.1, uncertainty, flow) == Status::ok);
+  BodyInput<double> input;
+  input.control_torque(0) = c.control;
+  input.wheel_momentum(0) = c.wheel;
+  Ellipsoid<double, 3> before{Vector3d(c.center, 0, 0), (c.spread * c.spread + 1e-30) * Matrix3d::Identity()};
+  Ellipsoid<double, 3> after;
+  REQUIRE(flow.predict_vector(0, duration, input, before, after) == Status::ok);
+  CHECK(after.center(0) == doctest::Approx(-c.wheel / moment));
+  return std::sqrt(after.shape(0, 0));
+}
+
+void check(double needed, double granted, double share = 0.999) {
+  CHECK(needed <= granted * (1 + 1e-9));
+  CHECK(needed >= share * granted);
+}
+
+}  // namespace
+
+TEST_CASE("what is known before: the center and the spread and the wheel") {
+  check(0.7, half_width({0.7}));
+  check(0.7 + 0.2, half_width({0.7, 0.2}));
+  check(0.2, half_width({0, 0.2}));
+  // Jω + h_w is what keeps its length.
+  check(0.7 + 0.5 / moment, half_width({0.7, 0, 0, 0, 0, 0.5}));
+  check(0.7 - 0.5 / moment, half_width({0.7, 0, 0, 0, 0, -0.5}));
+}
+
+TEST_CASE("torques push along the momentum") {
+  check(0.7 + duration * 0.1 / moment, half_width({0.7, 0, 0, 0.1}));
+  check(0.7 + duration * 0.1 / moment, half_width({0.7, 0, 0, 0, 0.1}));
+  // The weight can do so at any moment, and not all the time: what is bounded is its size.
+  check(0.7 + duration * 0.1 / moment, half_width({0.7, 0, 0, 0, 0, 0, 0.1}), 0.97);  // a norm is bounded from above
+}
+
+TEST_CASE("an inertia error makes the momentum larger and then the body lighter") {
+  // A body of J + e before has more momentum than J says; one of J − e turns faster with what it has.
+  const double e = 0.2;
+  const double rate = 0.7;
+  const double granted = half_width({rate, 0, e});
+  const double grown = (moment + e) * rate;
+  // p = grown, and e ‖ω‖ ≤ e p/(J − e) more.
+  check((grown + e * grown / (moment - e)) / moment, granted);
+  // A truth with an axis of each, from one to the other by its own motion, turns as fast as that allows for no wheel.
+  CHECK(grown / (moment - e) <= granted * (1 + 1e-12));
+  // A wheel that cancels the momentum does not cancel the error: ω = (p + h_w)/(J − e) at most.
+  const double wheel = -moment * rate;
+  const double left = e * rate;
+  const double with_wheel = half_width({rate, 0, e, 0, 0, wheel});
+  check((left + e * (left - wheel) / (moment - e)) / moment, with_wheel);
+}
+
+TEST_CASE("an inertia error moves the gravity gradient") {
+  RigidBody<double> body;
+  REQUIRE(RigidBody<double>::make(moment * Matrix3d::Identity(), body) == Status::ok);
+  GravityGradient<double> gradient;
+  REQUIRE(GravityGradient<double>::make(body, 0.5, Matrix3d::Identity(), gradient) == Status::ok);
+  BodyUncertainty<double> uncertainty;
+  uncertainty.inertia = 0.2;
+  GuaranteedRigidBodyFlow<double, GravityGradient<double>> flow;
+  REQUIRE(decltype(flow)::make(body, gradient, 0.1, uncertainty, flow) == Status::ok);
+  Ellipsoid<double, 3> after;
+  REQUIRE(flow.predict_vector(0, duration, {}, {Vector3d::Zero(), 1e-30 * Matrix3d::Identity()}, after) == Status::ok);
+  // A sphere has no torque; with moments 2.2, 2 and 1.8 the error's own is 3n² · ½ · 0.4 at 45°, as large as 3n² e.
+  const double torque = 3 * 0.25 * 0.2;
+  check(duration * torque * (1 + 0.2 / 1.8) / moment, std::sqrt(after.shape(0, 0)), 0.99);
+}
+
+TEST_CASE("a measured rate is within its bound about any center") {
+  // 1.5 rad/s seen from 1 rad/s within 0.2: from 0.3 to 0.7.
+  Quadric<double, 3> quadric;
+  const AngularVelocity<double> measured{Vector3d(1.5, 0, 0), 0.04 * Matrix3d::Identity()};
+  REQUIRE(to_quadric(Vector3d(1, 0, 0), measured, quadric) == Status::ok);
+  CHECK(contains(quadric, Vector3d(0.699, 0, 0)));
+  CHECK(contains(quadric, Vector3d(0.301, 0, 0)));
+  CHECK_FALSE(contains(quadric, Vector3d(0.701, 0, 0)));
+  CHECK_FALSE(contains(quadric, Vector3d(0.299, 0, 0)));
+}

@@ -1,0 +1,123 @@
+// What a guaranteed filter keeps of what it knew, and that nothing beyond its domain is kept on any way (theory, section 16.9).
+#include <doctest/doctest.h>
+
+#include "support/filter_scene.hpp"
+
+using namespace elliptude;
+using namespace elliptude::testing;
+
+namespace {
+
+using GyroFlow = GuaranteedGyroFlow<double>;
+using GyroFilter = GuaranteedFilter<GyroFlow>;
+
+const double largest = FilterDomain<double>::largest();
+
+GyroFilter gyro_filter(double noise, double drift) {
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = noise * noise * Matrix3d::Identity();
+  uncertainty.drift = drift * drift * Matrix3d::Identity();
+  GyroFlow flow;
+  REQUIRE(GyroFlow::make(uncertainty, GyroFlow::IntervalRate::mean, flow) == Status::ok);
+  GyroFilter filter;
+  REQUIRE(GyroFilter::make(flow, {}, 0, filter) == Status::ok);
+  return filter;
+}
+
+GibbsEllipsoid<GyroState<double>> gyro_set(double attitude, double bias) {
+  GibbsEllipsoid<GyroState<double>> set;
+  set.center = {Matrix3d::Identity(), Vector3d::Zero()};
+  set.shape.setZero();
+  set.shape.diagonal() << Vector3d::Constant(attitude * attitude), Vector3d::Constant(bias * bias);
+  return set;
+}
+
+}  // namespace
+
+TEST_CASE("a start about what is nearly a rotation is about a rotation") {
+  const Scene scene(3);
+  GibbsEllipsoid<State> set{scene.truth, 1e-4 * Matrix6<double>::Identity()};
+  set.center.attitude(0, 1) += 1e-11;
+  BodyFilter filter = filter_with({});
+  REQUIRE(filter.start(set) == Status::ok);
+  const Matrix3d& attitude = filter.ellipsoid().center.attitude;
+  CHECK((attitude.transpose() * attitude - Matrix3d::Identity()).norm() < 1e-14);
+  CHECK(form_of(filter, scene.truth) < 1e-12);
+}
+
+TEST_CASE("where the attitude is lost the rate is kept of the set that is known now") {
+  const Scene scene(4);
+  BodyFilter filter = filter_with({});
+  // Before the attitude a rate that has nothing to do with it is known, so that an old one would be seen.
+  const AngularVelocity<double> other{Vector3d(5, 5, 5), 1e-4 * Matrix3d::Identity()};
+  Report report;
+  REQUIRE(filter.update({nullptr, 0, &other, nullptr}, report) == Status::ok);
+  REQUIRE(filter.knows_vector());
+  REQUIRE(filter.start(GibbsEllipsoid<State>{scene.truth, 0.25 * Matrix6<double>::Identity()}) == Status::ok);
+  REQUIRE(filter.predict(20, {}) == Status::ok);
+  REQUIRE(!filter.knows_attitude());
+  REQUIRE(filter.knows_vector());
+  CHECK(contains(filter.vector(), after(scene.truth, 20).angular_velocity));
+  CHECK(filter.vector().shape.trace() < 100);
+}
+
+TEST_CASE("the margin of measurements of which one may be wrong is that of the choice that agrees best") {
+  for (int wrong = 0; wrong < 4; ++wrong) {
+    Scene scene(5);
+    scene.directions[static_cast<std::size_t>(wrong)] =
+        measured(scene.truth, scene.references[static_cast<std::size_t>(wrong)], 1.2 * bound * Vector3d(0.6, 0, 0.8));
+    double best = -1;
+    for (std::size_t left_out = 0; left_out < 5; ++left_out) {
+      std::vector<Direction<double>> kept = scene.directions;
+      if (left_out < 4) {
+        kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(left_out));
+      }
+      BodyFilter filter = filter_with({});
+      Report report;
+      const Status status =
+          filter.update({kept.data(), kept.size(), left_out < 4 ? &scene.rate : nullptr, nullptr}, report);
+      if (status == Status::ok && filter.knows_attitude()) {
+        best = std::fmax(best, report.margin);
+      }
+    }
+    BodyFilter::Settings settings;
+    settings.policy = Policy::relaxed;
+    settings.most_wrong = 1;
+    BodyFilter filter = filter_with(settings);
+    REQUIRE(filter.bound_vector({scene.truth.angular_velocity, Matrix3d::Identity()}) == Status::ok);
+    Report report;
+    REQUIRE(filter.update(scene.all(), report) == Status::ok);
+    MESSAGE("wrong " << wrong << ": margin " << report.margin << ", of the best choice alone " << best);
+    CHECK(report.margin > best - 0.05 * std::fabs(best));
+  }
+}
+
+TEST_CASE("an updated set beyond the domain is not kept") {
+  // The rate's bound alone is in the domain. Together with directions it is made wider.
+  const Scene scene(6);
+  BodyFilter filter = filter_with({});
+  const double width = 0.99 * largest / std::sqrt(3);
+  const AngularVelocity<double> rate{Vector3d::Zero(), width * width * Matrix3d::Identity()};
+  Report report;
+  REQUIRE(filter.update({scene.directions.data(), 4, &rate, nullptr}, report) == Status::ok);
+  CHECK((!filter.knows_attitude() || filter.ellipsoid().shape.trace() <= largest * largest));
+  CHECK(filter.knows_attitude() == (filter.claim() != Claim::none));
+}
+
+TEST_CASE("a predicted set beyond the domain is not kept") {
+  GyroFilter filter = gyro_filter(1e8, 0);
+  REQUIRE(filter.start(gyro_set(1e-3, 0.9999999 * largest / std::sqrt(3))) == Status::ok);
+  REQUIRE(filter.predict(1e-11, {Vector3d::Zero()}) == Status::ok);
+  CHECK((!filter.knows_attitude() || filter.ellipsoid().shape.trace() <= largest * largest));
+  CHECK(filter.knows_attitude() == (filter.claim() != Claim::none));
+}
+
+TEST_CASE("a bias beyond the domain is not kept without the attitude") {
+  GyroFilter filter = gyro_filter(1e-3, 0.5 * largest);
+  REQUIRE(filter.start(gyro_set(1e-3, 1)) == Status::ok);
+  REQUIRE(filter.predict(1, {Vector3d::Zero()}) == Status::ok);
+  CHECK(!filter.knows_attitude());
+  REQUIRE(filter.knows_vector());
+  REQUIRE(filter.predict(3, {Vector3d::Zero()}) == Status::ok);
+  CHECK(!filter.knows_vector());
+}

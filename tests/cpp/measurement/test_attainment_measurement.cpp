@@ -1,0 +1,179 @@
+// The rounding terms of measurements and of recentring (theory, sections 16.1 to 16.4 and 16.6), seen from a longer scalar: the
+// same templates in float, and the truth in long double. Sets are so sharp that rounding decides, so that a term that is lost
+// puts the truth outside (tests/mutations/measurement.toml, state.toml).
+#include <doctest/doctest.h>
+
+#include "support/guaranteed.hpp"
+
+using namespace elliptude;
+using namespace elliptude::testing;
+
+namespace {
+
+constexpr float epsilon = std::numeric_limits<float>::epsilon();
+
+/// The rotation nearest to a matrix that is one but for rounding.
+template <typename Scalar>
+RealMatrix nearest(const Matrix3<Scalar>& matrix) {
+  RealMatrix c = matrix.template cast<Real>();
+  for (int i = 0; i < 4; ++i) {
+    c = (c + RealMatrix(c.inverse().transpose())) / 2;
+  }
+  return c;
+}
+
+RealMatrix turn_by(const RealVector& v) {
+  const Real angle = v.norm();
+  RealMatrix s;
+  s << 0, -v(2), v(1), v(2), 0, -v(0), -v(1), v(0), 0;
+  const Real a = angle > 1e-7L ? std::sin(angle) / angle : 1 - angle * angle / 6;
+  const Real half = angle > 1e-7L ? std::sin(angle / 2) / angle : 0.5L;
+  return RealMatrix::Identity() + a * s + 2 * half * half * s * s;
+}
+
+RealVector gibbs(const RealMatrix& center, const RealMatrix& attitude) {
+  const RealMatrix r = center.transpose() * attitude;
+  return RealVector(r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1)) * (2 / (1 + r.trace()));
+}
+
+template <typename Scalar>
+Real slack_of(const Quadric<Scalar, 3>& q, const RealVector& y) {
+  return Real(q.c) - y.dot(q.a.template cast<Real>() * y) - 2 * y.dot(q.g.template cast<Real>());
+}
+
+RealVector unit_across(Random& random, const RealVector& v) {
+  return v.cross(RealVector(random.unit_vector<3>().cast<Real>())).normalized();
+}
+
+}  // namespace
+
+TEST_CASE("a cone in float holds every attitude of its rim") {
+  Random random(1);
+  int inside = 0;
+  for (int trial = 0; trial < 60000; ++trial) {
+    const Real r = static_cast<Real>(random.log_uniform(1e-5, 2));
+    const Vector3<float> e = random.unit_vector<3>().cast<float>() * static_cast<float>(random.log_uniform(0.3, 3));
+    const Vector3<float> b = random.unit_vector<3>().cast<float>() * static_cast<float>(random.log_uniform(0.3, 3));
+    const auto direction = Direction<float>::within(e, b, static_cast<float>(r));
+    // The bound as it is stored, without the rounding of its root.
+    const Real angle = std::sqrt(Real(direction.bound(0, 0)));
+    const RealVector body = b.cast<Real>().normalized();
+    const RealVector reference = e.cast<Real>().normalized();
+    // Any attitude with the direction on the rim: the shortest turn, then any turn about the reference.
+    const RealVector rim = turn_by(RealVector(angle * unit_across(random, body))) * body;
+    const RealVector axis = rim.cross(reference);
+    const Real sine = axis.norm();
+    const RealMatrix shortest = turn_by(RealVector(std::atan2(sine, rim.dot(reference)) / sine * axis));
+    const RealMatrix truth = turn_by(RealVector(Real(random.uniform(-3, 3)) * reference)) * shortest;
+    // Centers near the truth, and far from it about the direction, where the matrix is nearly singular.
+    const RealVector about = trial % 2 == 0 ? RealVector(Real(random.log_uniform(1e-7, 2)) * unit_across(random, rim))
+                                            : RealVector(Real(random.log_uniform(1e-3, 3.1)) * rim);
+    const RealVector tilt = angle * Real(random.uniform(0, 1)) * unit_across(random, rim);
+    const Matrix3<float> center =
+        renormalized(Matrix3<float>((truth * turn_by(about) * turn_by(tilt)).template cast<float>()));
+    Quadric<float, 3> quadric;
+    REQUIRE(cone(center, direction, quadric) == Status::ok);
+    const Real left = slack_of(quadric, gibbs(nearest(center), truth));
+    CHECK(left >= 0);
+    inside += left < 1e-2L ? 1 : 0;
+  }
+  CHECK(inside > 10000);  // near the rim
+}
+
+TEST_CASE("a measured attitude in float holds every attitude of its rim") {
+  Random random(2);
+  int inside = 0;
+  for (int trial = 0; trial < 60000; ++trial) {
+    const Real size = static_cast<Real>(random.log_uniform(1e-6, 0.5));
+    const bool thin = trial % 3 == 0;
+    const Eigen::Vector3d widths(1, thin ? 1e-2 : 1, thin ? 1e-1 : 1);
+    MeasuredAttitude<float> measured;
+    measured.attitude = renormalized(Matrix3<float>(random.rotation().cast<float>()));
+    measured.bound = (random.symmetric<3>(widths.cwiseAbs2()) * static_cast<double>(size * size)).cast<float>();
+    measured.bound = (0.5F * (measured.bound + measured.bound.transpose())).eval();
+    if (trial % 4 == 0) {  // as it may have been stored: a rotation to half the digits
+      measured.attitude += 0.2F * rotation_tolerance<float>() * random.normal_matrix<3, 3>().cast<float>();
+    }
+    const RealMatrix root = RealMatrix(measured.bound.cast<Real>()).llt().matrixL();
+    const RealVector nu = root * random.unit_vector<3>().cast<Real>();
+    const RealMatrix truth = nearest(measured.attitude) * turn_by(nu);
+    // Seen from anywhere; or from the measured attitude itself, where nothing but its own rounding counts.
+    const bool at_measured = trial % 5 == 1;
+    const RealVector away = Real(random.log_uniform(1e-6, 2.8)) * random.unit_vector<3>().cast<Real>();
+    const Matrix3<float> center = at_measured
+                                      ? renormalized(measured.attitude)
+                                      : renormalized(Matrix3<float>((truth * turn_by(away)).template cast<float>()));
+    Quadric<float, 3> quadric;
+    if (to_quadric(center, measured, quadric) != Status::ok) {
+      continue;
+    }
+    const Real left = slack_of(quadric, gibbs(nearest(center), truth));
+    CHECK(left >= 0);
+    inside += left < 1e-2L ? 1 : 0;
+  }
+  CHECK(inside > 3000);
+}
+
+namespace {
+
+/// The largest form of truths on the rim of a small set that is seen from another center.
+template <typename Move>
+void check_rims(const Move& move, double least_size, double most_size, double vector, Random& random, int trials,
+                double& worst) {
+  for (int trial = 0; trial < trials; ++trial) {
+    const double size = random.log_uniform(least_size, most_size);
+    RigidBodyState<float> center{renormalized(Matrix3<float>(random.rotation().cast<float>())),
+                                 (vector * random.unit_vector<3>()).cast<float>()};
+    Ellipsoid<float, 6> set;
+    set.shape = (size * size * random.positive_definite<6>(4)).cast<float>();
+    set.shape = (0.5F * (set.shape + set.shape.transpose())).eval();
+    set.center.setZero();
+    set.center.head<3>() = (random.log_uniform(1e-3, 2) * random.unit_vector<3>()).cast<float>();
+    set.center.tail<3>() = (random.log_uniform(1e-3, 1) * vector * random.unit_vector<3>()).cast<float>();
+    GibbsEllipsoid<RigidBodyState<float>> moved;
+    if (move(center, set, moved) != Status::ok) {
+      continue;
+    }
+    const RealMatrix6 root = RealMatrix6(set.shape.cast<Real>()).llt().matrixL();
+    const RealMatrix6 metric = RealMatrix6(moved.shape.cast<Real>()).inverse();
+    for (int k = 0; k < 4; ++k) {
+      const RealVector6 y = set.center.cast<Real>() + root * random.unit_vector<6>().cast<Real>();
+      const RealVector g = y.head<3>() / 2;
+      RealMatrix s;
+      s << 0, -g(2), g(1), g(2), 0, -g(0), -g(1), g(0), 0;
+      const RealMatrix turn = RealMatrix::Identity() + (2 / (1 + g.squaredNorm())) * (s + s * s);
+      RealVector6 seen;
+      seen << gibbs(nearest(moved.center.attitude), nearest(center.attitude) * turn),
+          center.angular_velocity.cast<Real>() + y.tail<3>() - moved.center.angular_velocity.cast<Real>();
+      const double form = static_cast<double>(seen.dot(metric * seen));
+      CHECK(form <= 1);
+      worst = std::fmax(worst, form);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("recentring in float loses nothing of sets as small as its rounding") {
+  Random random(3);
+  double worst = 0;
+  const auto move = [](const auto& center, const auto& set, auto& moved) { return recentred(center, set, moved); };
+  check_rims(move, 1e-8, 1e-4, 1e-6, random, 8000, worst);  // the attitude's rounding
+  CHECK(worst > 0.8);
+  check_rims(move, 1e-6, 1e-3, 100, random, 8000, worst);  // the vector's
+}
+
+TEST_CASE("many recentrings leave a rotation") {
+  Random random(4);
+  RigidBodyState<float> center{renormalized(Matrix3<float>(random.rotation().cast<float>())), Vector3<float>::Zero()};
+  Ellipsoid<float, 6> set;
+  set.shape = 1e-4F * Matrix6<float>::Identity();
+  set.center.setZero();
+  for (int k = 0; k < 4000; ++k) {
+    set.center.head<3>() = (0.3 * random.unit_vector<3>()).cast<float>();
+    GibbsEllipsoid<RigidBodyState<float>> moved;
+    REQUIRE(recentred(center, set, moved) == Status::ok);
+    center = moved.center;
+  }
+  CHECK((center.attitude.transpose() * center.attitude - Matrix3<float>::Identity()).norm() < 8 * epsilon);
+}
