@@ -147,6 +147,7 @@ def laid_out(folder, sources):
 def test_what_is_wrong_is_seen(tmp_path):
     sound = {
         "__init__.py": "from elliptude import _core, typing",
+        "_core.pyi": "",
         "typing.py": "",
         "io/__init__.py": "from elliptude.io.tables import read",
         "io/tables.py": "import elliptude\nfrom elliptude.typing import FloatArray",
