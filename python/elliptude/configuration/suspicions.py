@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from elliptude.configuration import rules
-from elliptude.configuration.configuration import Configuration, GyroFlow, HandHeldRule
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import HandHeldRule
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWindowBound
 
 

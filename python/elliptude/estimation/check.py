@@ -8,7 +8,8 @@ import numpy as np
 
 from elliptude import units
 from elliptude.configuration import suspicions
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import estimator
 from elliptude.io.files import FileError

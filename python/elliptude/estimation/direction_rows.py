@@ -16,7 +16,8 @@ from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, accele
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from elliptude.configuration import references, rules
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     AccelerationBound,
     Accelerometer,

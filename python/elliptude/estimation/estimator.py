@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.configuration.configuration import Configuration, GivenStart, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import GivenStart
+from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.logs.log import Log
 from elliptude.results import GuaranteedLog
 from elliptude.typing import FloatArray

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.rest import rest_rows
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
 from elliptude.estimation import gaps
 from elliptude.estimation.containment import compare

@@ -8,7 +8,9 @@ from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.configuration.configuration import Configuration, GivenStart, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import GivenStart
+from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import Contradiction, DirectionRows, direction_rows
 from elliptude.estimation.gaps import Gap

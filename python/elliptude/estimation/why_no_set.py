@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.results import CLAIMS
 

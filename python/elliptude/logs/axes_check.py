@@ -19,7 +19,8 @@ from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import (
     AccelerationBound,

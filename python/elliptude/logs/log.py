@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from elliptude import units
 from elliptude.configuration import references
-from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
     Axes,

@@ -1,7 +1,6 @@
 """The configuration that fits simulated measurements."""
 
 import math
-from typing import assert_never
 
 from elliptude.io import tables
 from elliptude.simulation import scenarios
@@ -20,7 +19,7 @@ def configuration_tables(scenario: Scenario, simulated: Simulation) -> dict[str,
             "inertia_kg_m2": scenario.inertia,
             "step_s": scenario.step,
             "order": scenario.integrator_order,
-            "potential": _potential(scenario.potential),
+            "potential": scenario.potential.configured().model_dump(),
         },
         "directions": [
             {"name": sensor, "columns": tables.measured(sensor), "reference": reference.tolist(), "bound_deg": degrees}
@@ -30,23 +29,6 @@ def configuration_tables(scenario: Scenario, simulated: Simulation) -> dict[str,
         "start": _start(scenario.estimate0),
         "truth": {"attitude_columns": tables.QUATERNION, "vector_columns": tables.RATE},
     }
-
-
-def _potential(potential: scenarios.Potential) -> dict[str, object]:
-    match potential:
-        case scenarios.Free():
-            return {"kind": potential.kind}
-        case scenarios.UniformGravity():
-            return {
-                "kind": potential.kind,
-                "mass_kg": potential.mass,
-                "gravity_m_per_s2": potential.gravity,
-                "center_of_mass_m": potential.center_of_mass,
-            }
-        case scenarios.GravityGradient():
-            return {"kind": potential.kind, "orbit_rate_rad_per_s": potential.orbit_rate}
-        case _:
-            assert_never(potential)
 
 
 def _start(estimate0: scenarios.Estimate0) -> dict[str, object]:

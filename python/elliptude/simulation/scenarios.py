@@ -13,39 +13,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from elliptude.io.files import FileError
 from elliptude.io.toml import Attitude, Matrix, Model, Number, Vector, read_toml, unit
+from elliptude.simulation.potentials import Potential
 from elliptude.typing import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Field(strict=True, gt=0, le=1_000_000)]
-
-
-class Free(Model):
-    """No potential."""
-
-    kind: Literal["free"]
-
-
-class UniformGravity(Model):
-    """U = -m g e3' C rho, the third reference axis pointing down: the 3D pendulum."""
-
-    kind: Literal["uniform_gravity"]
-    mass: Positive
-    gravity: Positive
-    center_of_mass: Vector
-    """From the pivot, m, body axes."""
-
-
-class GravityGradient(Model):
-    """U = (3 n^2 / 2) b' J b with b = C' r(t) on a circular orbit."""
-
-    kind: Literal["gravity_gradient"]
-    orbit_rate: Positive
-    """n in rad/s."""
-    radial_direction: Literal["(cos nt, sin nt, 0)"] = "(cos nt, sin nt, 0)"
-    """r(t) in reference axes; only for the reader."""
-
-
-Potential = Annotated[Free | UniformGravity | GravityGradient, Field(discriminator="kind")]
 
 
 class Estimate0(Model):

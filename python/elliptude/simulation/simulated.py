@@ -5,7 +5,6 @@ the core's, so that no estimate is judged by its own model. Errors are as in the
 where b and ω are true, b̃ and ω̃ measured, all in body axes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, TypeAlias, assert_never, get_args
@@ -14,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.tables import Measurements, quaternions_from_attitudes
-from elliptude.simulation import scenarios
+from elliptude.simulation.potentials import cross
 from elliptude.simulation.scenarios import Scenario
 from elliptude.typing import FloatArray
 
@@ -29,8 +28,6 @@ NOISES: tuple[Noise, ...] = get_args(Noise)
 
 # Tolerance of DOP853, relative and absolute.
 _TOLERANCE = 1e-12
-
-_Torque: TypeAlias = Callable[[float, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +80,11 @@ def truth(scenario: Scenario) -> Truth:
     """
     inertia = scenario.inertia_matrix
     inverse = np.linalg.inv(inertia)
-    torque = _torque(scenario.potential, inertia)
+    torque = scenario.potential.torque(inertia)
 
     def motion(time: float, state: FloatArray) -> FloatArray:
         attitude, omega = state[:9].reshape(3, 3), state[9:]
-        momentum_rate = torque(time, attitude) - _cross(omega, inertia @ omega)
+        momentum_rate = torque(time, attitude) - cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
 
     from scipy.integrate import solve_ivp  # here, because every command would start more slowly
@@ -215,34 +212,9 @@ def simulate(
 # --- the motion -------------------------------------------------------------------------------------------------------
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a × b; `numpy.cross` takes ten times as long for one pair."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
 def _turning(attitude: FloatArray, omega: FloatArray) -> FloatArray:
     """Ċ = C S(ω) (paper, Rdot)."""
-    return _cross(attitude.T, omega[:, None]).T
-
-
-def _torque(potential: scenarios.Potential, inertia: FloatArray) -> _Torque:
-    """M(t, C) in N m, body axes (theory, section 5)."""
-    match potential:
-        case scenarios.Free():
-            return lambda time, attitude: np.zeros(3)
-        case scenarios.UniformGravity():
-            weighted = potential.mass * potential.gravity * np.array(potential.center_of_mass)
-            return lambda time, attitude: _cross(weighted, attitude[2])
-        case scenarios.GravityGradient():
-            rate = potential.orbit_rate
-
-            def gravity_gradient(time: float, attitude: FloatArray) -> FloatArray:
-                radial = np.cos(rate * time) * attitude[0] + np.sin(rate * time) * attitude[1]
-                return 3.0 * rate**2 * _cross(radial, inertia @ radial)
-
-            return gravity_gradient
-        case _:
-            assert_never(potential)
+    return cross(attitude.T, omega[:, None]).T
 
 
 # --- the errors -------------------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude import _core, _truth
 from elliptude.simulation import scenarios
+from elliptude.simulation.potentials import GravityGradient
 from elliptude.simulation.scenarios import Scenario
 from elliptude.typing import FloatArray
 from elliptude.validation.adversary import INSIDE, Case, Errors, Motion, Plant, Starts
@@ -54,22 +55,13 @@ class RigidBodyPlant:
         """The continuous motion, the unknown torque constant from update to update."""
         attitudes, rates = starts.true_states(errors)
         potential = self.scenario.potential
-        center, orbit_rate = np.zeros(3), self.added_orbit_rate
-        match potential:
-            case scenarios.Free():
-                pass
-            case scenarios.UniformGravity():
-                center = potential.mass * potential.gravity * np.array(potential.center_of_mass)
-            case scenarios.GravityGradient():
-                orbit_rate = potential.orbit_rate
-            case _:
-                assert_never(potential)
+        orbit_rate = potential.orbit_rate if isinstance(potential, GravityGradient) else self.added_orbit_rate
         attitudes, rates = _truth.motion(
             _times(self, errors),
             attitudes,
             rates,
             self.scenario.inertia_matrix,
-            weighted_center=center,
+            weighted_center=potential.weighted_center(),
             orbit_rate=orbit_rate,
             eccentricity=self.eccentricity,
             torque=INSIDE * self.unknown_torque * errors.inputs[:, :, 0],
@@ -83,17 +75,7 @@ class RigidBodyPlant:
 
     @cached_property
     def _potential(self) -> _core.Potential:
-        potential = self.scenario.potential
-        known: _core.Potential
-        match potential:
-            case scenarios.Free():
-                known = _core.FreeBody()
-            case scenarios.UniformGravity():
-                known = _core.UniformGravity(potential.mass, potential.gravity, potential.center_of_mass)
-            case scenarios.GravityGradient():
-                known = _core.GravityGradient(self._body, potential.orbit_rate)
-            case _:
-                assert_never(potential)
+        known = self.scenario.potential.configured().build(self._body)
         if self.added_orbit_rate == 0.0:
             return known
         return _core.SumPotential([known, _core.GravityGradient(self._body, self.added_orbit_rate)])
@@ -109,7 +91,7 @@ class RigidBodyPlant:
         nearness s = (a/r)³ adds at most 3 n² (s − 1) D/2, and the direction, off by a chord c, at most 3 n² D c.
         """
         potential = self.scenario.potential
-        if self.eccentricity == 0.0 or not isinstance(potential, scenarios.GravityGradient):
+        if self.eccentricity == 0.0 or not isinstance(potential, GravityGradient):
             return 0.0
         e, moments = self.eccentricity, np.linalg.eigvalsh(self.scenario.inertia_matrix)
         nearness = (1.0 - e) ** -3

@@ -7,7 +7,7 @@ import threading
 import elliptude as el
 import numpy as np
 import pytest
-from elliptude.simulation import scenarios
+from elliptude.simulation import potentials, scenarios
 from elliptude.simulation import simulated as simulation
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -33,9 +33,9 @@ class Case:
         body = el.RigidBody(self.scenario.inertia_matrix)
         potential = self.scenario.potential
         match potential:
-            case scenarios.UniformGravity():
+            case potentials.UniformGravity():
                 core = el.UniformGravity(potential.mass, potential.gravity, potential.center_of_mass)
-            case scenarios.GravityGradient():
+            case potentials.GravityGradient():
                 core = el.GravityGradient(body, potential.orbit_rate)
             case _:
                 core = el.FreeBody()

@@ -10,7 +10,7 @@ from elliptude.configuration import Configuration
 from elliptude.io import tables
 from elliptude.io.files import FileError
 from elliptude.logs import log as logs
-from elliptude.simulation import scenarios
+from elliptude.simulation import potentials, scenarios
 from elliptude.simulation.configured import configuration_tables
 from reference import ellipsoid, gyro, measurement, rigid_body, so3
 from reference import filter as reference_filter
@@ -39,9 +39,9 @@ def configured(scenario, simulated, **changes):
 def reference_body(scenario):
     inertia = scenario.inertia_matrix
     match scenario.potential:
-        case scenarios.UniformGravity(mass=mass, gravity=gravity, center_of_mass=center):
+        case potentials.UniformGravity(mass=mass, gravity=gravity, center_of_mass=center):
             return rigid_body.RigidBody(inertia, rigid_body.UniformGravity(mass, gravity, np.array(center)))
-        case scenarios.GravityGradient(orbit_rate=rate):
+        case potentials.GravityGradient(orbit_rate=rate):
             return rigid_body.RigidBody(inertia, rigid_body.GravityGradient(inertia, rate))
 
 

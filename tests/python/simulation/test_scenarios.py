@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from elliptude.io.files import FileError
-from elliptude.simulation import scenarios
+from elliptude.simulation import potentials, scenarios
 
 OWN = """
 inertia = [[2.0, 0.1, 0.0], [0.1, 3.0, 0.0], [0.0, 0.0, 2.5]]
@@ -34,7 +34,7 @@ def test_built_in_scenarios():
 def test_orbit_is_the_one_that_figures_are_quoted_for():
     orbit = scenarios.load("orbit")
     np.testing.assert_array_equal(orbit.inertia_matrix, np.diag([1.0, 2.8, 2.0]))
-    assert isinstance(orbit.potential, scenarios.GravityGradient)
+    assert isinstance(orbit.potential, potentials.GravityGradient)
     assert orbit.potential.orbit_rate == 1.0
     assert orbit.rate0 == (2.316, 0.446, -0.591)
     assert orbit.step == 2 * np.pi / 300
@@ -54,7 +54,7 @@ def test_orbit_is_the_one_that_figures_are_quoted_for():
 def test_pendulum_is_the_one_that_figures_are_quoted_for():
     pendulum = scenarios.load("pendulum")
     np.testing.assert_array_equal(pendulum.inertia_matrix, np.diag([0.13, 0.28, 0.17]))
-    assert pendulum.potential == scenarios.UniformGravity(
+    assert pendulum.potential == potentials.UniformGravity(
         kind="uniform_gravity", mass=1.0, gravity=9.81, center_of_mass=(0.0, 0.0, 0.3)
     )
     assert pendulum.attitude0.rotation_vector_deg == (120.0, 0.0, 0.0)

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from elliptude.simulation import scenarios
+from elliptude.simulation import potentials, scenarios
 from elliptude.simulation import simulated as simulation
 from reference import integrator, rigid_body
 from scipy.spatial.transform import Rotation
@@ -24,11 +24,11 @@ def reference_body(scenario):
     """The same body in the NumPy reference, which shares no code with the simulation."""
     inertia = scenario.inertia_matrix
     match scenario.potential:
-        case scenarios.Free():
+        case potentials.Free():
             potential = rigid_body.Free()
-        case scenarios.UniformGravity(mass=mass, gravity=gravity, center_of_mass=center):
+        case potentials.UniformGravity(mass=mass, gravity=gravity, center_of_mass=center):
             potential = rigid_body.UniformGravity(mass, gravity, np.array(center))
-        case scenarios.GravityGradient(orbit_rate=rate):
+        case potentials.GravityGradient(orbit_rate=rate):
             potential = rigid_body.GravityGradient(inertia, rate)
     return rigid_body.RigidBody(inertia, potential)
 
@@ -50,11 +50,11 @@ def test_truth_conserves_what_the_motion_conserves(scenario, truth):
     energy = np.array([rigid_body.total_energy(body, state) for state in states])
     momentum = np.array([rigid_body.spatial_angular_momentum(body.inertia, state) for state in states])
     match scenario.potential:
-        case scenarios.Free():
+        case potentials.Free():
             conserved = np.column_stack([energy, momentum])
-        case scenarios.UniformGravity():
+        case potentials.UniformGravity():
             conserved = np.column_stack([energy, momentum[:, 2]])
-        case scenarios.GravityGradient(orbit_rate=rate):  # the Jacobi integral
+        case potentials.GravityGradient(orbit_rate=rate):  # the Jacobi integral
             conserved = (energy - rate * momentum[:, 2])[:, None]
     np.testing.assert_allclose(conserved, conserved[:1] + 0 * conserved, atol=1e-10)
 

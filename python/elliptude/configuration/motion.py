@@ -1,0 +1,139 @@
+"""How the body moves, as a configuration states it: a rigid body under torques, or a gyro."""
+
+import math
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+import elliptude
+from elliptude import units
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.configuration.potentials import FreeBody, Potential
+from elliptude.configuration.sensors import (
+    Axes,
+    Timed,
+)
+from elliptude.io.toml import (
+    Bound,
+    Columns,
+    Matrix,
+    Model,
+    NotNegative,
+    NotNegativeBound,
+    Positive,
+    Vector,
+)
+
+
+class RigidBodyFlow(Model):
+    """The body's inertia and the torques on it are known; angular velocity is part of the state."""
+
+    kind: Literal["rigid_body"]
+    inertia_kg_m2: Vector | Matrix
+    step_s: Positive
+    order: Literal[2, 4, 6, 8] = 2
+    potential: Potential = FreeBody()
+    unknown_torque_n_m: NotNegativeBound = 0.0
+    control_torque_columns: Columns | None = None
+    # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
+    # body, N m s, body axes, each row until its time.
+    inertia_error_kg_m2: NotNegative = 0.0
+    # A prediction over more steps is refused: such a time is more likely an error than intended.
+    most_steps: Annotated[int, Field(ge=1)] = 1_000_000
+    wheel_momentum_columns: Columns | None = None
+
+    @model_validator(mode="after")
+    def _is_a_body(self) -> Self:
+        self.build()
+        return self
+
+    def guaranteed(self) -> elliptude.GuaranteedRigidBodyFlow:
+        """The core's guaranteed flow."""
+        inertia = np.asarray(self.inertia_kg_m2)
+        body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
+        return elliptude.GuaranteedRigidBodyFlow(
+            body,
+            self.potential.build(body),
+            step=self.step_s,
+            unknown_torque=self.unknown_torque_n_m or None,
+            inertia_error=self.inertia_error_kg_m2,
+            most_steps=self.most_steps,
+        )
+
+    def build(self) -> elliptude.RigidBodyFlow:
+        """The core's flow."""
+        inertia = np.asarray(self.inertia_kg_m2)
+        body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
+        potential = self.potential.build(body)
+        unknown_torque = self.unknown_torque_n_m or None
+        return elliptude.RigidBodyFlow(
+            body,
+            potential,
+            step=self.step_s,
+            order=self.order,
+            unknown_torque=unknown_torque,
+            most_steps=self.most_steps,
+        )
+
+
+class GyroFlow(Timed):
+    """The torques are not known, but a gyro measures the rate; its bias is part of the state."""
+
+    kind: Literal["gyro"]
+    columns: Columns
+    unit: units.AngularVelocityUnit = "rad/s"
+    axes: Axes = ("x", "y", "z")
+    # The rate over an interval is the mean of the samples at its ends, or (for a gyro that integrates) the first one.
+    # Between its samples, at another sensor's stamp, it is on the straight line, or still the one before.
+    interval_rate: Literal["mean_of_ends", "first_sample"] = "mean_of_ends"
+    noise_deg_per_s: Bound | None = None
+    drift_deg_per_s2: NotNegativeBound = 0.0
+    # For the guaranteed mode.
+    # A known bias is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
+    # may be estimated if it moves no faster than the drift says (a bias that depends on the pose moves faster).
+    known_bias_deg_per_s: Vector = (0.0, 0.0, 0.0)
+    bias_deg_per_s: NotNegative = 0.0
+    estimate_bias: bool = False
+    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
+    # How fast the rate changes between samples, if that is not part of the noise.
+    angular_acceleration_deg_per_s2: NotNegative = 0.0
+    # The longest interval between samples that all of this covers; 1.5 times the usual one if left out. About a longer
+    # one only the largest rate of the body is known; without that the attitude is forgotten.
+    longest_interval_s: Positive | None = None
+    largest_rate_deg_per_s: Positive | None = None
+    # Bound of the noise's integral over any window; predictions span windows of this length, each from an anchor.
+    increment_deg: Positive | None = None
+    anchor_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _predicts_over_windows(self) -> Self:
+        if self.increment_deg is not None and self.anchor_s is None:
+            raise ValueError("increment_deg needs anchor_s, the length of the windows that a prediction spans")
+        if self.anchor_s is not None and self.estimate_bias:
+            raise ValueError("estimate_bias does not go with anchor_s: over a window the bias is an error of the turn")
+        if self.anchor_s is not None and self.angular_acceleration_deg_per_s2:
+            raise ValueError("angular_acceleration_deg_per_s2 does not go with anchor_s: take it into the noise")
+        if self.anchor_s is not None and self.interval_rate != "mean_of_ends":
+            raise ValueError("anchor_s needs interval_rate = 'mean_of_ends'")
+        if self.estimate_bias and not self.bias_deg_per_s:
+            raise ValueError("estimate_bias needs bias_deg_per_s, the bound of the bias")
+        return self
+
+    def bounds(self) -> GyroBounds:
+        """Error bounds of the gyro, in SI units."""
+        assert self.noise_deg_per_s is not None  # the configuration's check
+        return GyroBounds(
+            noise=math.radians(self.noise_deg_per_s),
+            bias=math.radians(self.bias_deg_per_s),
+            drift=math.radians(self.drift_deg_per_s2),
+            scale_error=self.scale_error,
+            increment=math.inf if self.increment_deg is None else math.radians(self.increment_deg),
+            longest_interval=math.inf if self.longest_interval_s is None else self.longest_interval_s,
+            largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
+        )
+
+    def build(self) -> elliptude.GyroFlow:
+        """The core's flow."""
+        assert self.noise_deg_per_s is not None  # the configuration's check
+        return elliptude.GyroFlow(math.radians(self.noise_deg_per_s), math.radians(self.drift_deg_per_s2))
