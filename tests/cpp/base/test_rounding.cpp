@@ -150,9 +150,9 @@ TEST_CASE("a sum of shapes errs by less than its raised diagonal covers") {
     const Matrix6d shape = thin_shape(random, random.log_uniform(1e-6, 0.1), 1);
     std::array<Matrix6<Tracked>, 2> others{
         exactly<6, 6>(Matrix6d(1e-6 * thin_shape(random, random.log_uniform(1e-8, 0.1), 1))),
-        tube::attitude_ball(Tracked::exactly(random.log_uniform(1e-12, 1)))};
+        detail::tube::attitude_ball(Tracked::exactly(random.log_uniform(1e-12, 1)))};
     Matrix6<Tracked> sum;
-    REQUIRE(tube::sum<Tracked, 6, 2>(exactly<6, 6>(shape), others, sum) == Status::ok);
+    REQUIRE(detail::tube::sum<Tracked, 6, 2>(exactly<6, 6>(shape), others, sum) == Status::ok);
     // The factors may be any: what counts is that an entry errs by a share of √(Pᵢᵢ Pⱼⱼ). The inverse that they come from is thin
     // too, and its bounds would hide this; so the last step alone, with factors that are what they are.
     const double first = random.uniform(1, 3);

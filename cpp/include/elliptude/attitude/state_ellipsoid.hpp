@@ -103,6 +103,8 @@ template <typename Scalar>
   return sum;
 }
 
+namespace detail {
+
 /// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls of what the rounding of the new
 /// center moves attitude (rad) and vector.
 template <typename Scalar>
@@ -127,6 +129,8 @@ template <typename Scalar>
   added.diagonal().template tail<3>().array() += slip_factor * vector_slip * vector_slip;
   return enlarged(shape, added);
 }
+
+}  // namespace detail
 
 /// The ellipsoid of errors [γ; δ] about a center put about its own center. Where g = γ/2 is seen from ĝ it is
 /// g⁺ = (g − ĝ − ĝ×g)/(1 + ĝ·g), so that γ⁺ = σ B (γ − γ̂) with B = (I − S(ĝ))/(1 + ‖ĝ‖²) and |σ − 1| ≤ e/(1 − e),
@@ -157,8 +161,8 @@ template <typename State>
   const Scalar attitude_slip = rounding::share<Scalar>(rounding::center) * (Scalar(1) + square_reach);
   const Scalar vector_slip =
       rounding::share<Scalar>(1) * (vector_part(center).norm() + ellipsoid.center.template tail<3>().norm());
-  result = {moved,
-            with_attitude_added(congruence(b, ellipsoid.shape), Scalar(e * stretch), attitude_slip, vector_slip)};
+  result = {moved, detail::with_attitude_added(congruence(b, ellipsoid.shape), Scalar(e * stretch), attitude_slip,
+                                               vector_slip)};
   return Status::ok;
 }
 
@@ -195,7 +199,8 @@ template <typename State>
     return Status::unbounded;
   }
   const Scalar stretch = rounding::enlarged(gibbs_stretch(angle), rounding::product);
-  const Matrix6<Scalar> shape = with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
+  const Matrix6<Scalar> shape =
+      detail::with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
   if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π and beyond
     return Status::unbounded;
   }
@@ -217,7 +222,7 @@ template <typename State>
   }
   const Scalar shrink = length > Scalar(0) ? Scalar(GibbsChart::angle(length) / length) : Scalar(1);
   const Scalar factor = Scalar(1) - shrink + rounding::share<Scalar>(rounding::product);
-  to = {from.center, with_attitude_added(from.shape, factor, Scalar(0), Scalar(0))};
+  to = {from.center, detail::with_attitude_added(from.shape, factor, Scalar(0), Scalar(0))};
   return Status::ok;
 }
 

@@ -74,6 +74,8 @@ template <typename Reference, typename Body, typename Weights>
   return Status::ok;
 }
 
+namespace detail {
+
 /// Curvatures of the cost about the minimiser are the sums of two singular values, the last one signed.
 template <typename Scalar>
 [[nodiscard]] Status condition_of_curvatures(const Scalar& largest, const Scalar& smallest,
@@ -85,6 +87,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
+}  // namespace detail
+
 /// \return `not_finite`; `attitude_undetermined`.
 template <typename Scalar>
 [[nodiscard]] Status attitude_by_svd(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude,
@@ -93,8 +97,8 @@ template <typename Scalar>
   if (const Status status = rotation_svd(profile, svd); status != Status::ok) {
     return status == Status::out_of_range ? Status::attitude_undetermined : status;
   }
-  if (const Status status = condition_of_curvatures(Scalar(svd.values(0) + svd.values(1)),
-                                                    Scalar(svd.values(1) + svd.values(2)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(svd.values(0) + svd.values(1)),
+                                                            Scalar(svd.values(1) + svd.values(2)), condition);
       status != Status::ok) {
     return status;
   }
@@ -118,8 +122,8 @@ template <typename Scalar>
     return status;
   }
   // Twice the curvatures of the cost are the gaps below the top eigenvalue.
-  if (const Status status = condition_of_curvatures(Scalar(eigen.values(0) - eigen.values(3)),
-                                                    Scalar(eigen.values(0) - eigen.values(1)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(eigen.values(0) - eigen.values(3)),
+                                                            Scalar(eigen.values(0) - eigen.values(1)), condition);
       status != Status::ok) {
     return status;
   }
@@ -172,8 +176,8 @@ template <typename Scalar>
   const Vector3<Scalar> singular = eigen.values.cwiseSqrt();
   const Matrix3<Scalar> s =
       q * eigen.vectors * singular.cwiseInverse().asDiagonal() * eigen.vectors.transpose() * q.transpose();
-  if (const Status status =
-          condition_of_curvatures(Scalar(singular(0) + singular(1)), Scalar(singular(1) + singular(2)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(singular(0) + singular(1)),
+                                                            Scalar(singular(1) + singular(2)), condition);
       status != Status::ok) {
     return status;
   }
@@ -181,12 +185,16 @@ template <typename Scalar>
   return Status::ok;
 }
 
+namespace detail {
+
 /// The profile divided by its largest entry: squares of small ones would be lost.
 template <typename Scalar>
 [[nodiscard]] Matrix3<Scalar> of_size_one(const Matrix3<Scalar>& profile) noexcept {
   const Scalar size = profile.cwiseAbs().maxCoeff();
   return size > Scalar(0) ? Matrix3<Scalar>(profile / size) : profile;
 }
+
+}  // namespace detail
 
 /// The attitude of a profile, of any size, by any of the methods.
 template <typename Scalar>
@@ -196,9 +204,9 @@ template <typename Scalar>
     case WahbaMethod::svd:
       return attitude_by_svd(profile, attitude, condition);
     case WahbaMethod::davenport:
-      return attitude_by_davenport(of_size_one(profile), attitude, condition);
+      return attitude_by_davenport(detail::of_size_one(profile), attitude, condition);
     case WahbaMethod::qr:
-      return attitude_by_qr(of_size_one(profile), attitude, condition);
+      return attitude_by_qr(detail::of_size_one(profile), attitude, condition);
   }
   return Status::out_of_range;
 }

@@ -39,7 +39,7 @@ struct ScalarTraits {
   using Value = std::conditional_t<std::is_floating_point_v<Scalar>, Scalar, double>;
 };
 
-namespace lanes {
+namespace detail {
 
 /// Calls the `select` that stands beside a pack type; in a namespace of its own so that no other is found.
 template <typename Mask, typename Scalar>
@@ -47,7 +47,7 @@ template <typename Mask, typename Scalar>
   return select(mask, a, b);
 }
 
-}  // namespace lanes
+}  // namespace detail
 
 namespace scalar {
 
@@ -112,7 +112,7 @@ template <typename Mask, typename Scalar>
   if constexpr (std::is_same_v<Mask, bool>) {
     return mask ? a : b;
   } else {
-    return lanes::choose(mask, a, b);
+    return detail::choose(mask, a, b);
   }
 }
 

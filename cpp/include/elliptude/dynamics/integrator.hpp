@@ -126,8 +126,8 @@ template <typename Scalar>
   constexpr int most_steps = 40;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar square = x.squaredNorm();
-    const Scalar sine = angle::functions<angle::Want::exponential>(square).sine;
-    const angle::Functions<Scalar> functions = angle::functions<angle::Want::jacobian>(square);
+    const Scalar sine = detail::angle::functions<detail::angle::Want::exponential>(square).sine;
+    const detail::angle::Functions<Scalar> functions = detail::angle::functions<detail::angle::Want::jacobian>(square);
     // Derivatives of the two factors are these times xᵀ.
     const Scalar sine_slope = functions.sine_tail - functions.versine;
     const auto tiny = square < Scalar(rotation_tolerance<Scalar>());

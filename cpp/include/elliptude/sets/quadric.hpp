@@ -178,11 +178,11 @@ template <typename Scalar, int N>
       l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
   const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
-  const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
+  const detail::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
   Intersection<Scalar, N> intersection;
-  fusion::Combination<Scalar, N> best;
-  const fusion::RelativeSize<Scalar, N> size(l, present, criterion);
-  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
+  detail::Combination<Scalar, N> best;
+  const detail::RelativeSize<Scalar, N> size(l, present, criterion);
+  if (const Status status = detail::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
                                                          intersection, best);
       status != Status::ok) {
     return status;
@@ -205,7 +205,7 @@ template <typename Scalar, int N>
         intersection.share = Scalar(1);
       }
     }
-    if (const Status status = fusion::validate_combined(intersection.set, present.sum() < Scalar(N));
+    if (const Status status = detail::validate_combined(intersection.set, present.sum() < Scalar(N));
         status != Status::ok) {
       return status;
     }

@@ -7,7 +7,7 @@
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 
-namespace elliptude {
+namespace elliptude::detail {
 
 /// An ellipsoid about two: about the middle of their centers, with a shape that majorises both, and the distance added.
 /// \return `not_positive_definite`, `not_converged`.
@@ -54,4 +54,4 @@ template <typename Scalar, int N>
   return alone ? predicted : fusion.set;
 }
 
-}  // namespace elliptude
+}  // namespace elliptude::detail
