@@ -16,10 +16,12 @@ from typing import Any
 import elliptude as el
 import mekf
 import numpy as np
-from elliptude import _core, adversary, figures, plants, validation
-from elliptude.adversary import Case, Measured, Plant, Starts
-from elliptude.plants import GyroPlant, RigidBodyPlant
-from elliptude.validation import Runs
+from elliptude import _core
+from elliptude.report import figures
+from elliptude.validation import adversary, monte_carlo, plants
+from elliptude.validation.adversary import Case, Measured, Plant, Starts
+from elliptude.validation.monte_carlo import Runs
+from elliptude.validation.plants import GyroPlant, RigidBodyPlant
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.stats import chi2
@@ -46,7 +48,7 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
         vectors=np.empty((count, rows - 1, 3)),
         shapes=np.empty((count, rows - 1, 6, 6)),
         used=np.ones((count, rows - 1), bool),
-        claims=np.full((count, rows - 1), validation.HOLDS, np.uint8),
+        claims=np.full((count, rows - 1), monte_carlo.HOLDS, np.uint8),
     )
     if isinstance(of, GyroPlant):
         estimates = mekf.MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)
@@ -83,26 +85,26 @@ def compare(case: Case, trials: int, seed: int) -> dict[str, dict[str, float]]:
     motion = of.motion(starts, errors)
     measured = adversary.measure(of, motion, errors)
     found = {}
-    modes: list[validation.Mode] = ["paper", "first_order"]
+    modes: list[monte_carlo.Mode] = ["paper", "first_order"]
     if hasattr(el, "GuaranteedFilter"):
         modes.append("guaranteed")
     for mode in modes:
-        runs = validation.run(of, mode, starts, measured)
-        found[mode] = _figures(mode, runs, validation.forms(mode, runs, motion))
+        runs = monte_carlo.run(of, mode, starts, measured)
+        found[mode] = _figures(mode, runs, monte_carlo.forms(mode, runs, motion))
     covariances = kalman(of, starts, measured)
-    values = validation.forms("first_order", covariances, motion)
+    values = monte_carlo.forms("first_order", covariances, motion)
     for name, level in REGIONS.items():
         region = dataclasses.replace(covariances, shapes=level * covariances.shapes)
         found[name] = _figures("first_order", region, values / level)
     return found
 
 
-def _figures(mode: validation.Mode, runs: Runs, values: Any) -> dict[str, float]:
+def _figures(mode: monte_carlo.Mode, runs: Runs, values: Any) -> dict[str, float]:
     trace, radius, angle = np.nanmean(
-        validation.sizes(mode, runs.shapes[:, validation.SETTLED_UPDATE - 1 :]), axis=(0, 1)
+        monte_carlo.sizes(mode, runs.shapes[:, monte_carlo.SETTLED_UPDATE - 1 :]), axis=(0, 1)
     )
     return {
-        "outside": 100.0 * float(np.mean(~(values <= 1.0) & (runs.claims != validation.WITHOUT_SET))),
+        "outside": 100.0 * float(np.mean(~(values <= 1.0) & (runs.claims != monte_carlo.WITHOUT_SET))),
         "worst": float(np.nanmax(values)),
         "trace": float(trace),
         "radius": float(radius),
@@ -148,7 +150,7 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="PNG to write")
     arguments = parser.parse_args()
     results = {}
-    print(f"{arguments.trials} trials of {UPDATES} updates a case; sizes from update {validation.SETTLED_UPDATE} on")
+    print(f"{arguments.trials} trials of {UPDATES} updates a case; sizes from update {monte_carlo.SETTLED_UPDATE} on")
     print("scenario  dirs   bound  errors        estimator     outside   worst form     trace    radius  largest angle")
     for scenario in ("orbit", "pendulum", "free", "gyro"):
         for directions in ("two", "three"):

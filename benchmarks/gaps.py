@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from elliptude import estimation, logs, mapping, proposals
+from elliptude import estimation, logs
 from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
-from elliptude.results import FloatArray
-from elliptude.starting_configuration import starting_configuration
+from elliptude.proposal import mapping, proposals
+from elliptude.proposal.starting_configuration import starting_configuration
+from elliptude.typing import FloatArray
 from scipy.spatial.transform import Rotation
 
 DURATION_S, REST_S, STEP_S = 40.0, 3.0, 0.01
@@ -211,7 +212,7 @@ def forms(estimated: Estimation, simulated: Simulated) -> FloatArray:
     assert run is not None
     true = simulated.attitudes_at(run.log.times)
     if run.starts_heading:
-        from elliptude.guaranteed_run import turned_to_start
+        from elliptude.estimation.guaranteed_run import turned_to_start
 
         true = Rotation.from_matrix(turned_to_start(true.as_matrix(), run))
     known = np.isfinite(run.log.shapes[:, 0, 0])

@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from elliptude import estimation, fermi, logs, tables
+from elliptude import estimation, logs
 from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
+from elliptude.io import tables
 from elliptude.logs import Log
-from elliptude.results import FloatArray
+from elliptude.simulation import fermi
+from elliptude.typing import FloatArray
 
 TRIALS = ("02", "05", "07", "24", "30")
 BROAD_ANCHOR_S = 4.0

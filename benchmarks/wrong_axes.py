@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 from elliptude import logs
-from elliptude.axes_check import look_at_axes
 from elliptude.logs import Log
-from elliptude.results import FloatArray
+from elliptude.logs.axes_check import look_at_axes
+from elliptude.typing import FloatArray
 from real_recordings import TRIALS, broad_configuration
 
 SENSORS = ("up", "field", "the gyro")

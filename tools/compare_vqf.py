@@ -14,8 +14,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from elliptude import estimation, logs, reference_attitudes
+from elliptude import estimation, logs
 from elliptude.configuration import Configuration, read_configuration
+from elliptude.logs import reference_attitudes
 from scipy.spatial.transform import Rotation
 from vqf import VQF
 

@@ -8,8 +8,11 @@ import argparse
 
 import elliptude as el
 import numpy as np
-from elliptude import cli_simulate, estimation, logs, scenarios, simulation, summary
+from elliptude import estimation, logs, simulation
 from elliptude.configuration import Configuration
+from elliptude.estimation import summary
+from elliptude.simulation import scenarios
+from elliptude.simulation.configured import configuration_tables
 
 
 def scenario_figures(seeds: int) -> None:
@@ -35,7 +38,7 @@ def scenario_figures(seeds: int) -> None:
 def _print_case(scenario: scenarios.Scenario, measured: list[simulation.Simulation], case: str, mode: str) -> None:
     errors, angles, forms, empty = [], [], [], 0
     for simulated in measured:
-        tables = cli_simulate.configuration_tables(scenario, simulated)
+        tables = configuration_tables(scenario, simulated)
         tables["estimator"] = {"mode": mode, "when_sets_do_not_meet": "skip"}
         results = estimation.estimate(logs.log_of(simulated.measurements), Configuration.model_validate(tables)).results
         assert results.errors is not None

@@ -9,8 +9,12 @@ import argparse
 
 import elliptude as el
 import numpy as np
-from elliptude import cli_simulate, estimation, logs, scenarios, simulation, summary
+from elliptude import estimation, logs
 from elliptude.configuration import Configuration
+from elliptude.estimation import summary
+from elliptude.simulation import scenarios
+from elliptude.simulation import simulated as simulation
+from elliptude.simulation.configured import configuration_tables
 
 NOISES: tuple[simulation.Noise, ...] = ("inside", "perpendicular", "common")
 
@@ -49,9 +53,7 @@ def table(name: str, seeds: int, criterion: str, substeps: int, only: list[str] 
     """One scenario, all of its directions and bounds."""
     scenario = scenarios.load(name)
     truth = simulation.truth(scenario)
-    settings = Configuration.model_validate(
-        cli_simulate.configuration_tables(scenario, simulation.measure(scenario, truth))
-    )
+    settings = Configuration.model_validate(configuration_tables(scenario, simulation.measure(scenario, truth)))
     potential = settings.flow.build().potential
     flow = guaranteed_flow(scenario, potential, substeps)
     settled = slice(summary.SETTLED_UPDATE - 1, None)
@@ -75,7 +77,7 @@ def table(name: str, seeds: int, criterion: str, substeps: int, only: list[str] 
                     log = guaranteed.run(**given, **bounds)
                     forms = log.forms(attitudes, rates)
                     single = shapes_alone(flow, given, bounds, criterion)
-                    tables = cli_simulate.configuration_tables(scenario, simulated)
+                    tables = configuration_tables(scenario, simulated)
                     tables["estimator"] = {"mode": "paper", "when_sets_do_not_meet": "skip"}
                     paper = estimation.estimate(
                         logs.log_of(simulated.measurements), Configuration.model_validate(tables)

@@ -457,6 +457,7 @@ class GuaranteedFilter:
         gyro: ArrayLike | None = None,
         increment: float | None = None,
     ) -> None: ...
+    def predict_turn(self, time: float, turn: ArrayLike, turn_bound: float) -> None: ...
     def update(
         self,
         directions: ArrayLike | None = None,
@@ -485,6 +486,20 @@ class GuaranteedFilter:
         increment: ArrayLike | None = None,
         control_torque: ArrayLike | None = None,
         wheel_momentum: ArrayLike | None = None,
+        sensors: Sequence[str] | None = None,
+    ) -> GuaranteedLog: ...
+    def run_turns(
+        self,
+        times: ArrayLike,
+        turns: ArrayLike,
+        turn_bounds: ArrayLike,
+        *,
+        anchors: ArrayLike,
+        directions: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
+        attitude: AttitudeLike | None = None,
+        attitude_bound: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
     ) -> GuaranteedLog: ...
 

@@ -5,7 +5,7 @@ from typing import Any, Self
 import numpy as np
 
 from elliptude import _core
-from elliptude.stored import Stored
+from elliptude._stored import Stored
 
 
 def potential_to_dict(potential: object) -> dict[str, Any]:

@@ -5,8 +5,8 @@ from typing import Any, Self
 import numpy as np
 
 from elliptude import _core
+from elliptude._stored import Stored
 from elliptude.filter import potential_from_dict, potential_to_dict
-from elliptude.stored import Stored
 
 _Flow = _core.GuaranteedRigidBodyFlow | _core.GuaranteedGyroFlow
 

@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from elliptude import _core
 from elliptude._core import Ellipsoid, cayley_inverse, log
-from elliptude.typing import AttitudeLike, SupportsAsMatrix
-
-FloatArray: TypeAlias = NDArray[np.float64]
-
-Chart: TypeAlias = Literal["exponential", "gibbs"]
-"""Coordinates of an attitude error: ζ with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
+from elliptude.typing import AttitudeLike, Chart, FloatArray, SupportsAsMatrix
 
 
 class PrincipalAxes(NamedTuple):

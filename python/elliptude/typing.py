@@ -1,9 +1,14 @@
-"""Types of arguments, for annotations."""
+"""Types of arguments and results, for annotations."""
 
-from typing import Protocol, SupportsFloat, TypeAlias, runtime_checkable
+from typing import Literal, Protocol, SupportsFloat, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+Chart: TypeAlias = Literal["exponential", "gibbs"]
+"""Coordinates of an attitude error: ζ with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
 
 
 @runtime_checkable

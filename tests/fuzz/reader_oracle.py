@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from elliptude.configuration import read_configuration
-from elliptude.conversion import convert
-from elliptude.files import FileError
+from elliptude.io.files import FileError
+from elliptude.io.readers.open import open_log
 from elliptude.logs import read_log
-from elliptude.readers import open_log
+from elliptude.logs.conversion import convert
 
 SUFFIXES = {"csv": ".csv", "npz": ".npz", "toml": ".toml", "ulog": ".ulg"}
 

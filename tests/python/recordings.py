@@ -2,7 +2,7 @@
 
 import numpy as np
 from datasets import broad
-from elliptude.proposals import Recording
+from elliptude.proposal.proposals import Recording
 
 
 def broad_recording(trial):

@@ -9,14 +9,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from elliptude import estimation, guaranteed_run, logs, readers
-from elliptude.bound_rules import _field_at_rest, apply_rule, hand_held
+from elliptude import estimation, logs
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import angle_to_center
 from elliptude.configuration import Configuration
-from elliptude.direction_rows import DirectionRows, direction_rows
-from elliptude.files import FileError
-from elliptude.gyro_bounds import GyroBounds
+from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
+from elliptude.estimation import guaranteed_run
+from elliptude.estimation.direction_rows import DirectionRows, direction_rows
+from elliptude.io.files import FileError
 from elliptude.logs import Log
-from elliptude.physical_bounds import angle_to_center
 from elliptude.results import GuaranteedLog
 from scipy.spatial.transform import Rotation
 
@@ -398,7 +399,7 @@ def test_a_gap_is_found_wherever_batches_end(tmp_path, monkeypatch):
             "timing": {"largest_gap_s": 0.1},
         }
     )
-    monkeypatch.setattr(readers, "BATCH_BYTES", 256)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 256)
     path = tmp_path / "log.csv"
     for gap in (None, *range(1, 40)):
         times = 0.02 * np.arange(40)

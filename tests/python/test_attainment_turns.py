@@ -6,8 +6,8 @@ is smaller than the error (`tests/mutations`).
 
 import numpy as np
 import pytest
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.time_offsets import time_offset_angles
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.stamps import time_offset_angles
 from scipy.spatial.transform import Rotation
 
 

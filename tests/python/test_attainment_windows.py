@@ -6,15 +6,15 @@ is smaller than the error (`tests/mutations`).
 
 import numpy as np
 import pytest
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.physical_bounds import (
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import (
     DirectionBounds,
     VectorSensorBounds,
     accelerometer_bounds,
     angle_excess,
     magnetometer_bounds,
 )
-from elliptude.window_bounds import (
+from elliptude.bounds.windows import (
     MotionBounds,
     WindowBounds,
     cross_bounds,

@@ -7,13 +7,13 @@ import tomllib
 import datasets
 import numpy as np
 import pytest
-from elliptude import logs, sensor_axes
-from elliptude.axes_check import axes_in_words, look_at_axes
+from elliptude import logs
+from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.logs import Log
-from elliptude.sensor_axes import ROTATIONS, VectorStatement, misfits
-from elliptude.sensors import rotation_of_axes
+from elliptude.configuration.sensors import rotation_of_axes
+from elliptude.logs import Log, sensor_axes
+from elliptude.logs.axes_check import axes_in_words, look_at_axes
+from elliptude.logs.sensor_axes import ROTATIONS, VectorStatement, misfits
 from scipy.spatial.transform import Rotation
 
 G = 9.81

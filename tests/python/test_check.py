@@ -9,11 +9,11 @@ import datasets
 import numpy as np
 import pytest
 import tomlkit
-from elliptude import cli, plausibility
-from elliptude.check import check
+from elliptude import cli
 from elliptude.configuration import read_configuration
-from elliptude.files import FileError
-from elliptude.logs import read_log
+from elliptude.estimation.check import check
+from elliptude.io.files import FileError
+from elliptude.logs import plausibility, read_log
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

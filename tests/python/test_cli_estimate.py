@@ -7,9 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from elliptude import cli, cli_estimate, estimation, logs, scenarios, simulation
-from elliptude.configuration import read_configuration
-from elliptude.tables import Results
+from elliptude import cli, estimation, logs, simulation
+from elliptude.cli import demo
+from elliptude.configuration import Configuration, read_configuration
+from elliptude.io.tables import Results
+from elliptude.simulation import scenarios
+from elliptude.simulation.configured import configuration_tables
 from typer.testing import CliRunner
 
 
@@ -125,7 +128,7 @@ def test_a_figure_that_fails_leaves_no_summary(tmp_path, simulated, monkeypatch)
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("elliptude.figures.save", full)
+    monkeypatch.setattr("elliptude.report.figures.save", full)
     done = estimate(simulated, out, "--force")
     assert done.exit_code == 1
     assert "No space left" in done.output
@@ -151,18 +154,18 @@ def test_scenarios_with_many_seeds(name, directions):
     estimations = []
     for seed in range(100):
         simulated = simulation.measure(scenario, truth, seed=seed, directions=directions, bound_deg=7.0)
-        tables = cli_estimate.cli_simulate.configuration_tables(scenario, simulated)
+        tables = configuration_tables(scenario, simulated)
         tables["estimator"] = {"mode": "paper", "when_sets_do_not_meet": "skip"}
-        configuration = cli_estimate.Configuration.model_validate(tables)
+        configuration = Configuration.model_validate(tables)
         estimations.append(estimation.estimate(logs.log_of(simulated.measurements), configuration))
-    line = cli_estimate._line(name, estimations, 0.0)
+    line = demo._line(name, estimations, 0.0)
     assert line.error_deg <= 3.5
     assert line.inside >= 0.99
     assert line.refused == 0
 
 
 def test_demo(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli_estimate, "_SEEDS", 3)
+    monkeypatch.setattr(demo, "_SEEDS", 3)
     for _ in range(2):  # what is there is replaced
         done = run("demo", "--out", tmp_path / "demo")
         assert done.exit_code == 0, done.output
@@ -214,10 +217,3 @@ def test_a_direction_that_is_zero(tmp_path, simulated):
     assert done.exit_code == 1
     assert "line 6, column 9 (direction1_bx): 'direction1' has no direction" in done.output.replace("\n", "")
     assert not (tmp_path / "out").exists()
-
-
-def test_commands_start_without_what_only_pictures_need():
-    program = "import sys; from elliptude import cli; cli.make_app(); print([m for m in sys.modules if m in HEAVY])"
-    heavy = "HEAVY = ('matplotlib', 'plotly', 'scipy.integrate'); "
-    done = subprocess.run([sys.executable, "-c", heavy + program], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"

@@ -9,9 +9,10 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from elliptude import cli, scenarios, simulation
+from elliptude import cli, simulation
 from elliptude.configuration import read_configuration
-from elliptude.tables import Measurements
+from elliptude.io.tables import Measurements
+from elliptude.simulation import scenarios
 from typer.testing import CliRunner
 
 PROGRAM = [sys.executable, "-c", "from elliptude.cli import main; main()"]

@@ -11,7 +11,9 @@ from typing import get_args, get_type_hints
 import elliptude
 import guaranteed_stand_in
 import pytest
-from elliptude import adversary, cli, cli_validate, trial_kinds, trials, validation
+from elliptude import cli
+from elliptude.cli import validate
+from elliptude.validation import adversary, monte_carlo, trial_kinds, trials
 from typer.testing import CliRunner
 
 PROGRAM = [sys.executable, "-c", "from elliptude.cli import main; main()"]
@@ -57,7 +59,7 @@ def test_json_is_the_same_on_any_number_of_processes_and_a_second_time(tmp_path,
     )
     assert side_by_side.stdout == first.stdout
     assert side_by_side.stderr == ""
-    monkeypatch.setattr(validation, "validate_chunk", None)  # nothing is left to do
+    monkeypatch.setattr(monte_carlo, "validate_chunk", None)  # nothing is left to do
     assert run("--out", tmp_path / "one", *options).stdout == first.stdout
 
 
@@ -131,7 +133,7 @@ def test_kinds(tmp_path):
 
 def test_every_kind_may_be_asked_for(tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(validation, "validate_chunk", lambda arguments, case, number: asked.append(case))
+    monkeypatch.setattr(monte_carlo, "validate_chunk", lambda arguments, case, number: asked.append(case))
     run(
         "--out",
         tmp_path,
@@ -209,7 +211,7 @@ def test_without_the_guaranteed_mode(tmp_path, monkeypatch):
 
 
 def test_choices_are_what_there_is():
-    chosen = get_type_hints(cli_validate.validate)
+    chosen = get_type_hints(validate.validate)
     assert get_args(chosen["scenario"]) == (*adversary.SCENARIOS, "all")
     assert get_args(chosen["directions"]) == (*adversary.DIRECTIONS, "all")
     assert get_args(chosen["noise"]) == (*adversary.NOISES, "all")
@@ -220,7 +222,7 @@ def _end_the_process(*arguments):
 
 
 def test_a_process_that_dies(tmp_path, monkeypatch):
-    monkeypatch.setattr(validation, "validate_chunk", _end_the_process)
+    monkeypatch.setattr(monte_carlo, "validate_chunk", _end_the_process)
     failed = run("--out", tmp_path, "--mode", "paper", "--processes", 2, *SMALL)
     assert failed.exit_code == 1
     assert "a process has ended before its work was done" in failed.stderr.replace("\n", " ")

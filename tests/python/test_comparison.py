@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from elliptude import cli, comparison, tables
-from elliptude.containment import attitude_forms
-from elliptude.files import FileError
-from elliptude.reference_attitudes import Reference
-from elliptude.runs import Run, read_run
+from elliptude import cli
+from elliptude.estimation.containment import attitude_forms
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.logs.reference_attitudes import Reference
+from elliptude.report import comparison
+from elliptude.report.run import Run, read_run
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import tomlkit
-from elliptude import GravityGradient, UniformGravity, fermi
+from elliptude import GravityGradient, UniformGravity
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.files import FileError
+from elliptude.io.files import FileError
+from elliptude.simulation import fermi
 
 
 def pendulum():

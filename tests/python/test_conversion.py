@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import recorders
 import tomlkit
-from elliptude import cli, conversion, readers, tables
+from elliptude import cli
 from elliptude.configuration import read_configuration
-from elliptude.logs import read_log
-from elliptude.readers import open_log
+from elliptude.io import tables
+from elliptude.io.readers.open import open_log
+from elliptude.logs import conversion, read_log
 from test_check import files, recording
 from test_check import tables as tables_of_check
 from typer.testing import CliRunner
@@ -44,8 +45,8 @@ def assert_same(a, b):
 
 @pytest.fixture
 def log(tmp_path, monkeypatch):
-    monkeypatch.setattr(readers, "BATCH_BYTES", 20_000)
-    monkeypatch.setattr(readers, "BATCH_ROWS", 300)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 20_000)
+    monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", 300)
     rng = np.random.default_rng(0)
     arrays = {"t": np.cumsum(rng.random(1000)), "gyr": rng.standard_normal((1000, 3)) * 1e-7}
     arrays["gyr"][::5, 1] = np.nan

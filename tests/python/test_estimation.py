@@ -5,10 +5,13 @@ import json
 
 import numpy as np
 import pytest
-from elliptude import InconsistentMeasurement, estimation, logs, scenarios, simulation, tables
-from elliptude.cli_simulate import configuration_tables
+from elliptude import InconsistentMeasurement, estimation, simulation
 from elliptude.configuration import Configuration
-from elliptude.files import FileError
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.logs import log as logs
+from elliptude.simulation import scenarios
+from elliptude.simulation.configured import configuration_tables
 from reference import ellipsoid, gyro, measurement, rigid_body, so3
 from reference import filter as reference_filter
 from scipy.spatial.transform import Rotation

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from elliptude import estimation, fermi, logs
-from elliptude.gyro_bounds import GyroBounds
+from elliptude import estimation
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.logs import log as logs
+from elliptude.simulation import fermi
 from scipy.spatial.transform import Rotation
 
 

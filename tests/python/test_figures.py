@@ -5,10 +5,12 @@ import dataclasses
 import matplotlib.image
 import numpy as np
 import pytest
-from elliptude import estimation, fermi, figures, logs, scenarios, simulation
-from elliptude.cli_simulate import configuration_tables
+from elliptude import estimation, logs, simulation
 from elliptude.configuration import Configuration
-from elliptude.files import FileError
+from elliptude.io.files import FileError
+from elliptude.report import figures
+from elliptude.simulation import fermi, scenarios
+from elliptude.simulation.configured import configuration_tables
 
 
 @pytest.fixture(scope="module")

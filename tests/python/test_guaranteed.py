@@ -7,7 +7,8 @@ import threading
 import elliptude as el
 import numpy as np
 import pytest
-from elliptude import scenarios, simulation
+from elliptude.simulation import scenarios
+from elliptude.simulation import simulated as simulation
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 import tomlkit
 from datasets import FOLDER, broad, needs_datasets, xio
-from elliptude import cli, containment, estimation, fermi, guaranteed_results, logs, tables
-from elliptude.bound_rules import hand_held
+from elliptude import cli, estimation, logs
+from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
-from elliptude.direction_rows import direction_rows
-from elliptude.gyro_bounds import GyroBounds
+from elliptude.configuration.rules import hand_held
+from elliptude.estimation import containment, guaranteed_results
+from elliptude.estimation.direction_rows import direction_rows
+from elliptude.io import tables
 from elliptude.logs import Log
+from elliptude.simulation import fermi
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_proposals import made

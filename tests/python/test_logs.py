@@ -5,10 +5,12 @@ import itertools
 import numpy as np
 import pytest
 import recorders
-from elliptude import fermi, logs, readers, references, sun
-from elliptude.configuration import Configuration
-from elliptude.files import FileError
-from elliptude.sensors import RestPhase, SunByTime, WorldModel
+from elliptude.configuration import Configuration, references, sun
+from elliptude.configuration.sensors import RestPhase, SunByTime, WorldModel
+from elliptude.io.files import FileError
+from elliptude.io.readers import csv as csv_files
+from elliptude.logs import log as logs
+from elliptude.simulation import fermi
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -413,8 +415,8 @@ def test_against_a_slow_alignment(tmp_path_factory, recording, batch_bytes):
         timing={"repeated": "merge", "largest_gap_s": 1e3},
     )
     expected = slow_alignment(rows, delays)
-    before = readers.BATCH_BYTES
-    readers.BATCH_BYTES = batch_bytes
+    before = csv_files.BATCH_BYTES
+    csv_files.BATCH_BYTES = batch_bytes
     try:
         if not expected:
             with pytest.raises(FileError, match="no row between the first and the last sample of the gyro"):
@@ -422,7 +424,7 @@ def test_against_a_slow_alignment(tmp_path_factory, recording, batch_bytes):
             return
         log = logs.read_log(path, configuration)
     finally:
-        readers.BATCH_BYTES = before
+        csv_files.BATCH_BYTES = before
     np.testing.assert_array_equal(log.times, [row[0] for row in expected])
     np.testing.assert_allclose(log.rates[:, 0], [row[1] for row in expected], rtol=1e-12)
     for i in (0, 1):
@@ -436,7 +438,7 @@ def test_pieces_are_small_and_make_the_whole(tmp_path, monkeypatch):
     path = csv(tmp_path, *rows)
     configuration = configured(UP | {"delay_s": 0.013}, FIELD | {"delay_s": 0.5}, flow=GYRO | {"delay_s": -0.004})
     whole = logs.read_log(path, configuration)
-    monkeypatch.setattr(readers, "BATCH_BYTES", 5000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 5000)
     pieces = list(logs.read_pieces(path, configuration))
     assert len(pieces) > 50
     assert max(len(piece.times) for piece in pieces) < 300

@@ -10,11 +10,15 @@ import time
 
 import numpy as np
 import pytest
-from elliptude import cli, estimation, figures, logs, plausibility, readers, scenarios, simulation, tables, thinning
-from elliptude.cli_simulate import configuration_tables
+from elliptude import cli, estimation, logs, simulation
 from elliptude.configuration import Configuration
-from elliptude.files import FileError
-from elliptude.summary import Summary
+from elliptude.estimation.summary import Summary
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.logs import plausibility
+from elliptude.report import figures, thinning
+from elliptude.simulation import scenarios
+from elliptude.simulation.configured import configuration_tables
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -184,7 +188,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
     log, config = write_log(tmp_path, 3000)
     whole = run("estimate", log, "--config", config, "--out", tmp_path / "whole", "--format", suffix, "--json")
     assert whole.exit_code == 0, whole.output
-    monkeypatch.setattr(readers, "BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     monkeypatch.setattr(thinning, "LIMIT", 400)
     parts = run("estimate", log, "--config", config, "--out", tmp_path / "parts", "--format", suffix, "--json")
@@ -199,7 +203,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
 
 def test_a_wrong_unit_is_found_before_anything_is_written(tmp_path, monkeypatch):
     log, config = write_log(tmp_path, 3000, wrong_unit=True)
-    monkeypatch.setattr(readers, "BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     done = run("estimate", log, "--config", config, "--out", tmp_path / "new" / "out")
     assert done.exit_code == 1

@@ -8,11 +8,12 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 import tomlkit
-from elliptude import bound_rules, cli, suspicions, tables
-from elliptude.body_at_rest import axis_in_words, up_at_rest
-from elliptude.configuration import Configuration
-from elliptude.quaternion_readings import misread, readings
-from elliptude.runs import read_run
+from elliptude import cli
+from elliptude.configuration import Configuration, rules, suspicions
+from elliptude.io import tables
+from elliptude.logs.body_at_rest import axis_in_words, up_at_rest
+from elliptude.logs.quaternion_readings import misread, readings
+from elliptude.report.run import read_run
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -265,7 +266,7 @@ def test_suspicious_bounds_of_vectors():
 
 
 def test_a_suspicious_rule():
-    rule = bound_rules.hand_held().model_dump(mode="json", exclude_none=True)
+    rule = rules.hand_held().model_dump(mode="json", exclude_none=True)
     assert suspicions.of_configuration(Configuration.model_validate(by_rule(rule={"kind": "stated"} | rule))) == []
     rule["magnetometer"]["disturbance_ut"] = 12.7
     rule["gyro"]["noise_deg_per_s"] = 0.0
@@ -329,7 +330,7 @@ def test_a_rule_says_where_it_is_from(tmp_path):
     log, config = files(tmp_path, by_rule())
     rule = tmp_path / "rule.toml"
     assert run("bounds", log, config, "--rule", rule).exit_code == 0
-    assert bound_rules.read_rule(rule).bounds_from_recording == "log.npz"
+    assert rules.read_rule(rule).bounds_from_recording == "log.npz"
     config.write_text(tomlkit.dumps(by_rule(rule={"kind": "file", "file": "rule.toml", "anchor_s": 4.0})))
     done = run("estimate", log, "--config", config, "--out", tmp_path / "out")
     assert "the bounds are proposals from log.npz, so that the sets are no guarantee" in words(done)
@@ -350,9 +351,7 @@ def test_the_reference_of_a_rules_field_is_converted(tmp_path):
     assert np.ptp(written.references, axis=0).max() == 0.0
     # It is what the rule has for the estimator.
     arrays = recording()
-    ruled = bound_rules.apply_rule(
-        bound_rules.hand_held(), arrays["t"], arrays["gyr"], arrays["acc"], arrays["mag"], every=500
-    )
+    ruled = rules.apply_rule(rules.hand_held(), arrays["t"], arrays["gyr"], arrays["acc"], arrays["mag"], every=500)
     np.testing.assert_allclose(field, ruled.field_reference, atol=1e-12)
     # Without a rest nothing is known of it.
     late = {name: values[300:] for name, values in arrays.items()}

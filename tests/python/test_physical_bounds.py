@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.physical_bounds import (
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import (
     DirectionBounds,
     VectorSensorBounds,
     accelerometer_bounds,
@@ -11,8 +11,8 @@ from elliptude.physical_bounds import (
     angle_to_center,
     magnetometer_bounds,
 )
-from elliptude.time_offsets import shift, time_offset_angles
-from elliptude.window_bounds import (
+from elliptude.bounds.stamps import shift, time_offset_angles
+from elliptude.bounds.windows import (
     MotionBounds,
     WindowBounds,
     cross_bounds,
@@ -481,7 +481,7 @@ def test_long_recordings_in_blocks(monkeypatch):
     for at in ("end", "middle"):
         whole = gravity_bounds_over_windows(times, forces, rates, [0.5, 1.0, 3.0], at=at, **arguments)
         with monkeypatch.context() as patch:
-            patch.setattr("elliptude.window_averages._BLOCK_ROWS", 97)
+            patch.setattr("elliptude.bounds.window_averages._BLOCK_ROWS", 97)
             pieces = gravity_bounds_over_windows(times, forces, rates, [0.5, 1.0, 3.0], at=at, **arguments)
         np.testing.assert_allclose(pieces.angles, whole.angles, atol=1e-9)
         np.testing.assert_allclose(pieces.directions, whole.directions, atol=1e-9)

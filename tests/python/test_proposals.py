@@ -9,10 +9,13 @@ import tomllib
 import numpy as np
 import pytest
 from datasets import needs_datasets
-from elliptude import bound_rules, cli, proposals, tables
-from elliptude.bound_rules import apply_rule, hand_held, read_rule
-from elliptude.proposals import Recording
-from elliptude.proposals import angles_between as angle_between
+from elliptude import cli
+from elliptude.configuration import rules
+from elliptude.configuration.rules import apply_rule, hand_held, read_rule
+from elliptude.io import tables
+from elliptude.proposal import proposals
+from elliptude.proposal.proposals import Recording
+from elliptude.proposal.proposals import angles_between as angle_between
 from recordings import broad_recording
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -422,5 +425,5 @@ def test_no_rest_no_magnetic_reference(tmp_path):
 
 
 def test_the_rule_is_valid_toml():
-    assert isinstance(hand_held(), bound_rules.Rule)
-    assert tomllib.loads((bound_rules.resources.files("elliptude") / "data/bounds/hand_held.toml").read_text())
+    assert isinstance(hand_held(), rules.Rule)
+    assert tomllib.loads((rules.resources.files("elliptude") / "data/bounds/hand_held.toml").read_text())

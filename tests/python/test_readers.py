@@ -8,9 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 import recorders
-from elliptude import readers
-from elliptude.files import FileError
-from elliptude.readers import open_log
+from elliptude.io.files import FileError
+from elliptude.io.readers.open import open_log
 
 
 def column(file, name):
@@ -23,7 +22,7 @@ def test_csv_comes_in_batches_of_the_same_numbers(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     rows = "\n".join(f"{a!r},{b!r}" if i % 7 else f"{a!r}," for i, (a, b) in enumerate(numbers.tolist()))
     path.write_text("# a comment\na,b\n" + rows + "\n")
-    monkeypatch.setattr(readers, "BATCH_BYTES", 10_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 10_000)
     file = open_log(path)
     assert len(list(file.batches(["a"]))) > 10
     np.testing.assert_array_equal(column(file, "a")[0], numbers[:, 0])
@@ -49,7 +48,7 @@ def test_parquet_in_batches(tmp_path, monkeypatch):
     stamps = pa.array(1_700_000_000_123_456_789 + np.arange(1000))
     table = pa.table({"t": stamps, "x": pa.array([None if i % 2 else 0.1 * i for i in range(1000)], pa.float32())})
     pa.parquet.write_table(table, tmp_path / "log.parquet")
-    monkeypatch.setattr(readers, "BATCH_ROWS", 100)
+    monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", 100)
     file = open_log(tmp_path / "log.parquet")
     values, _ = column(file, "t")
     np.testing.assert_array_equal(values, stamps.to_numpy())
@@ -173,7 +172,7 @@ def test_bags(tmp_path, kind, monkeypatch):
     recorders.write_bag(path, kind.removesuffix(" file"), stamps.tolist(), rates, forces, fields)
     if kind.endswith(" file"):
         path = path / {"mcap file": "log.mcap", "sqlite3 file": "log.db3"}[kind]
-    monkeypatch.setattr("elliptude.rosbag.BATCH_ROWS", 4)
+    monkeypatch.setattr("elliptude.io.readers.rosbag.BATCH_ROWS", 4)
     file = open_log(path)
     assert "/imu/data.orientation_covariance[8]" in file.columns
     assert file.stamps(file.stream("/imu/mag.magnetic_field.x")) == ("/imu/mag.header.stamp", "ns")

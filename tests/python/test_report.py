@@ -8,8 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-from elliptude import cli, report, report_curves, report_sphere
-from elliptude.runs import DroppedMeasurements
+from elliptude import cli
+from elliptude.report import curves, sphere
+from elliptude.report import page as report
+from elliptude.report.run import DroppedMeasurements
 from scipy.spatial.transform import Rotation
 from test_run_figures import full_run
 from test_runs import DROPPED, make_run, table_columns, write, write_guaranteed
@@ -62,9 +64,7 @@ def test_the_patch_is_the_image_of_the_set(page):
 
 def test_no_patch_cuts_through_the_globe():
     run = make_run(3)
-    frames = report_sphere.sphere_frames(
-        dataclasses.replace(run, largest_angles=np.array([0.3, 1.2, 0.3])), np.arange(3)
-    )
+    frames = sphere.sphere_frames(dataclasses.replace(run, largest_angles=np.array([0.3, 1.2, 0.3])), np.arange(3))
     numbers = np.frombuffer(base64.b64decode(frames["patches"]), "<i2").reshape(3, -1)
     assert (numbers == -32768).all(axis=1).tolist() == [False, True, False]
     assert ["too large" in label for label in frames["labels"]] == [False, True, False]
@@ -118,7 +118,7 @@ def test_a_long_run_stays_small(tmp_path):
     summary = report.write_report(run, tmp_path / "report.html", "Long")
     assert (tmp_path / "report.html").stat().st_size < 10e6
     assert summary["drawn"]["rows_of_curves"] < 5000
-    assert summary["drawn"]["times_on_sphere"] <= report_sphere.FRAMES + 2
+    assert summary["drawn"]["times_on_sphere"] <= sphere.FRAMES + 2
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert f"The curves are drawn at {summary['drawn']['rows_of_curves']} of them" in page
 
@@ -205,8 +205,8 @@ def test_of_very_many_dropped_measurements_the_farthest_off_are_listed(monkeypat
     each = report._each(listed)
     assert (each["total"], each["time"]) == (5, [1.0, 3.0, 4.0])
     run = make_run(500, listed=dataclasses.replace(listed, times=np.array([0.01, 0.02, 0.03, 0.04, 4.9])))
-    monkeypatch.setattr(report_curves, "PIECES", 5)
-    (marks,) = report_curves._drop_marks(run, run.listed)
+    monkeypatch.setattr(curves, "PIECES", 5)
+    (marks,) = curves._drop_marks(run, run.listed)
     assert marks["x"] == [0.02, 4.9]
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from elliptude import report
-from elliptude.runs import DroppedMeasurements
+from elliptude.report import page as report
+from elliptude.report.run import DroppedMeasurements
 from test_run_figures import full_run
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

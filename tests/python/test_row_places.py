@@ -5,8 +5,12 @@ import pickle
 import elliptude as el
 import numpy as np
 import pytest
-from elliptude import cli_estimate, estimation, logs, readers, tables
+from elliptude import estimation, logs
+from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
+from elliptude.estimation import estimator
+from elliptude.io import tables
+from elliptude.io.readers.csv import CsvTable
 from rich.console import Console
 from rich.progress import Progress
 
@@ -52,15 +56,15 @@ def contradicting_log(folder, rows, wrong, policy="drop_measurement"):
 def openings(monkeypatch):
     """A list that grows by one whenever a CSV file is read by the slow reader, which knows its lines."""
     opened = []
-    text = readers.CsvTable._text
-    monkeypatch.setattr(readers.CsvTable, "_text", lambda self: opened.append(self.path) or text(self))
+    text = CsvTable._text
+    monkeypatch.setattr(CsvTable, "_text", lambda self: opened.append(self.path) or text(self))
     return opened
 
 
 def test_places_of_many_rows_in_one_reading(tmp_path, openings):
     path = tmp_path / "log.csv"
     path.write_text('# a comment\nt,text\n0,"two\nlines"\n\n1,one\n2,one\n\n\n3,"three\n\nlines"\n4,one\n')
-    table = readers.CsvTable(path)
+    table = CsvTable(path)
     del openings[:]
     assert table.places_of_rows([4, 0, 2, 3, 1, 0, 4]) == [f"line {line}" for line in (13, 4, 7, 12, 6, 4, 13)]
     assert len(openings) == 1
@@ -73,7 +77,7 @@ def test_the_file_is_not_read_again_for_each_contradiction(tmp_path, openings, c
     wrong = np.linspace(0, 2999, count).astype(int)
     path, configuration = contradicting_log(tmp_path, 3000, wrong)
     with Progress(disable=True) as progress:
-        cli_estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
     # The header; the first cells, which say what a column is; the lines of all contradictions.
     assert len(openings) <= 3
     listed = (tmp_path / "dropped.csv").read_text().splitlines()[2:]
@@ -93,7 +97,7 @@ def test_an_error_names_the_line(tmp_path):
 def test_progress_says_what_is_done(tmp_path, monkeypatch):
     """Rows are read, then estimated, then written; what takes long is never shown as finished."""
     path, configuration = contradicting_log(tmp_path, 3000, [5])
-    monkeypatch.setattr(readers, "BATCH_BYTES", 20_000)
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 20_000)
     shown = []
     with Progress(console=Console(quiet=True)) as progress:
 
@@ -107,14 +111,14 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
 
             monkeypatch.setattr(module, name, told)
 
-        watched(estimation, "run_guaranteed")
-        watched(cli_estimate, "write_columns")
-        watched(cli_estimate, "_finish")
-        cli_estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        watched(estimator, "run_guaranteed")
+        watched(estimate, "write_columns")
+        watched(estimate, "finish")
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
     assert shown == [
         ("run_guaranteed", "Estimating", 3000, False),
         ("write_columns", "Writing", 3000, False),
-        ("_finish", "Writing", 3000, False),
+        ("finish", "Writing", 3000, False),
     ]
 
 
@@ -195,7 +199,7 @@ def test_a_message_that_speaks_of_rows_is_left_as_it_is(monkeypatch):
     def fails(*_):
         raise ValueError("a sensor named 'at row 2' is not there")
 
-    monkeypatch.setattr(estimation, "run_guaranteed", fails)
+    monkeypatch.setattr(estimator, "run_guaranteed", fails)
     fields = {
         "flow": {"kind": "gyro", "columns": ["x", "y", "z"], "noise_deg_per_s": 1.0},
         "directions": [{"name": "up", "columns": ["a", "b", "c"], "reference": [0, 0, 1], "bound_deg": 1.0}],

@@ -5,7 +5,7 @@ import dataclasses
 import matplotlib.image
 import numpy as np
 import pytest
-from elliptude import figures, run_figures
+from elliptude.report import figures, run_figures
 from test_runs import make_run
 
 

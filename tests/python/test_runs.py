@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from elliptude import runs, tables, thinning
-from elliptude.files import FileError
-from elliptude.reference_attitudes import Reference
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.logs.reference_attitudes import Reference
+from elliptude.report import run as runs
+from elliptude.report import thinning
+from elliptude.report.run import Refusal, Run
 from elliptude.results import CLAIMS
-from elliptude.runs import Refusal, Run
 from scipy.spatial.transform import Rotation
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from elliptude import scenarios
-from elliptude.files import FileError
+from elliptude.io.files import FileError
+from elliptude.simulation import scenarios
 
 OWN = """
 inertia = [[2.0, 0.1, 0.0], [0.1, 3.0, 0.0], [0.0, 0.0, 2.5]]

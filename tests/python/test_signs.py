@@ -6,11 +6,12 @@ import itertools
 import datasets
 import numpy as np
 import pytest
-from elliptude import logs, sensor_axes
-from elliptude.axes_check import axes_in_words, look_at_axes
+from elliptude import logs
+from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.sensor_axes import VectorStatement
+from elliptude.logs import sensor_axes
+from elliptude.logs.axes_check import axes_in_words, look_at_axes
+from elliptude.logs.sensor_axes import VectorStatement
 from scipy.spatial.transform import Rotation
 from test_axes import EXACT, G, X, broad_configuration, motion, turned
 

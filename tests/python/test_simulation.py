@@ -4,7 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from elliptude import scenarios, simulation
+from elliptude.simulation import scenarios
+from elliptude.simulation import simulated as simulation
 from reference import integrator, rigid_body
 from scipy.spatial.transform import Rotation
 

@@ -8,11 +8,14 @@ import tomllib
 import numpy as np
 import pytest
 from datasets import broad, needs_datasets, xio
-from elliptude import cli, proposals, report, tables
-from elliptude.bound_rules import hand_held
+from elliptude import cli
 from elliptude.configuration import read_configuration
-from elliptude.files import FileError
-from elliptude.proposals import Recording
+from elliptude.configuration.rules import hand_held
+from elliptude.io import tables
+from elliptude.io.files import FileError
+from elliptude.proposal import proposals
+from elliptude.proposal.proposals import Recording
+from elliptude.report import page as report
 from scipy.spatial.transform import Rotation
 from test_proposals import BIAS, FIELD, HEADER, STEP, attitude, made, write_csv
 from typer.testing import CliRunner

@@ -4,7 +4,8 @@ import warnings
 
 import numpy as np
 import pytest
-from elliptude import fermi, sun
+from elliptude.configuration import sun
+from elliptude.simulation import fermi
 from scipy.spatial.transform import Rotation
 
 # Equinoxes and solstices of 2015 as the US Naval Observatory publishes them, UTC to the minute: the Sun's apparent

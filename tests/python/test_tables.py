@@ -13,8 +13,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from elliptude import tables
-from elliptude.files import FileError, replacing, write_json
+from elliptude.io import tables
+from elliptude.io.files import FileError, replacing, write_json
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -301,7 +301,7 @@ def test_failed_write_leaves_what_was_there(tmp_path, failure):
 def test_killed_write_leaves_nothing_under_the_final_name(tmp_path):
     program = f"""
 import os, signal
-from elliptude.files import replacing
+from elliptude.io.files import replacing
 with replacing({str(tmp_path / "log.csv")!r}) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)

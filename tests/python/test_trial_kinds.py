@@ -9,10 +9,11 @@ import elliptude
 import mpmath
 import numpy as np
 import pytest
-from elliptude import _core, adversary, judge, plants, trials
-from elliptude.adversary import Case
-from elliptude.trial_kinds import KINDS, Trial
-from elliptude.trials import CONDITIONAL, FAILED, NO_SET, TOO_LATE, UNCONDITIONAL, Outcome
+from elliptude import _core
+from elliptude.validation import adversary, judge, plants, trials
+from elliptude.validation.adversary import Case
+from elliptude.validation.trial_kinds import KINDS, Trial
+from elliptude.validation.trials import CONDITIONAL, FAILED, NO_SET, TOO_LATE, UNCONDITIONAL, Outcome
 
 PLACES = [(name, scenario) for name, kind in KINDS.items() for scenario in kind.scenarios]
 FAULTS = ("escapes", "overclaimed", "refused", "failed", "stuck")

@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 import pytest
-from elliptude import _truth, scenarios, simulation
+from elliptude import _truth, simulation
+from elliptude.simulation import scenarios
 from inputs import inertia, rotation
 from reference import so3
 from scipy.integrate import solve_ivp

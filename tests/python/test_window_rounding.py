@@ -4,11 +4,11 @@ import copy
 
 import numpy as np
 import pytest
-from elliptude import window_averages
-from elliptude.gyro_bounds import GyroBounds
-from elliptude.turns import running_integral
-from elliptude.window_averages import Piece
-from elliptude.window_bounds import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
+from elliptude.bounds import window_averages
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.turns import running_integral
+from elliptude.bounds.window_averages import Piece
+from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
 
 G = 9.80665
 EXACT = np.longdouble

@@ -123,6 +123,31 @@ Raises
 ValueError
     If time runs backwards, a step is too long for the motion, or an argument is not finite.
 )")
+      .def("predict_turn", &Filter::predict_turn, "time"_a, "turn"_a, "turn_bound"_a,
+           R"(predict_turn(self, time, turn, turn_bound)
+--
+
+Moves the set of a GuaranteedGyroFlow over a turn that is known, but for an angle.
+
+So errors of a gyro that cancel over many samples do not add up: add up the rates outside, and say how far the whole turn may be
+off. The bias, where it is estimated, drifts as the flow says.
+
+Parameters
+----------
+time : float
+    s, not before `self.time`.
+turn : (3,) array_like
+    Rotation vector from the attitude at `self.time` to that at `time`, rad, body axes.
+turn_bound : float
+    The true turn differs by a turn about any axis of at most this, rad. From π on it says nothing: the attitude is forgotten.
+
+Raises
+------
+ValueError
+    If time runs backwards, or an argument is out of its range.
+TypeError
+    If the flow is that of a rigid body.
+)")
       .def(
           "update", &Filter::update, "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(),
           py::kw_only(), "angular_velocity"_a = py::none(), "rate_bound"_a = py::none(), "attitude"_a = py::none(),
@@ -235,6 +260,43 @@ InconsistentMeasurement
     the call.
 RowError
     If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
+)")
+      .def(
+          "run_turns", &Filter::run_turns, "times"_a, "turns"_a, "turn_bounds"_a, py::kw_only(), "anchors"_a,
+          "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(), "attitude"_a = py::none(),
+          "attitude_bound"_a = py::none(), "sensors"_a = py::none(),
+          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None)
+--
+
+Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with what is there; in one call.
+
+Only the anchors' sets are carried on. Between anchors each row is predicted from the anchor in one piece, so that errors of the
+gyro that cancel over the window do (`predict_turn`), and what repeated fusion loses is not lost. For a GuaranteedGyroFlow.
+
+Parameters
+----------
+times : (n,) array_like
+    s, not decreasing, from `self.time` on.
+turns : (n, 3) array_like
+    turns[k] is the rotation vector from the attitude at row anchors[k] to that at row k, rad, body axes.
+turn_bounds : (n,) array_like
+    How far each may be off, rad, about any axis.
+anchors : (n,) array_like of int
+    From which row each is predicted: the row before it, or the same as that one's. −1 is the filter as it is; the first is so.
+directions, reference, bounds, attitude, attitude_bound, sensors
+    As in `run`.
+
+Returns
+-------
+GuaranteedLog
+
+Raises
+------
+InconsistentMeasurement
+    With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
+    the call.
+RowError
+    If what is in a row is not finite or out of its range; with the row.
 )");
 }
 

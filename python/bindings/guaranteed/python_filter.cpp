@@ -77,6 +77,15 @@ template <typename Filter>
 /// The largest angular velocity or bias that a filter keeps.
 [[nodiscard]] std::string beyond_domain() { return text(FilterDomain<double>::largest()) + " rad/s"; }
 
+[[noreturn]] void raise_backwards(double time, double present) {
+  value_error("time must not go backwards, but is " + text(time) + " s after " + text(present) + " s");
+}
+
+[[noreturn]] void raise_turn_too_far(const std::string& what, double turn, const std::string& unit) {
+  value_error(what + " a turn of " + text(turn) + " rad, of which nothing is left to be known; is its unit " + unit +
+              "?");
+}
+
 template <typename Filter>
 void predict_to(Filter& filter, double time, const Inputs& inputs) {
   const Status status = filter.predict(time, input_of<Filter>(inputs));
@@ -85,11 +94,10 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
   }
   raise_if_interrupted(status);
   if (status == Status::out_of_range && time >= filter.time() && !Filter::measures_rate) {
-    value_error("gyro makes a turn of " + text(inputs.gyro.norm() * (time - filter.time())) +
-                " rad, of which nothing is left to be known; is its unit rad/s?");
+    raise_turn_too_far("gyro makes", inputs.gyro.norm() * (time - filter.time()), "rad/s");
   }
   if (status == Status::out_of_range) {
-    value_error("time must not go backwards, but is " + text(time) + " s after " + text(filter.time()) + " s");
+    raise_backwards(time, filter.time());
   }
   if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
     if (status == Status::too_many_steps) {
@@ -102,6 +110,25 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
                 " s, and the motion in a step must be given by a short series; take a shorter step");
   }
   raise(status, "predict");
+}
+
+template <typename Filter>
+void turn_to(Filter& filter, double time, const Vector3<double>& turn, const std::string& turn_name, double angle,
+             const std::string& bound_name) {
+  if (!(angle >= 0)) {
+    value_error(bound_name + " must not be negative, but is " + text(angle) + " rad");
+  }
+  if (!scalar::all_finite(turn)) {
+    value_error(turn_name + " must be finite");
+  }
+  const Status status = filter.predict_turn(time, turn, angle);
+  if (status == Status::out_of_range && time >= filter.time()) {
+    raise_turn_too_far(turn_name + " is", turn.stableNorm(), "rad");
+  }
+  if (status == Status::out_of_range) {
+    raise_backwards(time, filter.time());
+  }
+  raise_unless_ok(status, "predict_turn");
 }
 
 [[noreturn]] void raise_inconsistent(const std::string& sensor, double time, double margin) {
@@ -354,6 +381,19 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
   std::visit([&](auto& filter) { predict_to(filter, end, inputs); }, filter_);
 }
 
+void PythonGuaranteedFilter::predict_turn(const py::object& time, const py::object& turn,
+                                          const py::object& turn_bound) {
+  const std::unique_lock lock = exclusive(*mutex_);
+  const double end = single(time, "time", {}).number(0);
+  const Vector3<double> rotation_vector = single(turn, "turn", {3}).vector<3>(0);
+  const double angle = Items(turn_bound, "turn_bound", {}, Items::Require::anything, Items::Batch::none).number(0);
+  auto* filter = std::get_if<GyroFilter>(&filter_);
+  if (filter == nullptr) {
+    throw py::type_error("predict_turn is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
+  }
+  turn_to(*filter, end, rotation_vector, "turn", angle, "turn_bound");
+}
+
 py::object PythonGuaranteedFilter::update(const py::object& directions, const py::object& reference,
                                           const py::object& bounds, const py::object& angular_velocity,
                                           const py::object& rate_bound, const py::object& attitude,
@@ -400,6 +440,146 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
 
 // --- a whole log -------------------------------------------------------------------------------------------------------
 
+namespace {
+
+/// The rows of a GuaranteedLog, as they come.
+class LogRows {
+ public:
+  LogRows(Index rows, Index directions)
+      : sensors_(directions + 2),
+        attitudes_({rows}, {3, 3}),
+        vectors_({rows}, {3}),
+        shapes_({rows}, {6, 6}),
+        margins_({rows}, {}),
+        claims_(rows),
+        prediction_used_(rows),
+        updated_(rows),
+        dropped_({rows, sensors_}),
+        claim_data_(claims_.mutable_data()),
+        used_data_(prediction_used_.mutable_data()),
+        updated_data_(updated_.mutable_data()),
+        dropped_data_(dropped_.mutable_data()) {}
+
+  /// What a filter is after a row. Needs no interpreter's lock.
+  template <typename Filter>
+  void set(Index row, const Filter& filter, const Measured& measured, const GuaranteedUpdate<double>& update) {
+    updated_data_[row] = measured.any();
+    std::fill_n(dropped_data_ + row * sensors_, sensors_, false);
+    measured.for_each(update.dropped, sensors_ - 2,
+                      [&](Index column) { dropped_data_[row * sensors_ + column] = true; });
+    used_data_[row] = measured.any() ? update.prediction_used : filter.knows_attitude();
+    margins_.set(row, update.margin);
+    claim_data_[row] = static_cast<std::uint8_t>(filter.claim());
+    if (filter.knows_attitude()) {
+      const auto& set = filter.ellipsoid();
+      attitudes_.set(row, set.center.attitude);
+      vectors_.set(row, vector_part(set.center));
+      shapes_.set(row, set.shape);
+    } else {
+      attitudes_.set(row, Matrix3<double>(Matrix3<double>::Constant(nan)));
+      vectors_.set(row, Vector3<double>(Vector3<double>::Constant(nan)));
+      shapes_.set(row, Matrix6<double>(Matrix6<double>::Constant(nan)));
+    }
+  }
+
+  [[nodiscard]] py::object log(const Items& time) {
+    return py::module_::import("elliptude.results")
+        .attr("GuaranteedLog")(to_array(time.dynamic_vector()), attitudes_.array(), vectors_.array(), shapes_.array(),
+                               claims_, prediction_used_, updated_, dropped_, margins_.array());
+  }
+
+ private:
+  Index sensors_;
+  Results attitudes_;
+  Results vectors_;
+  Results shapes_;
+  Results margins_;
+  py::array_t<std::uint8_t> claims_;
+  py::array_t<bool> prediction_used_;
+  py::array_t<bool> updated_;
+  py::array_t<bool> dropped_;
+  std::uint8_t* claim_data_;
+  bool* used_data_;
+  bool* updated_data_;
+  bool* dropped_data_;
+};
+
+/// Predicts to each row of a log by `predict`, and fuses what it holds, without the interpreter's lock.
+/// \param row that the loop is at, for whoever catches an exception.
+template <typename Filter, typename Predict>
+void run_rows(Filter& filter, const MeasuredLog& log, const SensorNames& names, Index rows, const Predict& predict,
+              LogRows& out, Index& row) {
+  const py::gil_scoped_release release;
+  Measured measured;
+  for (Index i = 0; i < rows; ++i) {
+    row = i;
+    if (i % 256 == 255) {
+      const py::gil_scoped_acquire acquire;
+      if (PyErr_CheckSignals() != 0) {
+        throw py::error_already_set();
+      }
+    }
+    predict(i);
+    log.read(i, measured);
+    GuaranteedUpdate<double> update;
+    update.margin = nan;
+    if (measured.any()) {
+      update = fuse(filter, measured, names);
+    }
+    out.set(i, filter, measured, update);
+  }
+}
+
+template <typename Filter>
+void require_forward(const Items& time, Index row, const Filter& filter) {
+  if (!(time[0][row] >= filter.time())) {
+    value_error("times must not go backwards, but times[" + std::to_string(row) + "] is " + text(time[0][row]) +
+                " s after " + text(filter.time()) + " s");
+  }
+}
+
+/// From which row on each is predicted, (n,) integers.
+class Anchors {
+ public:
+  Anchors(const py::object& value, Index rows) : rows_(single(value, "anchors", {rows})) {
+    for (Index i = 0; i < rows; ++i) {
+      const double anchor = rows_[0][i];
+      if (anchor != static_cast<double>(i - 1) && (i == 0 || anchor != rows_[0][i - 1])) {
+        value_error("anchors[" + std::to_string(i) + "] must be " + std::to_string(i - 1) +
+                    ", the row before (-1: the filter as it is)" +
+                    (i == 0 ? "" : ", or " + text(rows_[0][i - 1]) + " as for that row") + ", but is " + text(anchor));
+      }
+    }
+  }
+
+  [[nodiscard]] bool begins_at_row_before(Index row) const noexcept {
+    return rows_[0][row] == static_cast<double>(row - 1);
+  }
+
+ private:
+  Items rows_;
+};
+
+}  // namespace
+
+template <typename Loop>
+py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, const Loop& loop) {
+  LogRows out(time.item()[0], directions);
+  AnyFilter working = filter_;
+  Index row = 0;
+  try {
+    loop(working, out, row);
+  } catch (InconsistentSets& error) {
+    filter_ = working;  // as it was predicted to the row: the user may go on from there
+    error.set_row(row);
+    throw;
+  } catch (const py::value_error& error) {
+    throw RowFault(error.what(), row);
+  }
+  filter_ = working;
+  return out.log(time);
+}
+
 py::object PythonGuaranteedFilter::run(const py::object& times, const py::object& directions,
                                        const py::object& reference, const py::object& bounds,
                                        const py::object& angular_velocity, const py::object& rate_bound,
@@ -428,95 +608,73 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
     }
   }
 
-  Results attitudes_out({rows}, {3, 3});
-  Results vectors_out({rows}, {3});
-  Results shapes_out({rows}, {6, 6});
-  Results margins_out({rows}, {});
-  py::array_t<std::uint8_t> claims_out(rows);
-  py::array_t<bool> prediction_used(rows);
-  py::array_t<bool> updated_out(rows);
-  py::array_t<bool> dropped({rows, m + 2});
-  std::uint8_t* claim_data = claims_out.mutable_data();
-  bool* used_data = prediction_used.mutable_data();
-  bool* updated_data = updated_out.mutable_data();
-  bool* dropped_data = dropped.mutable_data();
-
-  AnyFilter working = filter_;
-  Index row = 0;  // that the loop is at
-  const auto go = [&](auto& filter) {
-    const py::gil_scoped_release release;
-    Measured measured;
-    for (Index i = 0; i < rows; ++i) {
-      row = i;
-      if (i % 256 == 255) {
-        const py::gil_scoped_acquire acquire;
-        if (PyErr_CheckSignals() != 0) {
-          throw py::error_already_set();
-        }
-      }
-      Inputs inputs;
-      const Index before = std::max<Index>(i - 1, 0);  // a gyro's row is of the interval that it begins
-      if (rates) {
-        inputs.set_gyro(Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before),
-                        "gyro[" + std::to_string(before) + "]");
-      }
-      if (increments && !(*increments->row(before) != *increments->row(before))) {
-        inputs.increment = *increments->row(before);
-        if (!(inputs.increment >= 0) || !scalar::isfinite(inputs.increment)) {
-          value_error("increment[" + std::to_string(before) + "] must not be negative, but is " +
-                      text(inputs.increment) + " rad; NaN where none is known");
-        }
-      }
-      if (torques) {
-        inputs.control_torque = Eigen::Map<const Vector3<double>>(torques->row(i));
-      }
-      if (wheels) {
-        inputs.wheel_momentum = Eigen::Map<const Vector3<double>>(wheels->row(i));
-      }
-      if (!(time[0][i] >= filter.time())) {
-        value_error("times must not go backwards, but times[" + std::to_string(i) + "] is " + text(time[0][i]) +
-                    " s after " + text(filter.time()) + " s");
-      }
-      predict_to(filter, time[0][i], inputs);
-
-      log.read(i, measured);
-      GuaranteedUpdate<double> update;
-      update.margin = nan;
-      updated_data[i] = measured.any();
-      if (measured.any()) {
-        update = fuse(filter, measured, names);
-      }
-      std::fill_n(dropped_data + i * (m + 2), m + 2, false);
-      measured.for_each(update.dropped, m, [&](Index column) { dropped_data[i * (m + 2) + column] = true; });
-      used_data[i] = measured.any() ? update.prediction_used : filter.knows_attitude();
-      margins_out.set(i, update.margin);
-      claim_data[i] = static_cast<std::uint8_t>(filter.claim());
-      if (filter.knows_attitude()) {
-        const auto& set = filter.ellipsoid();
-        attitudes_out.set(i, set.center.attitude);
-        vectors_out.set(i, vector_part(set.center));
-        shapes_out.set(i, set.shape);
-      } else {
-        attitudes_out.set(i, Matrix3<double>(Matrix3<double>::Constant(nan)));
-        vectors_out.set(i, Vector3<double>(Vector3<double>::Constant(nan)));
-        shapes_out.set(i, Matrix6<double>(Matrix6<double>::Constant(nan)));
-      }
-    }
+  const auto loop = [&](AnyFilter& any, LogRows& out, Index& row) {
+    std::visit(
+        [&](auto& filter) {
+          const auto predict = [&](Index i) {
+            Inputs inputs;
+            const Index before = std::max<Index>(i - 1, 0);  // a gyro's row is of the interval that it begins
+            if (rates) {
+              inputs.set_gyro(Eigen::Map<const Vector3<double>>((*rates)[0] + 3 * before),
+                              "gyro[" + std::to_string(before) + "]");
+            }
+            if (increments && !(*increments->row(before) != *increments->row(before))) {
+              inputs.increment = *increments->row(before);
+              if (!(inputs.increment >= 0) || !scalar::isfinite(inputs.increment)) {
+                value_error("increment[" + std::to_string(before) + "] must not be negative, but is " +
+                            text(inputs.increment) + " rad; NaN where none is known");
+              }
+            }
+            if (torques) {
+              inputs.control_torque = Eigen::Map<const Vector3<double>>(torques->row(i));
+            }
+            if (wheels) {
+              inputs.wheel_momentum = Eigen::Map<const Vector3<double>>(wheels->row(i));
+            }
+            require_forward(time, i, filter);
+            predict_to(filter, time[0][i], inputs);
+          };
+          run_rows(filter, log, names, rows, predict, out, row);
+        },
+        any);
   };
-  try {
-    std::visit(go, working);
-  } catch (InconsistentSets& error) {
-    filter_ = working;  // as it was predicted to the row: the user may go on from there
-    error.set_row(row);
-    throw;
-  } catch (const py::value_error& error) {
-    throw RowFault(error.what(), row);
+  return run_log(time, m, loop);
+}
+
+py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::object& turns,
+                                             const py::object& turn_bounds, const py::object& anchors,
+                                             const py::object& directions, const py::object& reference,
+                                             const py::object& bounds, const py::object& attitude,
+                                             const py::object& attitude_bound, const py::object& sensors) {
+  const std::unique_lock lock = exclusive(*mutex_);
+  if (!has_gyro()) {
+    throw py::type_error("run_turns is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
   }
-  filter_ = working;
-  return py::module_::import("elliptude.results")
-      .attr("GuaranteedLog")(to_array(time.dynamic_vector()), attitudes_out.array(), vectors_out.array(),
-                             shapes_out.array(), claims_out, prediction_used, updated_out, dropped,
-                             margins_out.array());
+  const Items time = single(times, "times", {any_length});
+  const Index rows = time.item()[0];
+  require_bounds(directions, reference, bounds, py::none(), py::none(), attitude, attitude_bound);
+  const MeasuredLog log(rows, directions, reference, bounds, py::none(), py::none(), attitude, attitude_bound);
+  const SensorNames names(sensors, log.directions(), false, !attitude.is_none());
+  const Items turn = single(turns, "turns", {rows, 3});
+  const Items angle(turn_bounds, "turn_bounds", {rows}, Items::Require::anything, Items::Batch::none);
+  const Anchors from(anchors, rows);
+  const auto loop = [&](AnyFilter& any, LogRows& out, Index& row) {
+    auto& filter = std::get<GyroFilter>(any);
+    GyroFilter anchor = filter;
+    const auto predict = [&](Index i) {
+      if (from.begins_at_row_before(i)) {
+        anchor = filter;
+      } else {
+        filter = anchor;
+      }
+      require_forward(time, i, filter);
+      const std::string place = "[" + std::to_string(i) + "]";
+      turn_to(filter, time[0][i], Eigen::Map<const Vector3<double>>(turn[0] + 3 * i), "turns" + place, angle[0][i],
+              "turn_bounds" + place);
+    };
+    run_rows(filter, log, names, rows, predict, out, row);
+  };
+  return run_log(time, log.directions(), loop);
 }
 
 }  // namespace elliptude::python

@@ -63,6 +63,8 @@ class PythonGuaranteedFilter {
   void predict(const py::object& time, const py::object& control_torque, const py::object& wheel_momentum,
                const py::object& gyro, const py::object& increment);
 
+  void predict_turn(const py::object& time, const py::object& turn, const py::object& turn_bound);
+
   [[nodiscard]] py::object update(const py::object& directions, const py::object& reference, const py::object& bounds,
                                   const py::object& angular_velocity, const py::object& rate_bound,
                                   const py::object& attitude, const py::object& attitude_bound,
@@ -77,6 +79,11 @@ class PythonGuaranteedFilter {
                                const py::object& control_torque, const py::object& wheel_momentum,
                                const py::object& sensors);
 
+  [[nodiscard]] py::object run_turns(const py::object& times, const py::object& turns, const py::object& turn_bounds,
+                                     const py::object& anchors, const py::object& directions,
+                                     const py::object& reference, const py::object& bounds, const py::object& attitude,
+                                     const py::object& attitude_bound, const py::object& sensors);
+
   [[nodiscard]] int traverse(visitproc visit, void* arg) const noexcept {
     Py_VISIT(flow_.ptr());
     return 0;
@@ -90,6 +97,10 @@ class PythonGuaranteedFilter {
   template <typename Filter>
   void make(const typename Filter::Flow& flow, const typename Filter::Settings& settings, double time,
             const std::optional<AnyStateEllipsoid>& start);
+
+  /// What a log's rows become by `loop`, of a filter, rows to fill and the row that it is at.
+  template <typename Loop>
+  [[nodiscard]] py::object run_log(const Items& time, Index directions, const Loop& loop);
 
   [[nodiscard]] bool has_gyro() const noexcept { return std::holds_alternative<GyroFilter>(filter_); }
 

@@ -464,7 +464,11 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     GuaranteedUpdate<Scalar> update;
     tally.add(filter.update({nullptr, 0, nullptr, &star}, update));
     tally.add(filter.predict(Scalar(2) * seeds.step, {seeds.rate, Scalar(-1)}));
+    tally.add(filter.predict_turn(Scalar(3) * seeds.step, seeds.zeta, seeds.step));
     tally.add(filter.ellipsoid().shape);
+    GibbsEllipsoid<GyroState<Scalar>> turned;
+    tally.add(flow.predict_attitude_turn(seeds.step, seeds.zeta, seeds.step, {seeds.rate, small}, filter.ellipsoid(),
+                                         turned));
     Ellipsoid<Scalar, 3> bias;
     tally.add(flow.predict_vector(Scalar(0), seeds.step, {seeds.rate, Scalar(-1)}, {seeds.rate, small}, bias));
     tally.add(bias.shape);

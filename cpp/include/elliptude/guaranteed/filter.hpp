@@ -193,46 +193,37 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
   /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
-    const Scalar duration = time - time_;
-    if (known_.has_attitude) {
-      Set predicted;
-      Status status = predicted_set(duration, input, predicted);
-      // A rigid body's flow has factored the shape itself.
-      if (status == Status::ok && (measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
-        known_.set = predicted;
-        time_ = time;
-        return Status::ok;
-      }
-      status = status == Status::ok ? Status::unbounded : status;
-      if (status == Status::interrupted ||
-          (status != Status::unbounded && (settings_.policy == Policy::raise || !predicts_another(duration, input)))) {
-        return status;
-      }
-    }
-    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
-    bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
-    if (has_vector) {
-      const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
-      // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
-      const bool is_flat = status == Status::not_positive_definite && settings_.policy != Policy::raise;
-      if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
-        return status;
-      }
-      has_vector = status == Status::ok && can_be_kept(vector);
-    } else if (!scalar::isfinite(duration)) {
+    return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      return predicted_set(duration, input, set, predicted);
+    });
+  }
+
+  /// Moves the set of a gyro's filter over a turn that is known but for an angle, however it was measured: rates that were added
+  /// up, of which the errors partly cancel, or a turntable. One filter may be copied and predicted to many times, so that each
+  /// row of a log is predicted from one before it in one piece. (theory, section 18.6)
+  /// \param turn rotation vector in the body axes at the filter's time, rad.
+  /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
+  /// \return what `predict` says, and `out_of_range` of a negative angle.
+  [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    static_assert(!measures_rate, "a rigid body's flow predicts the angular velocity, which a turn does not tell");
+    if (!scalar::all_finite(turn) || !(angle == angle)) {
       return Status::not_finite;
-    } else if (!(duration >= Scalar(0))) {
+    }
+    if (!(angle >= Scalar(0))) {
       return Status::out_of_range;
     }
-    known_.vector = vector;
-    known_.has_vector = has_vector;
-    known_.has_attitude = false;
-    if (!has_vector) {
-      trust_ = {};  // nothing is left that could rest on what was dropped
-    }
-    claim_ = Claim::none;
-    time_ = time;
-    return Status::ok;
+    return predict_by(time, Input{}, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      if (!scalar::isfinite(duration)) {
+        return Status::not_finite;
+      }
+      if (turns_too_far(turn)) {
+        return beyond_all_turns();
+      }
+      if (!settings_.estimates_vector && known_.has_vector_bound) {
+        return flow_.predict_attitude_turn(duration, turn, angle, known_.vector_bound, set, predicted);
+      }
+      return flow_.predict_turn(duration, turn, angle, set, predicted);
+    });
   }
 
   /// Fuses all measurements of one moment with the prediction, at once. Where the attitude is not known they may start it.
@@ -403,27 +394,80 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
   }
 
-  [[nodiscard]] Status predicted_set(const Scalar& duration, const Input& input, Set& predicted) const noexcept {
-    if constexpr (!measures_rate) {
-      const Vector3<Scalar> turn = duration * input.angular_velocity;
-      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) &&
-          !(turn.cwiseAbs().maxCoeff() <= FilterDomain<Scalar>::largest())) {
-        return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+  /// \param move from a duration and a set to the set that is predicted, as `Flow::predict`.
+  template <typename Move>
+  [[nodiscard]] Status predict_by(const Scalar& time, const Input& input, const Move& move) noexcept {
+    const Scalar duration = time - time_;
+    if (known_.has_attitude) {
+      Set predicted;
+      Status status = move(duration, known_.set, predicted);
+      // A rigid body's flow has factored the shape itself.
+      if (status == Status::ok && (measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
+        known_.set = predicted;
+        time_ = time;
+        return Status::ok;
       }
-      if (!settings_.estimates_vector && known_.has_vector_bound) {
-        return flow_.predict_attitude(time_, duration, input, known_.vector_bound, known_.set, predicted);
+      status = status == Status::ok ? Status::unbounded : status;
+      if (status == Status::interrupted ||
+          (status != Status::unbounded && (settings_.policy == Policy::raise || !predicts_another(duration, move)))) {
+        return status;
       }
     }
-    return flow_.predict(time_, duration, input, known_.set, predicted);
+    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
+    bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
+    if (has_vector) {
+      const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
+      // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
+      const bool is_flat = status == Status::not_positive_definite && settings_.policy != Policy::raise;
+      if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
+        return status;
+      }
+      has_vector = status == Status::ok && can_be_kept(vector);
+    } else if (!scalar::isfinite(duration)) {
+      return Status::not_finite;
+    } else if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    known_.vector = vector;
+    known_.has_vector = has_vector;
+    known_.has_attitude = false;
+    if (!has_vector) {
+      trust_ = {};  // nothing is left that could rest on what was dropped
+    }
+    claim_ = Claim::none;
+    time_ = time;
+    return Status::ok;
   }
 
-  /// Whether a prediction over this time and with this input fails for the set, and not for what the user has given: a small set
-  /// at rest can be predicted.
-  [[nodiscard]] bool predicts_another(const Scalar& duration, const Input& input) const noexcept {
+  [[nodiscard]] Status predicted_set(const Scalar& duration, const Input& input, const Set& set,
+                                     Set& predicted) const noexcept {
+    if constexpr (!measures_rate) {
+      const Vector3<Scalar> turn = duration * input.angular_velocity;
+      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) && turns_too_far(turn)) {
+        return beyond_all_turns();
+      }
+      if (!settings_.estimates_vector && known_.has_vector_bound) {
+        return flow_.predict_attitude(time_, duration, input, known_.vector_bound, set, predicted);
+      }
+    }
+    return flow_.predict(time_, duration, input, set, predicted);
+  }
+
+  [[nodiscard]] static bool turns_too_far(const Vector3<Scalar>& turn) noexcept {
+    return !(turn.cwiseAbs().maxCoeff() <= FilterDomain<Scalar>::largest());
+  }
+
+  [[nodiscard]] Status beyond_all_turns() const noexcept {
+    return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+  }
+
+  /// Whether a prediction fails for the set, and not for what the user has given: a small set at rest can be predicted.
+  template <typename Move>
+  [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
     Set another{{known_.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
     another.shape *= scalar::constant<Scalar>(1e-6L);
     Set ignored;
-    const Status status = flow_.predict(time_, duration, input, another, ignored);
+    const Status status = move(duration, another, ignored);
     return status == Status::ok || status == Status::unbounded;
   }
 

@@ -398,6 +398,32 @@ class GuaranteedGyroFlow {
     return Status::ok;
   }
 
+  /// Over an interval in which the body turned by `turn`, and before, after or within that by a turn of at most `angle` about any
+  /// axis: what rates add up to, and how far that may be off. The bias has drifted. (theory, section 18.6)
+  /// \param turn rotation vector in the body axes at the beginning, rad.
+  /// \param angle rad; anything from π on says nothing of the attitude.
+  /// \return `not_finite`, but an infinite angle is none; `out_of_range` of a negative duration or angle; `not_positive_definite` of
+  /// a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
+                                    const GibbsEllipsoid<State>& ellipsoid,
+                                    GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(duration) || !scalar::all_finite(turn) || !(angle == angle)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0)) || !(angle >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    const Matrix3<Scalar> f = exp(turn);
+    // What F and the center are off by rounding is one more turn of the body, and a little of the errors themselves (theory,
+    // section 17.8).
+    const Scalar slip = rounding::share<Scalar>(rounding::turn) +
+                        rounding::share<Scalar>(rounding::turn_by_angle) * scalar::sqrt(Scalar(turn.squaredNorm()));
+    const GibbsEllipsoid<State> turned{
+        {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias},
+        congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
+    return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
+  }
+
   /// The attitude alone, of a bias that may be anywhere in its bound at every time: what it does to the rate is bounded as the
   /// noise is, and nothing is said of where it is afterwards. (theory, section 16.7)
   /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
@@ -406,25 +432,36 @@ class GuaranteedGyroFlow {
                                         const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
                                         GibbsEllipsoid<State>& result) const noexcept {
     GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.drift.setZero();
     flow.uncertainty_.noise = sum_of_shapes(uncertainty_.noise, bias.shape);
     flow.uncertainty_.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
-    flow.uncertainty_.drift.setZero();
     Input given = input;
     if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
       given.increment += rounding::enlarged(Scalar(duration * detail::tube::radius(bias.shape)), rounding::product);
     }
-    GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
-    set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
-    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) *
-                                                        rounding::share<Scalar>(1));  // a set is not flat
     GibbsEllipsoid<State> predicted;
-    if (const Status status = flow.predict(time, duration, given, set, predicted); status != Status::ok) {
+    if (const Status status = flow.predict(time, duration, given, with_next_to_no_bias(bias, ellipsoid), predicted);
+        status != Status::ok) {
       return status;
     }
-    predicted.shape.template bottomLeftCorner<3, 3>().setZero();
-    predicted.shape.template topRightCorner<3, 3>().setZero();
-    predicted.shape.template bottomRightCorner<3, 3>() = bias.shape;
-    result = predicted;
+    result = with_bias(bias, predicted);
+    return Status::ok;
+  }
+
+  /// The attitude alone over a turn, as `predict_attitude`.
+  /// \return what `predict_turn` says.
+  [[nodiscard]] Status predict_attitude_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
+                                             const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
+                                             GibbsEllipsoid<State>& result) const noexcept {
+    GuaranteedGyroFlow flow = *this;
+    flow.uncertainty_.drift.setZero();
+    GibbsEllipsoid<State> predicted;
+    if (const Status status =
+            flow.predict_turn(duration, turn, angle, with_next_to_no_bias(bias, ellipsoid), predicted);
+        status != Status::ok) {
+      return status;
+    }
+    result = with_bias(bias, predicted);
     return Status::ok;
   }
 
@@ -462,18 +499,46 @@ class GuaranteedGyroFlow {
     return input.is_measured && (longest < Scalar(0) || duration <= longest);
   }
 
-  /// Over an interval of which nothing is known but that the body turns by no more than an angle, about any axis: the center
-  /// stays, and the errors move by at most what (17.10) says. (theory, section 17.6)
-  /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
+  /// A set's attitude beside a bias that is as good as known, as a set is not flat.
+  [[nodiscard]] static GibbsEllipsoid<State> with_next_to_no_bias(const Ellipsoid<Scalar, 3>& bias,
+                                                                  const GibbsEllipsoid<State>& ellipsoid) noexcept {
+    GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
+    set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
+    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) * rounding::share<Scalar>(1));
+    return set;
+  }
+
+  /// A set's attitude beside a bias that is in its bound.
+  [[nodiscard]] static GibbsEllipsoid<State> with_bias(const Ellipsoid<Scalar, 3>& bias,
+                                                       const GibbsEllipsoid<State>& ellipsoid) noexcept {
+    GibbsEllipsoid<State> set = ellipsoid;
+    set.shape.template bottomLeftCorner<3, 3>().setZero();
+    set.shape.template topRightCorner<3, 3>().setZero();
+    set.shape.template bottomRightCorner<3, 3>() = bias.shape;
+    return set;
+  }
+
+  /// Over an interval of which nothing is known but that the body turns by no more than an angle.
+  /// \return what `predict_any_turn` says; `unbounded` if no such angle is known.
   [[nodiscard]] Status predict_unmeasured(const Scalar& duration, const GibbsEllipsoid<State>& ellipsoid,
                                           GibbsEllipsoid<State>& result) const noexcept {
     if (!(uncertainty_.largest_rate >= Scalar(0))) {
       return Status::unbounded;
     }
+    return predict_any_turn(duration, Scalar(uncertainty_.largest_rate * duration), Scalar(0), ellipsoid, result);
+  }
+
+  /// Over a turn about any axis by no more than an angle: the center stays, and the errors move by at most what (17.10) says.
+  /// (theory, section 17.6)
+  /// \param slip what each error is off by besides, of itself.
+  /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
+  [[nodiscard]] Status predict_any_turn(const Scalar& duration, const Scalar& angle, const Scalar& slip,
+                                        const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
     const Scalar half_angle = scalar::atan2(Scalar(half * before), Scalar(1));
-    const Scalar half_turn = half * uncertainty_.largest_rate * duration;
+    const Scalar half_turn = half * angle;
     if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
       return Status::unbounded;
     }
@@ -481,7 +546,7 @@ class GuaranteedGyroFlow {
     const Scalar moved =
         Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
     std::array<Matrix6<Scalar>, 2> others;
-    others[0] = detail::tube::attitude_ball(rounding::enlarged(moved, rounding::bound));
+    others[0] = detail::tube::attitude_ball(rounding::enlarged(Scalar(moved + slip * before), rounding::bound));
     others[1].setZero();
     others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
     Matrix6<Scalar> sum;

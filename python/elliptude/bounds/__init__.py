@@ -1,0 +1,1 @@
+"""What is known of errors, as bounds of measured angles and turns. NumPy alone."""

@@ -1,0 +1,330 @@
+"""What a gyro may be off, and how far the attitudes that follow from its rates may be off by that.
+
+NumPy alone; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.4.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elliptude.bounds.arguments import increasing_times, require_fraction, require_not_negative, vector_rows
+from elliptude.bounds.turns import (
+    quaternions_from_rates,
+    rotation_vectors,
+    rotations_from_quaternions,
+    running_integral,
+)
+from elliptude.typing import FloatArray
+
+_SQRT3 = math.sqrt(3.0)
+# Of the usual interval: one sample lost is more, and what a clock's ticks do to it is less.
+_TIMES_USUAL = 1.5
+
+
+def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
+    """Up to which interval a gyro's error bounds speak, s.
+
+    Parameters
+    ----------
+    intervals : (M,) array
+        Between its samples, s.
+    stated : float or None
+        What a configuration or a rule says. If nothing, bounds are of the usual interval, and 1.5 times the median is
+        the longest.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If most of the intervals are longer than what is stated.
+    """
+    usual = float(np.median(intervals)) if len(intervals) else np.inf
+    if stated is None:
+        return _TIMES_USUAL * usual
+    if usual > stated and len(intervals):
+        raise ValueError(
+            f"the gyro's samples are {usual:.6g} s apart, but its error bounds speak of at most {stated:.6g} s "
+            "(longest_interval_s): state bounds that hold between these samples"
+        )
+    return stated
+
+
+@dataclass(frozen=True)
+class GyroBounds:
+    """What a gyro may be off: it shows (I + K) ω + b + v. Section 18.4.
+
+    Parameters
+    ----------
+    noise : float
+        Of ‖v‖ at every instant, rad/s.
+    bias : float
+        Of ‖b‖, what is left of the bias after the known one was subtracted, rad/s.
+    drift : float
+        How fast the bias changes, rad/s².
+    scale_error : float
+        Of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
+    increment : float
+        Of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window where the noise changes sign.
+    longest_interval : float
+        Between samples, s: up to it ``noise`` includes what the rate does there. Nothing above speaks of a longer one.
+    largest_rate : float
+        Of the true rate at every instant, rad/s: all that is known of a longer interval. Infinite where it is not.
+    """
+
+    noise: float
+    bias: float = 0.0
+    drift: float = 0.0
+    scale_error: float = 0.0
+    increment: float = np.inf
+    longest_interval: float = np.inf
+    largest_rate: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check."""
+        for name in ("noise", "bias", "drift"):
+            require_not_negative(name, getattr(self, name))
+        require_fraction("scale_error", self.scale_error)
+        if not self.increment >= 0.0:
+            raise ValueError(f"increment must be at least 0, not {self.increment}")
+        if not self.longest_interval > 0.0:
+            raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
+        if not self.largest_rate >= 0.0:
+            raise ValueError(f"largest_rate must be at least 0, not {self.largest_rate}")
+
+    def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
+        """Steps between rows of which nothing but ``largest_rate`` is known.
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing.
+        angular_velocities : (N, 3) array
+            NaN where nothing was measured: both steps beside such a row are gaps.
+
+        Returns
+        -------
+        (N - 1,) array of bool
+        """
+        missing = np.asarray(np.isnan(angular_velocities).any(axis=1))
+        gaps: NDArray[np.bool_] = (np.diff(times) > self.longest_interval) | missing[1:] | missing[:-1]
+        return gaps
+
+    def turns_over_gaps(self, durations: ArrayLike) -> FloatArray:
+        """How far the body may turn in gaps so long (s), rad: the angle of a rotation is at most pi."""
+        angles: FloatArray = np.minimum(self.largest_rate * np.asarray(durations, dtype=np.float64), np.pi)
+        return angles
+
+    def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
+        """Bound of the rate's error without the noise, (18.9): what does not average out.
+
+        Parameters
+        ----------
+        angular_speeds : (...) array
+            Norms of measured rates, rad/s.
+        elapsed : (...) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        (...) array
+            rad/s.
+        """
+        bias = self.bias + self.drift * np.asarray(elapsed, dtype=np.float64)
+        speeds = np.asarray(angular_speeds, dtype=np.float64)
+        steady: FloatArray = bias + self.scale_error * (speeds + bias + self.noise) / (1.0 - self.scale_error)
+        return steady
+
+    def rate_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
+        """Bound of the rate's error at an instant, (18.9): over a step h it turns a prediction by at most h times this.
+
+        Parameters
+        ----------
+        angular_speeds : (...) array
+            Norms of measured rates, rad/s.
+        elapsed : (...) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        (...) array
+            rad/s.
+        """
+        return self.noise + self.steady_error(angular_speeds, elapsed)
+
+    def window_angle(self, times: ArrayLike, angular_velocities: ArrayLike, elapsed: ArrayLike = 0.0) -> float:
+        """Bound of the angle by which the turn over all rows is off, (18.10); in a gap the turn counts as none.
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing.
+        angular_velocities : (N, 3) array
+            Measured, rad/s.
+        elapsed : (N,) array
+            Time since the bias was known, s.
+
+        Returns
+        -------
+        float
+            rad.
+        """
+        stamps = increasing_times(times)
+        rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
+        speeds = np.linalg.norm(rates, axis=1)
+        errors = np.broadcast_to(self.steady_error(speeds, elapsed), speeds.shape)
+        gaps = self.gaps(stamps, rates)
+        angle = float(self.turns_over_gaps(np.diff(stamps)[gaps]).sum())
+        ends = np.flatnonzero(gaps) + 1
+        for first, stop in zip([0, *ends], [*ends, len(stamps)], strict=True):
+            piece = slice(first, stop)
+            duration = stamps[stop - 1] - stamps[first]
+            angle += float(self._noise_angle(duration, np.trapezoid(speeds[piece], stamps[piece]), duration))
+            angle += float(np.trapezoid(errors[piece], stamps[piece]))
+        return angle
+
+    def noise_rate(self, duration: float, turned: float) -> float:
+        """The noise bound to give to one prediction that spans a window, (18.10), rad/s.
+
+        Parameters
+        ----------
+        duration : float
+            Of the window, s.
+        turned : float
+            The angle that the measured rate turned in it, rad.
+
+        Returns
+        -------
+        float
+        """
+        if not duration > 0.0:
+            raise ValueError(f"duration must be positive, not {duration}")
+        return float(self._noise_angle(duration, turned, duration)) / duration
+
+    def anchored_turns(self, times: ArrayLike, angular_velocities: ArrayLike, duration: float) -> "AnchoredTurns":
+        """Predictions that span a window, so that the increment bound is worth something, (18.12).
+
+        Every row is reached from an anchor, the last one before it of rows about ``duration`` apart. Over a gap the row
+        behind it is reached from the one before it: the turn counts as none, and may be any at the largest rate.
+
+        Parameters
+        ----------
+        times : (N,) array
+            s, increasing; the bias was known at the first.
+        angular_velocities : (N, 3) array
+            Measured, the known bias subtracted, rad/s; NaN where nothing was.
+        duration : float
+            Between anchors, s.
+
+        Returns
+        -------
+        AnchoredTurns
+        """
+        stamps = increasing_times(times)
+        rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
+        if not 0.0 < duration < np.inf:
+            raise ValueError(f"duration must be positive and finite, not {duration}")
+        anchors = np.zeros(len(stamps), dtype=np.intp)
+        mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
+        angles = np.zeros(len(stamps))
+        angles_turned = np.zeros(len(stamps))
+        over_gap = np.zeros(len(stamps), dtype=np.bool_)
+        over_gap[1:] = self.gaps(stamps, rates)
+        gaps = np.flatnonzero(over_gap)
+        anchor = 0
+        while anchor < len(stamps) - 1:
+            if over_gap[anchor + 1]:
+                anchors[anchor + 1], noise[anchor + 1] = anchor, self.largest_rate
+                angles[anchor + 1] = self.turns_over_gaps(stamps[anchor + 1] - stamps[anchor])
+                anchor += 1
+                continue
+            following = int(np.searchsorted(stamps, stamps[anchor] + duration * (1.0 + 1e-9), side="right")) - 1
+            next_gap = int(np.searchsorted(gaps, anchor, side="right"))
+            if next_gap < len(gaps):
+                following = min(following, int(gaps[next_gap]) - 1)
+            piece = slice(anchor, max(following, anchor + 1) + 1)
+            spans = stamps[piece] - stamps[anchor]
+            with np.errstate(over="ignore", invalid="ignore"):
+                speeds = np.linalg.norm(rates[piece], axis=1)
+                elapsed, turned = stamps[piece] - stamps[0], running_integral(spans, speeds)
+                errors = running_integral(spans, self.steady_error(speeds, elapsed))
+                errors += self._noise_angle(spans, turned, spans)
+                quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
+                turns = rotation_vectors(quaternions)
+                by_matrix = running_integral(
+                    spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])
+                )
+                errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
+            # Beyond all numbers the turn may be any.
+            lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
+            turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
+            # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
+            half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
+            rows = slice(anchor + 1, piece.stop)
+            anchors[rows], angles[rows], angles_turned[rows] = anchor, errors[1:], turned[1:]
+            mean_rates[rows] = turns[1:] / spans[1:, None]
+            noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
+            anchor = piece.stop - 1
+        return AnchoredTurns(anchors, mean_rates, noise, angles, angles_turned, over_gap)
+
+    def _angle_with_one_matrix(
+        self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
+    ) -> FloatArray:
+        """Bound of the angle, (18.13): the scale error of the turn back undoes that of the turn there."""
+        # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
+        scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
+        of_scale = _SQRT3 * scale * _largest_stretch(by_matrix)
+        of_noise = other * np.minimum(self.noise * spans, self.increment * (1.0 + turned))
+        farthest = np.maximum.accumulate(of_scale + of_noise)
+        second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
+        of_bias = other * running_integral(spans, self.bias + self.drift * elapsed)
+        angle: FloatArray = of_scale + of_noise + second_order + of_bias
+        return angle
+
+    def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
+        """Either of two bounds, the smaller: linear in time, or from the increment."""
+        linear = self.noise * np.asarray(duration, dtype=np.float64)
+        if np.isinf(self.increment):
+            return linear
+        return np.minimum(linear, self._increment_angle(turned, longest))
+
+    def _increment_angle(self, turned: FloatArray | float, longest: FloatArray | float) -> FloatArray:
+        swept = self.increment * (1.0 + np.asarray(turned, dtype=np.float64))
+        angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
+        return angle
+
+
+@dataclass(frozen=True, eq=False)
+class AnchoredTurns:
+    """How each row's attitude follows from that of an earlier row, its anchor."""
+
+    anchors: NDArray[np.intp]
+    """Row of the anchor, shape (N,); 0 for the first row, which is its own."""
+    rates: FloatArray
+    """The constant rate that turns the anchor's attitude into the row's, rad/s, shape (N, 3), at most pi in all."""
+    noise: FloatArray
+    """Bound of that rate's error, bias included, rad/s, shape (N,); enormous where the turn may be a whole one."""
+    angles: FloatArray
+    """Bound of the angle between this turn and the true one, without rounding, rad, shape (N,)."""
+    turned: FloatArray
+    """The integral of the measured rates' norm since the anchor, which rounding grows with, rad, shape (N,)."""
+    over_gap: NDArray[np.bool_]
+    """Whether nothing but the largest rate is known between anchor and row, shape (N,)."""
+
+
+def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:
+    """The matrices (N, 3, 9) that take the entries of K' to C K' ω."""
+    effects: FloatArray = attitudes[:, :, :, None] * rates[:, None, None, :]
+    return effects.reshape(-1, 3, 9)
+
+
+def _largest_stretch(matrices: FloatArray) -> FloatArray:
+    """Largest singular values of matrices (N, 3, 9); NaN where an entry or its square is no number."""
+    squares = matrices @ matrices.transpose(0, 2, 1)
+    missing = np.logical_not(np.isfinite(squares).all(axis=(1, 2)))
+    values = np.linalg.eigvalsh(np.where(missing[:, None, None], 0.0, squares))[:, -1]
+    return np.where(missing, np.nan, np.sqrt(np.maximum(values, 0.0)))

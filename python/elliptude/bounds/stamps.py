@@ -1,0 +1,111 @@
+"""Stamps that are off: how far a direction turns within an offset, and late values put where they belong.
+
+NumPy alone; SI units and radians; rows are instants. Derivation: docs/theory.md, section 18.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.typing import FloatArray
+
+
+def time_offset_angles(
+    times: ArrayLike,
+    angular_velocities: ArrayLike,
+    offset: float,
+    *,
+    gyro: GyroBounds | None = None,
+    angular_acceleration: float = 0.0,
+) -> FloatArray:
+    """How far a direction in body axes may turn between the time on the stamp and the true one, (18.8).
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    angular_velocities : (N, 3) array
+        Measured, rad/s, body axes.
+    offset : float
+        Bound τ of the difference between stamp and true time, s.
+    gyro : GyroBounds, optional
+        Of the measured rates; exact if left out. In its gaps the rate is at most its largest one.
+    angular_acceleration : float
+        Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
+
+    Returns
+    -------
+    (N,) array
+        rad; NaN where a rate is missing near the row and no largest one is stated. Before the first and after the last
+        row the rate counts as that of the row, changing by the angular acceleration.
+    """
+    require_not_negative("offset", offset)
+    require_not_negative("angular_acceleration", angular_acceleration)
+    stamps = increasing_times(times)
+    rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
+    speeds = np.linalg.norm(rates, axis=1)
+    if offset == 0.0:
+        return np.zeros_like(stamps)
+    # Between rows: at most the larger of both, but in a gap.
+    fastest = np.zeros_like(stamps)
+    if gyro is not None:
+        speeds = speeds + gyro.rate_error(speeds)
+        fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
+        if np.isfinite(gyro.largest_rate):
+            speeds[np.isnan(speeds)] = gyro.largest_rate
+    # The samples on both sides of the interval too: between two samples the rate is bounded by both.
+    first = np.maximum(np.searchsorted(stamps, stamps - offset, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(stamps, stamps + offset, side="left"), len(stamps) - 1)
+    steps = np.append(np.diff(stamps), 0.0)
+    between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
+    in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
+    largest = np.maximum(_range_maximum(speeds, first, last), in_gaps)
+    angles: FloatArray = np.minimum(offset * (largest + between), np.pi)
+    return angles
+
+
+def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
+    """The largest of values[first..last], each: two overlapping powers of two make up any range."""
+    counts = last - first + 1
+    result = np.empty_like(values)
+    table, width = values, 1
+    while True:
+        rows = (counts >= width) & (counts < 2 * width)
+        result[rows] = np.maximum(table[first[rows]], table[last[rows] - width + 1])
+        if counts.max() < 2 * width:
+            return result
+        table = np.maximum(table[:-width], table[width:])
+        width *= 2
+
+
+def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray, FloatArray]:
+    """Put late values where they belong: row n gets the values whose stamp is nearest to its time plus the delay.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    values : (N, ...) array
+        With stamps ``times``, late by ``delay``: they show what was true at their stamp less the delay.
+    delay : float
+        s; negative where values are early.
+
+    Returns
+    -------
+    shifted : (N, ...) array
+        NaN where no value lies within the recording.
+    left : (N,) array
+        How far the chosen value's time is from the row's, s: to be added to the time offset bound.
+    """
+    stamps, numbers = increasing_times(times), np.asarray(values, dtype=np.float64)
+    wanted = stamps + delay
+    after = np.clip(np.searchsorted(stamps, wanted), 1, max(len(stamps) - 1, 1))
+    if len(stamps) == 1:
+        nearest = np.zeros(1, dtype=np.intp)
+    else:
+        nearest = np.where(wanted - stamps[after - 1] <= stamps[after] - wanted, after - 1, after)
+    left = np.abs(stamps[nearest] - wanted)
+    shifted = numbers[nearest].copy()
+    shifted[(wanted < stamps[0]) | (wanted > stamps[-1])] = np.nan
+    return shifted, left

@@ -1,0 +1,94 @@
+"""What rows of rates add up to: integrals, and attitudes that follow from them. NumPy alone."""
+
+import math
+
+import numpy as np
+
+from elliptude.typing import FloatArray
+
+
+def running_integral(times: FloatArray, values: FloatArray) -> FloatArray:
+    """By the trapezoidal rule, along the first axis."""
+    return running_sum(np.diff(times), values)
+
+
+def running_sum(steps: FloatArray, values: FloatArray) -> FloatArray:
+    """What `running_integral` gives, of the steps between times."""
+    steps = steps.reshape(-1, *(1,) * (values.ndim - 1))
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
+
+
+def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """Attitudes from the first row's body axes, the rate in a step the mean of its ends.
+
+    Parameters
+    ----------
+    steps : (N - 1,) array
+        s.
+    rates : (N, 3) array
+        rad/s, body axes.
+
+    Returns
+    -------
+    (N, 3, 3) array
+        From each row's body axes to those of the first.
+    """
+    return rotations_from_quaternions(quaternions_from_rates(steps, rates))
+
+
+def quaternions_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """What `attitudes_from_rates` gives, as quaternions (qw, qx, qy, qz), shape (N, 4)."""
+    turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
+    angles = np.linalg.norm(turns, axis=1)
+    quaternions = np.zeros((len(rates), 4))
+    quaternions[0, 0] = 1.0
+    quaternions[1:, 0] = np.cos(0.5 * angles)
+    quaternions[1:, 1:] = 0.5 * np.sinc(angles / (2.0 * np.pi))[:, None] * turns
+    # Products of all that came before: along the rows of a square first, then down its last column.
+    width = math.isqrt(len(rates) - 1) + 1
+    padding = np.zeros((-len(rates) % width, 4))
+    square = np.concatenate([quaternions, padding]).reshape(-1, width, 4)
+    for column in range(1, width):
+        square[:, column] = _quaternion_product(square[:, column - 1], square[:, column])
+    for row in range(1, len(square)):
+        square[row] = _quaternion_product(square[row - 1, -1:], square[row])
+    products = square.reshape(-1, 4)[: len(rates)]
+    unit: FloatArray = products / np.linalg.norm(products, axis=1)[:, None]
+    return unit
+
+
+def rotations_from_quaternions(quaternions: FloatArray) -> FloatArray:
+    """Rotation matrices (N, 3, 3) of unit quaternions (qw, qx, qy, qz)."""
+    w, x, y, z = quaternions.T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1),
+        ],
+        axis=1,
+    )
+
+
+def rotation_vectors(quaternions: FloatArray) -> FloatArray:
+    """Of the shorter way round."""
+    signs = np.where(quaternions[:, :1] < 0.0, -1.0, 1.0)
+    vectors = signs * quaternions[:, 1:]
+    sines = np.linalg.norm(vectors, axis=1)
+    angles = 2.0 * np.arctan2(sines, np.abs(quaternions[:, 0]))
+    factors = np.where(sines > 0.0, angles / np.where(sines > 0.0, sines, 1.0), 2.0)
+    return factors[:, None] * vectors
+
+
+def _quaternion_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    aw, ax, ay, az = a.T
+    bw, bx, by, bz = b.T
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,163 @@
+"""Vectors averaged over windows of a recording in a frame that the gyro carries along, docs/theory.md, section 18."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.turns import attitudes_from_rates, running_sum
+from elliptude.typing import FloatArray
+
+_BLOCK_ROWS = 1 << 16
+_EPSILON = float(np.finfo(np.float64).eps)
+Place = Literal["end", "middle"]
+"""Where in its window a row lies."""
+
+
+def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
+    """Rows in pieces, each with the rows that its windows reach: memory stays bounded, and so do running sums."""
+    for start in range(0, len(times), _BLOCK_ROWS):
+        stop = min(start + _BLOCK_ROWS, len(times))
+        reach = longest * (1.0 + 1e-6)
+        before, after = (0.5 * reach, 0.5 * reach) if at == "middle" else (reach, 0.0)
+        first = int(np.searchsorted(times, times[start] - before))
+        last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
+        yield slice(start, stop), slice(first, last)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Indices of windows: where they begin, the top of a triangle, where they end, and the row that they are for."""
+
+    start: NDArray[np.intp]
+    top: NDArray[np.intp]
+    stop: NDArray[np.intp]
+    row: NDArray[np.intp]
+    before: FloatArray
+    """From the beginning to the top, s; NaN where the window is not whole."""
+    after: FloatArray
+    """From the top to the end, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Average:
+    """Weighted means over windows."""
+
+    mean: FloatArray
+    """Of the vector, in the common frame."""
+    length: FloatArray
+    """Of the vectors' lengths."""
+    turn: FloatArray
+    """Of the lengths times the bound of the turn's error between sample and row, rounded up but for time offsets."""
+    rounding: FloatArray
+    """Bound of what rounding may do to the mean, its length and that of time offsets; theory, section 18.2."""
+
+
+class Piece:
+    """Running integrals of a piece of a recording, from which weighted means over windows are differences."""
+
+    def __init__(
+        self,
+        times: FloatArray,
+        vectors: FloatArray,
+        rates: FloatArray,
+        turned_by_offset: FloatArray,
+        gyro: GyroBounds,
+        bias_known: float,
+        maximum_step: float,
+    ) -> None:
+        self._times = times
+        self._gyro = gyro
+        missing = np.isnan(vectors).any(axis=1) | np.isnan(rates).any(axis=1) | np.isnan(turned_by_offset)
+        vectors, rates = np.where(missing[:, None], 0.0, vectors), np.where(missing[:, None], 0.0, rates)
+        steps = np.diff(times)
+        self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
+        self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
+        self.attitudes = attitudes_from_rates(steps, rates)
+        # No window reaches over a longer step, and sums that do would leave no digits to those behind it.
+        steps = np.minimum(steps, maximum_step)
+        self._elapsed = np.concatenate([[0.0], np.cumsum(steps)])
+        speeds = np.linalg.norm(rates, axis=1)
+        lengths = np.linalg.norm(vectors, axis=1)
+        self._steady = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
+        self._turned = running_sum(steps, speeds)
+        in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
+        # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
+        weights = lengths[:, None] * np.column_stack(
+            [
+                np.ones_like(times),
+                self._steady,
+                self._turned,
+                self._elapsed,
+                np.where(missing, 0.0, turned_by_offset),
+            ]
+        )
+        self._once = running_sum(steps, np.column_stack([in_common_frame, weights]))
+        self._twice = running_sum(steps, self._once)
+
+    def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
+        """Those of the rows, as long as the recording allows."""
+        times, here = self._times, self._times[rows]
+        slack = 1e-9 * duration
+        if at == "middle":
+            start = np.searchsorted(times, here - 0.5 * duration - slack)
+            stop = np.searchsorted(times, here + 0.5 * duration + slack, side="right") - 1
+            top = rows
+        else:
+            start, stop = np.searchsorted(times, here - duration - slack), rows
+            middle = 0.5 * (times[start] + times[stop])
+            top = np.searchsorted(times, middle)
+        missing = self._missing_rows[stop + 1] - self._missing_rows[start]
+        long_steps = self._long_steps[stop] - self._long_steps[start]
+        whole = (stop > start) & (missing == 0) & (long_steps == 0)
+        before = np.where(whole, times[top] - times[start], np.nan)
+        return Window(start, top, stop, rows, before, times[stop] - times[top])
+
+    def averages(self, window: Window, *, triangular: bool) -> Iterator[Average]:
+        """With equal weights, then with those of a triangle."""
+        before, after = window.before[:, None], window.after[:, None]
+        span = before + after
+        once = self._once[window.top]
+        below, above = once - self._once[window.start], self._once[window.stop] - once
+        count = window.stop - window.start
+        # Of a running sum that ends at one: what its additions, as many as the window has, may lose of a mean.
+        share = _EPSILON * (count + 20.0) / span[:, 0]
+        yield self._average(window, below / span, above / span, share)
+        if triangular:
+            twice = self._twice[window.top]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                below = once - (twice - self._twice[window.start]) / before
+                above = (self._twice[window.stop] - twice) / after - once
+            half = np.minimum(window.before, window.after)
+            halves = self._elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
+            share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span[:, 0]
+            yield self._average(window, 2.0 * below / span, 2.0 * above / span, share)
+
+    def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
+        both = rising + falling
+        row, at_top = window.row, window.row == window.top
+        lost = share * self._once[window.stop, 3]
+
+        # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
+        # or at the end, so that each side of the top lies on one side of the row. Rounding is in proportion to how far
+        # these have grown by then.
+        def between(column: int, running: FloatArray) -> FloatArray:
+            at_row = running[row]
+            before_row = at_row * rising[:, 3] - rising[:, column]
+            after_row = falling[:, column] - at_row * falling[:, 3]
+            difference = np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+            rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
+            return rounded
+
+        noise = self._gyro.noise * between(6, self._elapsed)
+        if np.isfinite(self._gyro.increment):
+            longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
+            swept = self._gyro.increment * (both[:, 3] + lost + between(5, self._turned))
+            noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
+        turned = self._turned[window.stop] - self._turned[window.start]
+        rounding = 2.0 * lost + share * self._once[window.stop, 7]
+        rounding += 32.0 * _EPSILON * (window.stop - window.start + 1 + turned) * both[:, 3]
+        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7], rounding)

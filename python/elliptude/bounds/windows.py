@@ -1,0 +1,280 @@
+"""Bounds of directions from averages over windows: of gravity where the motion is bounded, of the magnetic field.
+
+NumPy alone; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import (
+    EXACT_SENSOR,
+    DirectionBounds,
+    VectorSensorBounds,
+    bounded_directions,
+    radius_excess,
+    rounded_up,
+)
+from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.window_averages import Piece, Place, blocks
+from elliptude.typing import FloatArray
+from elliptude.units import STANDARD_GRAVITY
+
+
+@dataclass(frozen=True, eq=False)
+class WindowBounds(DirectionBounds):
+    """Directions from averages over windows."""
+
+    durations: FloatArray
+    """Of the window that was best, s, shape (N,); NaN where there was none."""
+    lengths: FloatArray
+    """Of the averaged vector, the sensor's unit, shape (N,)."""
+    radii: FloatArray
+    """How far the averaged vector may be from the true one, the sensor's unit, shape (N,)."""
+
+
+@dataclass(frozen=True)
+class MotionBounds:
+    """How the sensor's place moves; what is not known is infinite.
+
+    Parameters
+    ----------
+    velocity : float
+        Bound of the speed at every instant, m/s. In any frame that does not accelerate.
+    position : float
+        Radius of a ball that the sensor does not leave during a window, m; the ball may be another for another window.
+    acceleration : float
+        Bound of the linear acceleration at every instant, m/s².
+    """
+
+    velocity: float = np.inf
+    position: float = np.inf
+    acceleration: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check."""
+        for name in ("velocity", "position", "acceleration"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
+
+    def mean_acceleration_uniform(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Bound of the mean acceleration over [-before, after], (18.5), m/s²."""
+        return np.minimum(self.acceleration, 2.0 * self.velocity / (before + after))
+
+    def mean_acceleration_triangular(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Bound of the mean weighted by a triangle over [-before, after] with its top at 0, (18.6), m/s²."""
+        from_velocity = 4.0 * self.velocity / (before + after)
+        from_position = 4.0 * self.position / (before * after)
+        return np.minimum(self.acceleration, np.minimum(from_velocity, from_position))
+
+
+def gravity_bounds_over_windows(
+    times: ArrayLike,
+    specific_forces: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    *,
+    motion: MotionBounds,
+    gyro: GyroBounds,
+    sensor: VectorSensorBounds = EXACT_SENSOR,
+    gravity: float = STANDARD_GRAVITY,
+    gravity_error: float = 0.0,
+    time_offset: float = 0.0,
+    at: Place = "end",
+    maximum_step: float = np.inf,
+    every: int = 1,
+) -> WindowBounds:
+    """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
+
+    In the mean the linear acceleration is small where the speed or the place is bounded: 2v/T in a window of T with
+    equal weights, 16p/T² with weights like a triangle. Against that stands the gyro's error over the window. All
+    windows are tried and, row by row, the one with the smallest bound is returned; a row where any of them contradicts
+    the bounds is contradicted.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    specific_forces : (N, 3) array
+        m/s², body axes; at rest it points up. No window reaches over a row with NaN.
+    angular_velocities : (N, 3) array
+        rad/s, body axes, the bias known at the first row subtracted. The gyro's error is that of the rates used: in a
+        step the mean of its ends.
+    durations : sequence of float
+        Of the windows, s. At the recording's ends they are as long as it allows.
+    motion : MotionBounds
+    gyro : GyroBounds
+    sensor : VectorSensorBounds
+        The accelerometer's.
+    gravity, gravity_error : float
+        m/s².
+    time_offset : float
+        Bound of the accelerometer's time against the gyro's, s.
+    at : {"end", "middle"}
+        ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
+    maximum_step : float
+        No window reaches over a longer step between rows, s.
+    every : int
+        Only each row whose index is a multiple of this gets a bound, which saves time; the others are not measured.
+
+    Returns
+    -------
+    WindowBounds
+        Of the direction up in body axes at each row.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    shapes = (motion.mean_acceleration_uniform, motion.mean_acceleration_triangular)
+    return _over_windows(
+        times, specific_forces, angular_velocities, durations, shapes, gyro, sensor, gravity, gravity_error,
+        time_offset, at, maximum_step, every,
+    )  # fmt: skip
+
+
+def field_bounds_over_windows(
+    times: ArrayLike,
+    fields: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    *,
+    disturbance: float,
+    gyro: GyroBounds,
+    strength: float,
+    strength_error: float = 0.0,
+    sensor: VectorSensorBounds = EXACT_SENSOR,
+    time_offset: float = 0.0,
+    at: Place = "end",
+    maximum_step: float = np.inf,
+    every: int = 1,
+) -> WindowBounds:
+    """The reference field's direction, averaged over windows in a frame that the gyro carries along.
+
+    A disturbance does not average out, noise does: this is worth its price where the sensor's ``averaged_error`` is
+    well below its ``error``. Arguments are those of `gravity_bounds_over_windows` and `magnetometer_bounds`.
+
+    Returns
+    -------
+    WindowBounds
+        Of the reference field's direction in body axes at each row.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    require_not_negative("disturbance", disturbance)
+
+    def constant(before: FloatArray, after: FloatArray) -> FloatArray:
+        return np.full_like(before, disturbance)
+
+    return _over_windows(
+        times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
+        time_offset, at, maximum_step, every,
+    )  # fmt: skip
+
+
+def cross_bounds(
+    up: DirectionBounds, field: WindowBounds, reference: ArrayLike, *, in_plane_error: float
+) -> DirectionBounds:
+    """The direction of field × up: horizontal, and east if the horizontal field points north, (18.14).
+
+    It says of the heading what the field says, without what is in doubt only in the plane of up and the field.
+
+    Parameters
+    ----------
+    up, field : DirectionBounds, WindowBounds
+        N rows each.
+    reference : (3,) array
+        The reference field, the unit of ``field``, in axes whose third is up.
+    in_plane_error : float
+        How far the reference field may be off within the plane that it spans with up; it is part of ``field.radii``.
+
+    Returns
+    -------
+    DirectionBounds
+        Rows where either is not measured are not measured.
+    """
+    vector = np.asarray(reference, dtype=np.float64)
+    horizontal, strength = float(np.linalg.norm(vector[:2])), float(np.linalg.norm(vector))
+    require_not_negative("in_plane_error", in_plane_error)
+    if not in_plane_error < horizontal:
+        raise ValueError(f"in_plane_error must be below the horizontal field {horizontal}, not {in_plane_error}")
+    crossed = np.cross(field.lengths[:, None] * field.directions, up.directions)
+    missing = np.isnan(up.angles) | np.isnan(field.angles)
+    crossed[missing] = np.nan
+    radii = field.radii - in_plane_error + 2.0 * (strength + in_plane_error) * np.sin(0.5 * up.angles)
+    return bounded_directions(crossed, radii, horizontal, in_plane_error, 1.0, 0.0)
+
+
+MeanOffset = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def _over_windows(
+    times: ArrayLike,
+    vectors: ArrayLike,
+    angular_velocities: ArrayLike,
+    durations: Sequence[float],
+    offsets: tuple[MeanOffset, ...],
+    gyro: GyroBounds,
+    sensor: VectorSensorBounds,
+    magnitude: float,
+    magnitude_error: float,
+    time_offset: float,
+    at: Place,
+    maximum_step: float,
+    every: int,
+) -> WindowBounds:
+    """The offsets are those of equal weights and, if there is a second one, of weights like a triangle."""
+    stamps = increasing_times(times)
+    count = len(stamps)
+    rows, rates = vector_rows("vectors", vectors, count), vector_rows("angular_velocities", angular_velocities, count)
+    if not len(durations) or not all(np.isfinite(duration) and duration > 0.0 for duration in durations):
+        raise ValueError(f"durations must be positive and finite, not {list(durations)}")
+    if at not in ("end", "middle"):
+        raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
+    if every < 1:
+        raise ValueError(f"every must be at least 1, not {every}")
+    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro)
+
+    means, radii = np.full((count, 3), np.nan), np.full(count, np.inf)
+    best, excess = np.full(count, np.nan), np.zeros(count)
+    # A scale error and a misalignment act on every sample: k (‖f‖ + e) in the mean, where ‖f‖ is measured.
+    scale = sensor.scale_error + 2.0 * np.sin(0.5 * min(sensor.misalignment, np.pi))
+    if scale >= 1.0:
+        raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
+    mean_error = sensor.error if sensor.averaged_error is None else sensor.averaged_error
+    least, greatest = magnitude - magnitude_error, magnitude + magnitude_error
+    for block, needed in blocks(stamps, max(durations), at):
+        piece = Piece(
+            stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
+        )
+        wanted = np.arange(-(-block.start // every) * every, block.stop, every)
+        here = wanted - needed.start
+        for duration in durations:
+            window = piece.window(here, duration, at)
+            span = window.before + window.after
+            for average, offset in zip(piece.averages(window, triangular=len(offsets) > 1), offsets, strict=True):
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    radius = average.turn + mean_error + scale * (average.length + sensor.error) / (1.0 - scale)
+                    radius += offset(window.before, window.after) + average.rounding / (1.0 - scale)
+                lengths = np.linalg.norm(average.mean, axis=1)
+                # NaN where there is no window: no excess, and not better.
+                excess[wanted] = np.maximum(
+                    excess[wanted], radius_excess(lengths, least, greatest, rounded_up(radius, lengths, greatest))
+                )
+                better = radius <= radii[wanted]
+                target = wanted[better]
+                means[target], radii[target], best[target] = average.mean[better], radius[better], span[better]
+        # From the common frame to the body axes of each row.
+        means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], means[wanted])
+    found = bounded_directions(means, radii, magnitude, magnitude_error, 1.0, 0.0)
+    excess = np.maximum(excess, found.excess)
+    angles = np.where(excess > 0.0, np.nan, found.angles)
+    return WindowBounds(found.directions, angles, excess, best, np.linalg.norm(means, axis=1), radii)

@@ -1,0 +1,162 @@
+"""The command ``elliptude``.
+
+Each command is a plain function in a module beside this one; here they are put together, and here alone an
+error that a person can mend becomes a message. Exit codes: 0 done, 1 a file or what is in it is at fault, 2 the command
+line is, 130 interrupted, 143 terminated.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    import typer
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command whose module is imported when it is called, as SciPy, pydantic and PyArrow take most of a second."""
+
+    module: str
+    function: str
+    summary: str
+    """The first paragraph of the function's docstring."""
+
+    def load(self, name: str) -> Any:
+        """What Typer makes of the function: the command with its options."""
+        import typer
+
+        app = typer.Typer(add_completion=False)
+        try:
+            module = importlib.import_module(f"elliptude.cli.{self.module}")
+        except ModuleNotFoundError as error:
+            _exit_for_want_of(error)
+        app.command(name)(getattr(module, self.function))
+        return typer.main.get_command(app)
+
+
+COMMANDS = {
+    "scenarios": Command("simulate", "list_scenarios", "List the scenarios that are built in."),
+    "simulate": Command("simulate", "simulate", "Simulate measurements of a true motion, with errors within bounds."),
+    "estimate": Command("estimate", "estimate", "Estimate attitudes and their bounds from a log of measurements."),
+    "check": Command(
+        "check",
+        "check",
+        "Look at a log and its configuration: what each sensor measured, and what is or may be wrong.",
+    ),
+    "convert": Command(
+        "check", "convert", "Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."
+    ),
+    "demo": Command(
+        "demo",
+        "demo",
+        "Show the estimator at work: a simulated spacecraft, a simulated pendulum, and an hour of the Fermi "
+        "spacecraft.",
+    ),
+    "validate": Command(
+        "validate", "validate", "Try to drive the truth out of the sets, with errors that keep their bounds."
+    ),
+    "bounds": Command(
+        "bounds",
+        "bounds",
+        "Propose bounds, delays and time offsets from a recording, with or without a reference attitude.",
+    ),
+    "compare": Command(
+        "compare",
+        "compare",
+        "Compare results with a reference attitude: containment, error of the center, width of the sets.",
+    ),
+    "report": Command(
+        "report",
+        "make_report",
+        "Make an interactive report of a result: one HTML file that any browser shows without a network.",
+    ),
+}
+"""In the order in which ``--help`` lists them."""
+
+
+def _stands_for_a_command() -> None:
+    """What ``--help`` lists; the command itself is imported when it is called."""
+
+
+def make_app() -> typer.Typer:
+    """Put the commands together.
+
+    Returns
+    -------
+    typer.Typer
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the extra ``elliptude[cli]`` is not installed.
+    """
+    # Imported here: the package may be installed without what its command line needs.
+    import typer
+    from typer.core import TyperGroup
+
+    from elliptude import __version__
+    from elliptude.io.files import FileError
+
+    class Group(TyperGroup):
+        def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+            name, command, rest = super().resolve_command(ctx, args)
+            return name, command and COMMANDS[str(command.name)].load(str(command.name)), rest
+
+        def invoke(self, ctx: Any) -> Any:
+            try:
+                return super().invoke(ctx)
+            except FileError as error:
+                message = str(error)
+            except BrokenPipeError:  # `| head` has seen enough; typer ends without a word
+                raise
+            except OSError as error:
+                message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+            typer.secho(f"error: {message}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(1)
+
+    app = typer.Typer(
+        cls=Group,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        help="Attitude estimation with ellipsoidal bounds: simulate measurements, estimate from logs.",
+    )
+
+    def print_version(wanted: bool) -> None:
+        if wanted:
+            typer.echo(__version__)
+            raise typer.Exit
+
+    @app.callback()
+    def options(
+        version: bool = typer.Option(
+            False, "--version", callback=print_version, is_eager=True, help="Print the version."
+        ),
+    ) -> None:
+        pass
+
+    for name, command in COMMANDS.items():
+        app.command(name, help=command.summary)(_stands_for_a_command)
+    return app
+
+
+def _exit_for_want_of(error: ModuleNotFoundError) -> NoReturn:
+    sys.exit(f"elliptude: the command line needs {error.name}, which is not installed: pip install 'elliptude[cli]'")
+
+
+def main() -> None:
+    """Run the command line; what `pip` installs as ``elliptude``."""
+    # As an exception, so that temporary files are removed; by itself it would end the program at once.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        app = make_app()
+    except ModuleNotFoundError as error:
+        _exit_for_want_of(error)
+    except KeyboardInterrupt:  # from here on typer takes care of it
+        sys.exit(130)
+    app()

@@ -1,0 +1,442 @@
+"""The command ``elliptude bounds``."""
+
+import csv
+import dataclasses
+import json
+import shlex
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tomlkit
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from elliptude.cli.options import Force, refuse_to_replace, require_finite
+from elliptude.configuration import suspicions
+from elliptude.configuration.configuration import Configuration
+from elliptude.io.files import FileError, replacing
+from elliptude.io.readers.open import open_log
+from elliptude.io.toml import load_toml, validate
+from elliptude.logs import body_at_rest, plausibility
+from elliptude.logs import log as logs
+from elliptude.proposal import mapping, proposals
+from elliptude.proposal.mapping import PRESETS, Tables
+from elliptude.proposal.proposals import Proposal, Quantiles
+from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
+from elliptude.proposal.starting_configuration import Mode, starting_configuration
+
+_NOTE = (
+    "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
+    "this one, may exceed any of them. A bound to rely on needs a reason, such as a datasheet or the size of the room."
+)
+
+
+def bounds(
+    log: Annotated[Path, typer.Argument(help="A recording, in any format of docs/logs.md.", show_default=False)],
+    config: Annotated[
+        Path | None,
+        typer.Argument(help="Which columns are which sensors: TOML; bounds may be missing.", show_default=False),
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(PRESETS)}.", show_default=False),
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
+    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+    gyro: Annotated[str | None, typer.Option(help="Three columns, comma between.", show_default=False)] = None,
+    gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
+    accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
+    accelerometer_unit: Annotated[str | None, typer.Option(help="m/s^2, g or mg.", show_default=False)] = None,
+    magnetometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
+    magnetometer_unit: Annotated[str | None, typer.Option(help="T, G, mG, uT or nT.", show_default=False)] = None,
+    truth: Annotated[
+        str | None, typer.Option(help="Four columns qw,qx,qy,qz from body to reference axes.", show_default=False)
+    ] = None,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if it is mapped."),
+    ] = True,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(
+            help="Of what --out writes. If left out: what the configuration states, else guaranteed, as its sets hold "
+            "wherever the stated bounds do, and it says where these are contradicted; first_order drops second-order "
+            "terms.",
+            show_default=False,
+        ),
+    ] = None,
+    margin: Annotated[
+        float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in what is written.")
+    ] = 1.2,
+    out: Annotated[
+        Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
+    ] = None,
+    rule: Annotated[
+        Path | None, typer.Option(help="Write a rule for bounds to start from: TOML.", show_default=False)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
+    force: Force = False,
+) -> None:
+    """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
+
+    Which columns are which sensors, and in which units, is said by a configuration, by --like, by naming columns and
+    units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
+    are quantiles and maxima of this recording, which guarantee nothing about another.
+    """
+    require_finite("--margin", margin)
+    refuse_to_replace((path for path in (out, rule) if path is not None), force)
+    named = {
+        "gyroscope": (gyro, gyro_unit),
+        "accelerometer": (accelerometer, accelerometer_unit),
+        "magnetometer": (magnetometer, magnetometer_unit),
+    }
+    tables, source = _mapping(log, config, like, time, time_unit, named, truth)
+    configuration = mapping.configuration_of(tables, source)
+    mode = _mode(mode, tables)
+    recording, origin = mapping.read_recording(log, configuration)
+    implausible = _look(log, configuration, refuse=out is not None or rule is not None)
+    if not reference:
+        recording = dataclasses.replace(recording, attitudes=None)
+    try:
+        proposed = proposals.propose(recording)
+        document = None
+        if out is not None:
+            document = starting_configuration(
+                tables, proposed, margin, mode=mode, log=log.name, origin=origin, shared_stamps=recording.shared_stamps
+            )
+    except ValueError as error:
+        raise FileError(f"{log}: {error}") from error
+    if out is not None and document is not None:
+        validate(source, document.unwrap(), Configuration)
+        with replacing(out) as temporary:
+            temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+    if rule is not None:
+        _write(rule, proposed, margin, log)
+    suspicious = [str(one) for one in suspicions.of_rule(numbers_of(rule_tables(proposed, margin)), stated="proposed")]
+    up = None
+    if recording.specific_forces is not None:
+        up = body_at_rest.up_at_rest(
+            recording.times + origin, recording.angular_velocities, recording.specific_forces, recording.fields
+        )
+    if as_json:
+        summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
+        summary |= {"implausible": implausible, "suspicious": suspicious}
+        summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
+        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
+        return
+    compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
+    typer.echo(
+        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
+        f"{compared}"
+    )
+    for line in _said(tables):
+        typer.echo(f"  {line}")
+    Console(width=max(Console().width, 100)).print(_table(proposed))
+    for line in _remarks(proposed):
+        typer.echo(line)
+    if up is not None:
+        typer.echo(f"{up}.")
+    for one in implausible:
+        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
+    for one in suspicious:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
+    typer.echo(_NOTE)
+    if out is not None:
+        typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
+        following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
+        typer.echo(f"  elliptude {shlex.join(following)}")
+    if rule is not None:
+        typer.echo(
+            f"Written: {rule}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
+        )
+
+
+def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
+    """What in the log contradicts its configuration: degrees that are called radians, or wrong axes.
+
+    What `estimate` would refuse is no log to write bounds for.
+    """
+    heard = plausibility.Heard()
+    if refuse:
+        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
+        return heard.ignored
+    ignoring = configuration.model_copy(update={"implausible": "ignore"})
+    with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
+        next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
+    return heard.ignored
+
+
+def _mode(mode: Mode | None, tables: Tables) -> Mode:
+    """What is asked for, what the configuration states, or the guaranteed mode."""
+    estimator = tables.get("estimator")
+    if not isinstance(estimator, dict):
+        return mode or "guaranteed"
+    stated: Mode = "guaranteed" if estimator.get("mode") == "guaranteed" else "first_order"
+    if mode not in {None, stated}:
+        raise typer.BadParameter(f"{mode!r}, but the configuration's [estimator] says otherwise", param_hint="--mode")
+    return stated
+
+
+# --- what is read -----------------------------------------------------------------------------------------------------
+
+
+def _mapping(
+    log: Path,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+) -> tuple[Tables, Path]:
+    """Which columns are which sensors, and the file that says so."""
+    by_name = any(columns is not None for columns, _ in named.values()) or time is not None
+    if (config is not None) + (like is not None) + by_name > 1:
+        raise typer.BadParameter("give one of a configuration, --like, and columns by name")
+    if config is not None:
+        return load_toml(config), config
+    if like is not None:
+        if like not in PRESETS:
+            raise typer.BadParameter(f"{like!r} is none of {', '.join(PRESETS)}", param_hint="--like")
+        return _present(PRESETS[like], log), log
+    if not by_name:
+        if (found := mapping.of_headers(open_log(log).columns)) is not None:
+            return found, log
+        raise FileError(
+            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
+            "give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
+        )
+    sensors: dict[str, tuple[Sequence[str], str]] = {}
+    for name, (columns, unit) in named.items():
+        option = "--gyro" if name == "gyroscope" else f"--{name}"
+        if columns is None:
+            continue
+        if unit is None:
+            raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
+        sensors[name] = _listed(columns, 3, option), unit
+    if time is None or "gyroscope" not in sensors:
+        raise typer.BadParameter("needed with columns by name", param_hint="--time, --gyro")
+    return mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ()), log
+
+
+def _present(tables: Tables, log: Path) -> Tables:
+    """A preset without the sensors that the file does not have; the gyro it must have."""
+    columns = set(open_log(log).columns)
+    tables = dict(tables)
+    if "directions" in tables:
+        tables["directions"] = [one for one in tables["directions"] if columns.issuperset(one["columns"])]
+    if not columns.issuperset(tables["truth"]["attitude_columns"]):
+        del tables["truth"]
+    return tables
+
+
+def _listed(columns: str, count: int, option: str) -> list[str]:
+    listed = next(csv.reader([columns], skipinitialspace=True))
+    if len(listed) != count:
+        raise typer.BadParameter(f"{count} columns, not {len(listed)}", param_hint=option)
+    return listed
+
+
+def _said(tables: Tables) -> list[str]:
+    """What is read as what."""
+    lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
+    for sensor in [tables["flow"], *tables.get("directions", [])]:
+        lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
+    if "truth" in tables:
+        lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
+    return lines
+
+
+# --- what is said -----------------------------------------------------------------------------------------------------
+
+_DEGREES = float(np.rad2deg(1.0))
+
+
+def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]:
+    """Key, what it is, its unit's factor, the numbers."""
+    gyro = proposed.gyro
+    lines: list[tuple[str, str, float, Quantiles | None]] = [
+        ("gyro_speed_deg_per_s", "gyro: rate, °/s", _DEGREES, gyro.speed),
+        ("gyro_noise_deg_per_s", "gyro: noise at rest, °/s", _DEGREES, gyro.noise),
+        ("gyro_bias_spread_deg_per_s", "gyro: bias of 0.5 s at rest, from its mean, °/s", _DEGREES, gyro.bias_spread),
+        ("gyro_sums_rest_deg", "gyro: what noise adds up to in a rest, °", _DEGREES, gyro.sums_rest),
+        (
+            "gyro_rate_error_deg_per_s",
+            "gyro: rate over 0.05 s, from the reference, °/s",
+            _DEGREES,
+            gyro.rate_error,
+        ),
+    ]
+    for duration, angles in gyro.window_angles.items():
+        lines.append(
+            (
+                f"gyro_turn_error_{duration:g}s_deg",
+                f"gyro: turn over {duration:g} s, from the reference, °",
+                _DEGREES,
+                angles,
+            )
+        )
+    lines.append(
+        (
+            "gyro_unexplained_deg",
+            "gyro: turns over 1 to 16 s, bias and scale taken out, °",
+            _DEGREES,
+            gyro.unexplained,
+        )
+    )
+    for key, unit, name, vector in (
+        ("accelerometer", "m_per_s2", "accelerometer", proposed.accelerometer),
+        ("magnetometer", "ut", "magnetometer", proposed.magnetometer),
+    ):
+        if vector is None:
+            continue
+        shown = "m/s²" if unit == "m_per_s2" else "µT"
+        for state in ("rest", "moving"):
+            about = "at rest" if state == "rest" else "moving"
+            lines += [
+                (
+                    f"{key}_norm_{state}_{unit}",
+                    f"{name}: length off, {about}, {shown}",
+                    1.0,
+                    getattr(vector, f"norm_{state}"),
+                ),
+                (
+                    f"{key}_vector_{state}_{unit}",
+                    f"{name}: vector off, {about}, {shown}",
+                    1.0,
+                    getattr(vector, f"vector_{state}"),
+                ),
+                (
+                    f"{key}_angle_{state}_deg",
+                    f"{name}: angle off, {about}, °",
+                    _DEGREES,
+                    getattr(vector, f"angle_{state}"),
+                ),
+            ]
+        lines += [
+            (
+                f"{key}_aligned_rest_deg",
+                f"{name}: the same at rest, best turn removed, °",
+                _DEGREES,
+                vector.aligned_rest,
+            ),
+            (
+                f"{key}_averaged_rest_{unit}",
+                f"{name}: mean over 0.5 s off, at rest, {shown}",
+                1.0,
+                vector.averaged_rest,
+            ),
+            (
+                f"{key}_scatter_rest_{unit}",
+                f"{name}: sample from its mean over 0.5 s, at rest, {shown}",
+                1.0,
+                vector.scatter_rest,
+            ),
+        ]
+    lines.append(
+        ("dip_rest_deg", "angle between field and specific force at rest, from its median, °", _DEGREES, proposed.dip)
+    )
+    if proposed.start is not None:
+        lines += [
+            (
+                "gyro_bias_moved_deg_per_s",
+                "gyro: bias of 0.5 s at rest, from that at the start, °/s",
+                _DEGREES,
+                proposed.start.bias_moved,
+            ),
+            (
+                "magnetometer_field_moved_ut",
+                "magnetometer: off from the start, delay taken out, µT",
+                1.0,
+                proposed.start.field_moved,
+            ),
+        ]
+    return lines
+
+
+def summarize(proposed: Proposal) -> dict[str, Any]:
+    """The proposal for JSON: quantiles by key, delays in s; None where the recording does not show it."""
+    summary: dict[str, Any] = {"duration_s": proposed.duration, "share_at_rest": proposed.rest}
+    bias = proposed.gyro.bias
+    summary["gyro_bias_deg_per_s"] = None if bias is None else np.rad2deg(bias).tolist()
+    summary["gyro_scale_error"] = proposed.gyro.scale_error
+    summary["quantiles"] = {
+        key: None
+        if found is None
+        else {
+            "samples": found.count,
+            "50%": found.half * factor,
+            "90%": found.ninety * factor,
+            "99%": found.ninety_nine * factor,
+            "99.9%": found.ninety_nine_point_nine * factor,
+            "max": found.maximum * factor,
+        }
+        for key, _, factor, found in _lines(proposed)
+    }
+    for key, delay in (("gyro_delay_s", proposed.gyro_delay), ("magnetometer_delay_s", proposed.magnetometer_delay)):
+        summary[key] = None if delay is None else dataclasses.asdict(delay)
+    return summary
+
+
+def _table(proposed: Proposal) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
+    table.add_column("")
+    for heading in ("50 %", "90 %", "99 %", "99.9 %", "max"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for _, name, factor, found in _lines(proposed):
+        if found is not None:
+            numbers = (found.half, found.ninety, found.ninety_nine, found.ninety_nine_point_nine, found.maximum)
+            table.add_row(name, *(f"{factor * number:.3g}" for number in numbers))
+    return table
+
+
+def _remarks(proposed: Proposal) -> list[str]:
+    lines = []
+    if proposed.gyro.bias is not None:
+        bias = ", ".join(f"{value:.3f}" for value in np.rad2deg(proposed.gyro.bias))
+        lines.append(f"Gyro: bias ({bias}) °/s")
+    if proposed.gyro.scale_error is not None:
+        lines.append(f"Gyro: scale and cross-axis error about {100.0 * proposed.gyro.scale_error:.2g} %")
+    for name, against, delay in (
+        ("Gyro", "the reference", proposed.gyro_delay),
+        ("Magnetometer", "the gyro", proposed.magnetometer_delay),
+    ):
+        if delay is not None:
+            lines.append(
+                f"{name}: {1e3 * delay.delay:.2f} ms late against {against}; in {delay.pieces} pieces of the recording "
+                f"at most {1e3 * delay.scatter:.2f} ms from that (a row is {1e3 * delay.step:.3g} ms)"
+            )
+    for name, vector in (("Accelerometer", proposed.accelerometer), ("Magnetometer", proposed.magnetometer)):
+        if vector is not None and vector.misalignment is not None:
+            lines.append(
+                f"{name}: the turn that fits best at rest is {_DEGREES * vector.misalignment:.2g}° "
+                "(about the vector itself a single pose tells nothing)"
+            )
+    return lines
+
+
+# --- what is written --------------------------------------------------------------------------------------------------
+
+
+def _write(path: Path, proposed: Proposal, margin: float, log: Path) -> None:
+    document = tomlkit.document()
+    for line in (
+        f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",
+        "They guarantee nothing about another recording. Replace each number by one for which there is a reason, such",
+        "as a datasheet or the size of the room; what the recording could not show is that of the rule for a sensor in",
+        "the hand, as marked, and what it shows in part alone is not less than that.",
+    ):
+        document.add(tomlkit.comment(line))
+    document.add(tomlkit.nl())
+    document.add("bounds_from_recording", log.name)
+    document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
+    for name, section in sections(rule_tables(proposed, margin)).items():
+        document.add(tomlkit.nl())
+        document.add(name, section)
+    with replacing(path) as temporary:
+        temporary.write_text(tomlkit.dumps(document), encoding="utf-8")

@@ -1,0 +1,214 @@
+"""The command ``elliptude demo``.
+
+What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+"""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tomlkit
+import typer
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
+from elliptude.configuration.configuration import Configuration
+from elliptude.estimation import estimator as estimation
+from elliptude.estimation.estimator import Estimation
+from elliptude.estimation.summary import SETTLED_UPDATE
+from elliptude.io.files import replacing, write_json
+from elliptude.logs import log as logs
+from elliptude.simulation import fermi, scenarios
+from elliptude.simulation import simulated as simulation
+from elliptude.simulation.configured import configuration_tables
+from elliptude.typing import FloatArray
+
+_SEEDS = 100
+_BOUND_DEG = 7.0
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line of the demo's table."""
+
+    case: str
+    error_deg: float
+    bound_deg: float
+    updates: int
+    inside: float
+    inside_at_worst: float | None
+    refused: int
+    elapsed_s: float
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option(help="Folder for what is written; an earlier demo's files are replaced.", show_default=False)
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+) -> None:
+    """Show the estimator at work: a simulated spacecraft, a simulated pendulum, and an hour of the Fermi spacecraft.
+
+    Simulated are two or three directions within 7 degrees and the angular velocity; for Fermi it is the Sun and the
+    rates, with and without a synthetic star.
+    """
+    console = Console(stderr=True)
+    lines: list[_Line] = []
+    written: list[Path] = []
+    cases = [(name, directions) for name in ("orbit", "pendulum") for directions in ("three", "two")]
+    with progress_on(console) as progress:
+        task = progress.add_task("", total=len(cases) + 1)
+        for name, directions in cases:
+            progress.update(task, description=f"{name}, {directions} directions")
+            folder = out / f"{name}-{directions}"
+            lines.append(_scenario(name, directions, folder))
+            written += [folder / FIGURE, folder / "results.csv"]
+            progress.advance(task)
+        progress.update(task, description="Fermi")
+        lines += _fermi(out / "fermi")
+        written += [out / "fermi" / name for name in ("fermi.png", f"sun/{FIGURE}", f"sun-and-star/{FIGURE}")]
+        progress.advance(task)
+    write_json(out / "demo.json", [vars(line) for line in lines])
+    written.append(out / "demo.json")
+    if as_json:
+        typer.echo(json.dumps([vars(line) for line in lines], indent=2, ensure_ascii=False))
+        return
+    terminal = Console()
+    # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
+    Console(width=max(terminal.width, 88)).print(_table(lines))
+    typer.echo(
+        f"\nAttitude error and its bound, the largest angle in the set: means from the "
+        f"{SETTLED_UPDATE}th update on.\n"
+        f"Inside: the share of all updates whose truth lies in the set. Simulations: {_SEEDS} seeds,\n"
+        "errors within the bounds; worst: each error as large as its bound. The bound is of\n"
+        "first order, so the truth may lie outside.\n"
+    )
+    for file in written:
+        typer.echo(file)
+
+
+def _table(lines: list[_Line]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
+    table.add_column("", no_wrap=True)
+    for heading in ("error °", "bound °", "updates", "inside %", "worst %", "refused"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for line in lines:
+        table.add_row(
+            line.case,
+            f"{line.error_deg:.2f}",
+            f"{line.bound_deg:.2f}",
+            f"{line.updates}",
+            f"{100.0 * line.inside:.2f}",
+            "" if line.inside_at_worst is None else f"{100.0 * line.inside_at_worst:.2f}",
+            f"{line.refused}",
+        )
+    return table
+
+
+def _scenario(name: str, directions: str, folder: Path) -> _Line:
+    """A scenario with many seeds; the first one's files are what `simulate` and `estimate` write."""
+    begin = time.perf_counter()
+    scenario = scenarios.load(name)
+    truth = simulation.truth(scenario)
+    by_noise: dict[simulation.Noise, list[Estimation]] = {"inside": [], "perpendicular": []}
+    for noise, estimations in by_noise.items():
+        for seed in range(_SEEDS):
+            simulated = simulation.measure(
+                scenario, truth, seed=seed, directions=directions, bound_deg=_BOUND_DEG, noise=noise
+            )
+            tables = configuration_tables(scenario, simulated)
+            tables["estimator"] = {"when_sets_do_not_meet": "skip"}
+            configuration = Configuration.model_validate(tables)
+            estimations.append(estimation.estimate(logs.log_of(simulated.measurements), configuration))
+            if noise == "inside" and seed == 0:
+                folder.mkdir(parents=True, exist_ok=True)
+                simulated.measurements.write(folder / "measurements.csv")
+                with replacing(folder / "estimate.toml") as temporary:
+                    temporary.write_text(tomlkit.dumps(tables), encoding="utf-8")
+                title = f"{scenario.description}\n{directions} directions within {_BOUND_DEG:g}° and the rate"
+                _write(estimations[0], configuration, folder, title=title)
+    worst = np.concatenate([_forms_of_updates(one) for one in by_noise["perpendicular"]])
+    return _line(
+        f"{name}, {directions} directions",
+        by_noise["inside"],
+        time.perf_counter() - begin,
+        inside_at_worst=float(np.mean(worst <= 1.0)),
+    )
+
+
+def _fermi(folder: Path) -> list[_Line]:
+    """Fermi with the Sun alone after the first row, and with the synthetic star all along."""
+    recorded, configuration = fermi.telemetry(), fermi.configuration()
+    lines, runs = [], []
+    cases = (("Sun alone", "sun", 1), ("Sun + synthetic star", "sun-and-star", None))
+    for name, subfolder, star_until in cases:
+        begin = time.perf_counter()
+        place = folder / subfolder
+        place.mkdir(parents=True, exist_ok=True)
+        measurements = fermi.measurements(recorded, star_until=star_until)
+        measurements.write(place / "measurements.csv")
+        with fermi.configuration_file() as file, replacing(place / "estimate.toml") as temporary:
+            temporary.write_bytes(file.read_bytes())
+        log = logs.read_log(place / "measurements.csv", configuration)
+        estimated = estimation.estimate(log, configuration)
+        _write(estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
+        runs.append(
+            (name, estimated.results, *fermi.half_widths_about(estimated.results, measurements.references[:, 0]))
+        )
+        lines.append(_line(f"Fermi, {name}", [estimated], time.perf_counter() - begin))
+    from elliptude.report import figures
+
+    figure = figures.about_line_figure(
+        runs[0][1].times,
+        runs,
+        "Fermi, 13 October 2015: the Sun from the solar arrays within 2°, the rate within 0.005°/s",
+        line="Sun line",
+        label="the recorded attitude",
+    )
+    figures.save(figure, folder / "fermi.png")
+    return lines
+
+
+def _updates(estimated: Estimation) -> NDArray[np.intp]:
+    return np.flatnonzero([bool(names) for names in estimated.results.used])
+
+
+def _forms_of_updates(estimated: Estimation) -> FloatArray:
+    assert estimated.results.forms is not None
+    return estimated.results.forms[_updates(estimated)]
+
+
+def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at_worst: float | None = None) -> _Line:
+    """Error and bound are means from the settled update on, the share is of all updates."""
+    errors: list[FloatArray] = []
+    bounds: list[FloatArray] = []
+    for estimated in estimations:
+        assert estimated.results.errors is not None
+        settled = _updates(estimated)[SETTLED_UPDATE - 1 :]
+        errors.append(np.linalg.norm(estimated.results.errors[settled, :3], axis=1))
+        bounds.append(estimated.results.largest_angles[settled])
+    inside = np.concatenate([_forms_of_updates(estimated) for estimated in estimations]) <= 1.0
+    return _Line(
+        case=case,
+        error_deg=float(np.rad2deg(np.concatenate(errors).mean())),
+        bound_deg=float(np.rad2deg(np.concatenate(bounds).mean())),
+        updates=len(inside),
+        inside=float(inside.mean()),
+        inside_at_worst=inside_at_worst,
+        refused=sum(bool(names) for estimated in estimations for names in estimated.results.refused),
+        elapsed_s=elapsed,
+    )
+
+
+def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:
+    """Write results, figure and, last, the summary, which says that the folder is complete."""
+    (out / SUMMARY).unlink(missing_ok=True)
+    estimated.results.write(out / "results.csv")
+    summary = estimation.summarize(estimated, configuration)
+    return finish(estimated.results, summary, configuration, out, "results.csv", title)

@@ -1,0 +1,213 @@
+"""The command ``elliptude estimate``.
+
+What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+"""
+
+import importlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, TaskID
+
+from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
+from elliptude.configuration.configuration import Configuration, read_configuration
+from elliptude.estimation import guaranteed_results
+from elliptude.estimation.estimator import PieceEstimator
+from elliptude.estimation.summary import SETTLED_UPDATE, Summary
+from elliptude.io.background import ahead
+from elliptude.io.files import FileError
+from elliptude.io.tables import write_columns, writing_columns
+from elliptude.logs import log as logs
+from elliptude.logs import plausibility
+from elliptude.report.run import read_run
+from elliptude.report.thinning import Thinned
+from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
+
+_DROPPED = "dropped.csv"
+
+
+def estimate(
+    log: Annotated[
+        Path,
+        typer.Argument(help="Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md.", show_default=False),
+    ],
+    config: Annotated[
+        Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
+    ] = None,
+    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
+    ignore_implausible: Annotated[
+        bool,
+        typer.Option(
+            "--ignore-implausible",
+            help="Go on where sensors contradict one another as with a wrong unit, order or axis; the results say so.",
+        ),
+    ] = False,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
+) -> None:
+    """Estimate attitudes and their bounds from a log of measurements.
+
+    Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
+    measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
+    names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
+    """
+    configuration = read_configuration(config)
+    if ignore_implausible:
+        configuration = configuration.model_copy(update={"implausible": "ignore"})
+    files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
+    if configuration.estimator.mode == "guaranteed":
+        files.insert(1, out / _DROPPED)
+    if report is not None:
+        from elliptude.report import page as html_report
+
+        # What would fail at the end is better said before a long estimation.
+        html_report.plotly_script()
+        if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
+            raise FileError(f"{report}: not written: no such folder")
+        files.append(report)
+    refuse_to_replace(files, force)
+    with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
+        summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
+        if report is not None:
+            run, label = read_run(out)
+            html_report.write_report(run, report, log.name, label=label)
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
+        return
+    _say(log, summary)
+    for file in files:
+        typer.echo(f"  {file}")
+
+
+def _say(log: Path, summary: dict[str, Any]) -> None:
+    """The summary's essence."""
+    for one in summary["implausible"]:
+        typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
+    for one in summary["suspicious_statements"]:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
+    if summary["mode"] == "guaranteed":
+        _say_of_guaranteed(log, summary)
+    else:
+        typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    _say_up(summary)
+    for line in summary["gaps"]["said"]:
+        typer.echo(f"  {line}")
+    largest = summary["largest_angle_deg"]["mean_settled"]
+    if largest is not None:
+        typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
+    if summary["compared_with"] is not None and summary["inside_share_of_rows"] is not None:
+        error = summary["attitude_error_deg"]["mean"]
+        inside = 100.0 * summary["inside_share_of_rows"]
+        typer.echo(
+            f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
+        )
+
+
+def _say_up(summary: dict[str, Any]) -> None:
+    """Which way up the body was taken to be, which nobody but a person can check."""
+    if summary["up_at_rest"] is not None:
+        typer.echo(f"  {summary['up_at_rest']['in_words']}")
+
+
+def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
+    claims = summary["claim_share_of_rows"]
+    recording = summary["bounds_from_recording"]
+    if recording is None:
+        shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+    else:
+        shares = ", ".join(f"{100.0 * share:.4g} % {IF_PROPOSED_BOUNDS_HOLD[name]}" for name, share in claims.items())
+        typer.echo(f"{log}: {summary['rows']} rows; {shares}")
+        typer.echo(
+            f"  the bounds are proposals from {recording}, so that the sets are no guarantee: once there is a reason "
+            "for each bound, delete bounds_from_recording in the configuration"
+        )
+    for hint in summary["why_no_set"]:
+        typer.secho(f"  no set at any row: {hint}", fg=typer.colors.YELLOW)
+    for sensor, rows in summary["contradicted_rows"].items():
+        what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
+        typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
+    if summary["dropped_measurements"]:
+        typer.echo(
+            f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
+        )
+    if summary["heading"] == "from the first row":
+        typer.echo("  nothing tells the heading: it counts from the first row")
+    for name, part in summary["sizes"].items():
+        means = part["half_width_reference_deg"]["mean"]
+        if means is not None:
+            tilt = part["tilt_bound_deg"]
+            said = ", ".join(f"{width:.3g}" for width in means)
+            up = "" if tilt is None else f", up within {tilt['mean']:.3g}"
+            typer.echo(f"  half-widths about the reference axes {said} degrees{up} (mean, {name.replace('_', ' ')})")
+
+
+def _estimate_pieces(
+    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress
+) -> dict[str, Any]:
+    """Read, estimate and write piece by piece: memory does not grow with the log."""
+    task = progress.add_task("Reading", total=None)
+    heard = plausibility.Heard()
+    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
+    estimator = PieceEstimator(configuration)
+    at_once = configuration.estimator.mode == "guaranteed"
+    if at_once:
+        pieces = _counted(pieces, progress, task)
+    summary, thinned = Summary(), Thinned()
+    try:
+        with writing_columns(out / table, "results", heard.notes) as write:
+            for results in estimator.run(pieces):
+                progress.update(task, advance=0 if at_once else len(results.times), description="Estimating")
+                # It takes a third of a second, and the core is at work on the next piece.
+                importlib.import_module("elliptude.report.figures")
+                write(results.columns())
+                summary.add(results)
+                thinned.add(results)
+            progress.update(task, description="Writing")
+            (out / SUMMARY).unlink(missing_ok=True)
+    except ValueError as error:  # sets that do not meet among them
+        raise FileError(f"{log}: {error}") from error
+    if estimator.guaranteed is not None:
+        write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimator.guaranteed))
+    figures_of = summary.to_dict(
+        configuration,
+        vector_is_compared=estimator.vector_is_compared,
+        elapsed=estimator.elapsed,
+        guaranteed=estimator.guaranteed,
+        heard=heard,
+        bridged=estimator.bridged,
+    )
+    return finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
+
+
+def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:
+    """The pieces of a log whose rows are all read before the first of them is worked on: said when it is so."""
+    for piece in pieces:
+        progress.update(task, advance=len(piece.times))
+        yield piece
+    progress.update(task, description="Estimating")
+
+
+@contextmanager
+def _making(folder: Path) -> Iterator[None]:
+    """The folder with those above it; where nothing comes of it, those that were not there are gone again."""
+    new = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for one in new:
+                one.rmdir()
+        raise

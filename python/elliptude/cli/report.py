@@ -1,0 +1,128 @@
+"""The command ``elliptude report``."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from elliptude.cli.options import (
+    Force,
+    LargestGap,
+    ReferenceErrorDeg,
+    SummaryAsJson,
+    TruthConfig,
+    reference_error,
+    refuse_to_replace,
+    require_finite,
+)
+from elliptude.configuration.configuration import read_configuration
+from elliptude.io.files import FileError
+from elliptude.logs.quaternion_readings import readings
+from elliptude.logs.reference_attitudes import read_reference
+from elliptude.report import comparison
+from elliptude.report.run import Run, read_run
+
+_PICTURES = ("bands.png", "size.png", "axes.png")
+
+
+def make_report(
+    result: Annotated[
+        Path,
+        typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("report.html"),
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Attitudes to compare with: a table with time_s and qw,qx,qy,qz, from body to reference axes.",
+            show_default=False,
+        ),
+    ] = None,
+    config: TruthConfig = None,
+    largest_gap_s: LargestGap = 0.0,
+    reference_error_deg: ReferenceErrorDeg = None,
+    label: Annotated[
+        str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
+    ] = None,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the same as PNG; made if need be.", show_default=False),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(help="If left out, what the table is called.", show_default=False)
+    ] = None,
+    as_json: SummaryAsJson = False,
+    force: Force = False,
+) -> None:
+    """Make an interactive report of a result: one HTML file that any browser shows without a network.
+
+    Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
+    """
+    files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
+    refuse_to_replace(files, force)
+    require_finite("--largest-gap-s", largest_gap_s)
+    if reference is None and config is not None:
+        raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
+    if reference is None and reference_error_deg is not None:
+        raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
+    run, read_label = read_run(result)
+    if reference is not None:
+        configuration = None if config is None else read_configuration(config)
+        error_deg, _ = reference_error(reference_error_deg, configuration)
+        attitudes = read_reference(reference, configuration)
+        truth = None if configuration is None else configuration.truth
+        choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+        misread = comparison.misread_reference(run, attitudes, choices, largest_gap=largest_gap_s)
+        if misread is not None:
+            raise FileError(f"{reference}: {misread}: its quaternions are not as declared")
+        run = run.against(attitudes, largest_gap_s, math.radians(error_deg))
+        read_label = reference.name
+        if not run.compared.any():
+            raise FileError(
+                f"{result}, {reference}: no row with a set has a reference of its time; rows are from "
+                f"{run.times[0]:g} s to {run.times[-1]:g} s, and --largest-gap-s is {largest_gap_s:g}"
+            )
+    label, title = label or read_label, title or _title(result)
+    from elliptude.report import page  # with Matplotlib, which every command would take longer for
+
+    summary = page.write_report(run, out, title, label=label)
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+        _write_pictures(run, pictures, title, label)
+    if as_json:
+        typer.echo(json.dumps(summary | {"report": str(out)}, indent=2, ensure_ascii=False))
+        return
+    typer.echo(f"{result}: {_in_words(summary)}")
+    for file in files:
+        typer.echo(f"  {file}")
+
+
+def _title(result: Path) -> str:
+    """The folder's name, or the table's with its folder."""
+    resolved = result.resolve()
+    return resolved.name if resolved.is_dir() else f"{resolved.parent.name}/{resolved.name}"
+
+
+def _write_pictures(run: Run, folder: Path, title: str, label: str) -> None:
+    from elliptude.report import figures, run_figures
+
+    drawn = (
+        run_figures.bands_figure(run, title, label=label),
+        run_figures.size_figure(run, title),
+        run_figures.axes_figure(run, title, label=label),
+    )
+    for name, figure in zip(_PICTURES, drawn, strict=True):
+        figures.save(figure, folder / name)
+
+
+def _in_words(summary: dict[str, Any]) -> str:
+    words = f"{summary['rows']} rows"
+    if summary["largest_angle_deg"] is not None:
+        words += f", largest angle {summary['largest_angle_deg']['median']:.3g} degrees (median)"
+    if summary["compared_with"] is not None:
+        words += (
+            f"; {summary['compared_with']} outside the set at {summary['escapes']} of {summary['rows_compared']} rows"
+        )
+    return words

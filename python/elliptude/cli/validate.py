@@ -1,0 +1,326 @@
+"""The command ``elliptude validate``."""
+
+import json
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+import elliptude
+from elliptude.cli.options import SummaryAsJson
+from elliptude.io.files import FileError, write_json
+from elliptude.validation import adversary, monte_carlo, trial_kinds
+from elliptude.validation.adversary import Case
+from elliptude.validation.judge import Mode
+from elliptude.validation.monte_carlo import Arguments
+
+_PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
+# Of the guaranteed mode: none of these may be counted.
+_FAULTS = ("escapes", "overclaimed", "refused", "failed", "stuck")
+# Between two writings of what is done, s.
+_KEEP_AFTER = 0.5
+
+
+def validate(
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder for what is written; made if need be. A run of the same arguments that was interrupted there "
+            "goes on.",
+            show_default=False,
+        ),
+    ],
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=100_000_000,
+            help="Runs of the filter for each case: each scenario, set of directions, bound and noise.",
+        ),
+    ] = 20,
+    updates: Annotated[int, typer.Option(min=1, max=10_000, help="Updates in each trial.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 0,
+    scenario: Annotated[
+        Literal["disturbed", "free", "gyro", "orbit", "pendulum", "all"],
+        typer.Option(help="; ".join(f"{name}: {what}" for name, what in adversary.DESCRIPTIONS.items()) + "."),
+    ] = "all",
+    directions: Annotated[
+        Literal["two", "three", "five", "all"], typer.Option(help="How many directions are measured.")
+    ] = "all",
+    bound_deg: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="Bound of a direction's error in degrees, and of the rate's in degrees/s; may be given several times.",
+            show_default="0.1, 1, 7 and 20",
+        ),
+    ] = None,
+    noise: Annotated[
+        Literal["inside", "perpendicular", "common", "alternating", "search", "all"],
+        typer.Option(
+            help="inside: uniform within the bounds. perpendicular, common, alternating: as large as the bounds, each "
+            "for itself, all directions alike, or with a sign that changes from update to update. search: errors and "
+            "initial state are moved towards leaving the set, from run to run."
+        ),
+    ] = "all",
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="honest: all that was measured, as it was measured; "
+            + "; ".join(f"{name}: {kind.tries}" for name, kind in trial_kinds.KINDS.items())
+            + ". May be given several times; kinds other than honest are for mode guaranteed, and are not searched.",
+            show_default="honest",
+        ),
+    ] = None,
+    mode: Annotated[Mode, typer.Option(help="The estimator that is tried.")] = "guaranteed",
+    processes: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="How many run side by side.", show_default="one for each core")
+    ] = None,
+    as_json: SummaryAsJson = False,
+    force: Annotated[bool, typer.Option("--force", help="Start over where another validation was begun.")] = False,
+) -> None:
+    """Try to drive the truth out of the sets, with errors that keep their bounds.
+
+    Prints for each case how many updates were judged, how often the truth had left the set, the largest value of its
+    form (the edge is at 1), how often the prediction went into the set, and the mean trace and volume radius against
+    those of mode paper and of the measurements alone on the same data; for other kinds than honest, what the sets
+    claim, and after how many updates a liar did no more harm. Writes summary.json and a figure.
+
+    The exit code is 1 if the guaranteed mode lost the truth, took true measurements for contradictory, gave up, or did
+    not get over a liar.
+    """
+    if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
+        raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
+    bounds = adversary.BOUNDS_DEG if bound_deg is None else tuple(dict.fromkeys(bound_deg))
+    for bound in bounds:
+        if not 1e-3 <= bound <= 60.0:
+            raise typer.BadParameter(f"{bound} is not between 0.001 and 60", param_hint="--bound-deg")
+    every_kind = ("honest", *trial_kinds.KINDS)
+    for name in kind or ():
+        if name not in (*every_kind, "all"):
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(every_kind)}, all", param_hint="--kind")
+    kinds = every_kind if kind and "all" in kind else tuple(dict.fromkeys(kind or ("honest",)))
+    if mode != "guaranteed" and kinds != ("honest",):
+        raise typer.BadParameter("only mode guaranteed is tried with other kinds than honest", param_hint="--kind")
+    cases = tuple(
+        Case(one_scenario, one_set, bound, one_noise, one_kind)
+        for one_kind in kinds
+        for one_scenario in (adversary.SCENARIOS if scenario == "all" else (scenario,))
+        for one_set in (adversary.DIRECTIONS if directions == "all" else (directions,))
+        for bound in bounds
+        for one_noise in (adversary.NOISES if noise == "all" else (noise,))
+        if one_kind == "honest" or (one_scenario in trial_kinds.KINDS[one_kind].scenarios and one_noise != "search")
+    )
+    if not cases:
+        where = ", ".join(f"{name} is of {', '.join(trial_kinds.KINDS[name].scenarios)}" for name in kinds)
+        raise typer.BadParameter(f"nothing is left to try: {where}; none is searched", param_hint="--kind")
+    arguments = Arguments(mode=mode, trials=trials, updates=updates, seed=seed, cases=cases)
+    done = _begun(out, arguments, force)
+    out.mkdir(parents=True, exist_ok=True)
+    # It says that the folder is complete.
+    (out / _SUMMARY).unlink(missing_ok=True)
+    console = Console(stderr=True)
+    begin, before = time.monotonic(), len(done)
+    _run(arguments, done, out / _PROGRESS, processes or len(os.sched_getaffinity(0)), console)
+    elapsed = time.monotonic() - begin
+    summary = monte_carlo.summarize(arguments, done)
+    from elliptude.report import figures  # with Matplotlib, which every command would take longer for
+
+    figures.save(figures.validation_figure(summary), out / _FIGURE)
+    write_json(out / _SUMMARY, summary)
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
+    else:
+        terminal = Console()
+        # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
+        wide = Console(width=max(terminal.width, 152))
+        for table, is_honest in ((_table, True), (_table_of_kinds, False)):
+            shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
+            if shown:
+                wide.print(table(shown))
+        _print_total(summary)
+        if before == 0:
+            typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
+        typer.echo(f"{out / _SUMMARY}\n{out / _FIGURE}")
+    total = summary["total"]
+    if mode == "guaranteed" and sum(total[name] for name in _FAULTS) > 0:
+        raise typer.Exit(1)
+
+
+def _begun(out: Path, arguments: Arguments, force: bool) -> dict[str, Any]:
+    """What an earlier run of the same arguments has done."""
+    file = out / _PROGRESS
+    if force or not file.exists():
+        return {}
+    try:
+        begun = json.loads(file.read_text(encoding="utf-8"))
+        same, done = begun["arguments"] == arguments.to_dict(), begun["done"]
+    except (ValueError, TypeError, KeyError) as error:
+        raise FileError(f"{file} is not a validation's; --force starts over") from error
+    if not same:
+        raise FileError(f"{file} is of a validation with other arguments; --force starts over")
+    known = {name for name, *_ in monte_carlo.chunks(arguments)}
+    return {name: chunk for name, chunk in done.items() if name in known}
+
+
+def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int, console: Console) -> None:
+    """Work off what is not done; whatever ends it, what was done is kept in the file."""
+    all_chunks = list(monte_carlo.chunks(arguments))
+    left = [chunk for chunk in all_chunks if chunk[0] not in done]
+
+    def keep() -> None:
+        write_json(file, {"arguments": arguments.to_dict(), "done": done})
+
+    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn(), TimeRemainingColumn())
+    kept = time.monotonic()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("Validating", total=len(all_chunks), completed=len(done))
+        try:
+            for name, result in _results(arguments, left, processes):
+                done[name] = result
+                progress.advance(task)
+                if time.monotonic() > kept + _KEEP_AFTER:
+                    keep()
+                    kept = time.monotonic()
+        finally:
+            keep()
+
+
+def _results(
+    arguments: Arguments, left: list[tuple[str, Case, int]], processes: int
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Name and result of each chunk, in the order in which they are ready."""
+    processes = min(processes, len(left))
+    if processes <= 1:
+        for name, case, number in left:
+            yield name, monte_carlo.validate_chunk(arguments, case, number)
+        return
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        # All processes begin with the first task; they leave an interrupt to this one.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            tasks = {
+                pool.submit(monte_carlo.validate_chunk, arguments, case, number): name for name, case, number in left
+            }
+        finally:
+            signal.signal(signal.SIGINT, handler)
+        for task in as_completed(tasks):
+            yield tasks[task], task.result()
+    except BrokenProcessPool as error:
+        raise FileError("a process has ended before its work was done; the same command goes on from there") from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# --- the table --------------------------------------------------------------------------------------------------------
+
+
+def _new_table(names: tuple[str, ...], figures: tuple[str, ...]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
+    for heading in names:
+        table.add_column(heading, no_wrap=True)
+    for heading in figures:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def _groups(
+    cases: list[dict[str, Any]],
+) -> Iterator[tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any] | None]]:
+    """Cases that differ in the noise alone, all of them together, and the one with the worst form."""
+    groups: dict[tuple[str, str, str, float], list[dict[str, Any]]] = {}
+    for case in cases:
+        groups.setdefault((case["kind"], case["scenario"], case["directions"], case["bound_deg"]), []).append(case)
+    for group in groups.values():
+        judged = [case for case in group if case["worst"] is not None]
+        yield group, monte_carlo.combine(group), max(judged, key=lambda case: case["worst"]["form"], default=None)
+
+
+def _table_of_kinds(cases: list[dict[str, Any]]) -> Table:
+    """A line for each kind, scenario, set of directions and bound, over all noises."""
+    counts = ("updates", "unconditional", "conditional", "without_set", *_FAULTS[:4], "misled")
+    of_liars = ("liars", "recoveries", "slowest", "stuck")
+    headings = (
+        "updates",
+        "uncond.",
+        "cond.",
+        "no set",
+        "escapes",
+        "overcl.",
+        "refused",
+        "failed",
+        "misled",
+        "worst form",
+    )
+    table = _new_table(
+        ("kind", "scenario", "directions"), ("bound °", *headings, "liars", "recovered", "within", "stuck")
+    )
+    for (first, *_), line, worst in _groups(cases):
+        table.add_row(
+            first["kind"],
+            first["scenario"],
+            first["directions"],
+            f"{first['bound_deg']:g}",
+            *(f"{line[name]}" for name in counts),
+            "" if worst is None else f"{worst['worst']['form']:.5g}",
+            *(f"{line[name]}" if line["recoveries"] + line["stuck"] else "" for name in of_liars),
+        )
+    return table
+
+
+def _table(cases: list[dict[str, Any]]) -> Table:
+    """A line for each scenario, set of directions and bound, over all noises."""
+    headings = ("bound °", "updates", "escapes", "refused", "no set", "failed", "worst form", "noise", "used %")
+    table = _new_table(("scenario", "directions"), (*headings, "trace/paper", "/alone", "radius/paper", "/alone"))
+    for (first, *_), line, worst in _groups(cases):
+        table.add_row(
+            first["scenario"],
+            first["directions"],
+            f"{first['bound_deg']:g}",
+            *(f"{line[name]}" for name in ("updates", "escapes", "refused", "without_set", "failed")),
+            "" if worst is None else f"{worst['worst']['form']:.5g}",
+            "" if worst is None else worst["noise"],
+            f"{100.0 * line['used'] / line['predictions']:.1f}" if line["predictions"] else "",
+            *(_ratio(line["sizes"], size, to) for size in ("trace", "volume_radius") for to in ("paper", "measured")),
+        )
+    return table
+
+
+def _ratio(sizes: dict[str, Any], size: str, to: str) -> str:
+    if to not in sizes:
+        return ""
+    return f"{sizes['own'][size] / sizes[to][size]:.3g}"
+
+
+def _print_total(summary: dict[str, Any]) -> None:
+    total = summary["total"]
+    worst = total["worst_form"]
+    typer.echo(
+        f"\nMode {summary['mode']}: {total['updates']} updates, the truth outside at {total['escapes']}, "
+        f"largest form {'not known' if worst is None else f'{worst:.6g}'}; "
+        f"{total['refused']} refused, {total['without_set']} without a set, {total['failed']} failed."
+    )
+    kinds = {case["kind"] for case in summary["cases"]}
+    if "honest" in kinds:
+        typer.echo(
+            "Used: the share of the predictions that went into the set. Trace, and radius of the ball of the same\n"
+            f"volume: means from the {monte_carlo.SETTLED_UPDATE}th update on, against mode paper and the measurements "
+            "alone."
+        )
+    if total["liars"]:
+        typer.echo(
+            f"{total['liars']} trials with liars, {total['stuck']} not got over within twice regain_after updates of "
+            "the first contradiction.\nMisled: unconditional sets without the truth that hold a lie which nothing has "
+            "contradicted yet."
+        )

@@ -1,0 +1,380 @@
+"""Rules for bounds: what is known of a kind of recording, as a TOML file, and what follows for one recording.
+
+A rule states numbers once, for every recording of its kind; ``data/bounds/hand_held.toml`` gives its reasons beside
+each. `apply_rule` turns it into a direction bound per row. What comes out holds as far as the rule's statements do.
+"""
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from importlib import resources
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.rest import rest_rows
+from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
+from elliptude.bounds.stamps import shift
+from elliptude.bounds.windows import (
+    MotionBounds,
+    WindowBounds,
+    cross_bounds,
+    field_bounds_over_windows,
+    gravity_bounds_over_windows,
+)
+from elliptude.io.toml import Model, Number, read_toml
+from elliptude.typing import FloatArray
+
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Fraction = Annotated[Number, Field(ge=0, lt=1)]
+
+
+class RestRule(Model):
+    """What is called a rest, and what is true of the one at the start."""
+
+    duration_s: Positive
+    rate_deviation_deg_per_s: Positive
+    rate_deg_per_s: Positive
+    acceleration_deviation_m_per_s2: Positive
+    least_s: Positive
+    velocity_m_per_s: NotNegative
+
+
+class GyroRule(Model):
+    """Bounds of the gyro, its bias taken from the rest at the start."""
+
+    noise_deg_per_s: NotNegative
+    bias_deg_per_s: NotNegative
+    drift_deg_per_s2: NotNegative
+    scale_error: Fraction
+    increment_deg: Positive | None = None
+    # As `flow` has them where there is no rule.
+    longest_interval_s: Positive | None = None
+    largest_rate_deg_per_s: Positive | None = None
+
+    def bounds(self) -> GyroBounds:
+        """In SI units."""
+        return GyroBounds(
+            noise=np.deg2rad(self.noise_deg_per_s),
+            bias=np.deg2rad(self.bias_deg_per_s),
+            drift=np.deg2rad(self.drift_deg_per_s2),
+            scale_error=self.scale_error,
+            increment=np.inf if self.increment_deg is None else np.deg2rad(self.increment_deg),
+            longest_interval=np.inf if self.longest_interval_s is None else self.longest_interval_s,
+            largest_rate=np.inf if self.largest_rate_deg_per_s is None else np.deg2rad(self.largest_rate_deg_per_s),
+        )
+
+
+class AccelerometerRule(Model):
+    """Gravity, and bounds of the accelerometer."""
+
+    gravity_m_per_s2: Positive
+    gravity_error_m_per_s2: NotNegative
+    error_m_per_s2: NotNegative
+    averaged_error_m_per_s2: NotNegative
+    scale_error: Fraction
+    time_offset_bound_s: NotNegative
+
+    def sensor(self) -> VectorSensorBounds:
+        """In SI units."""
+        return VectorSensorBounds(
+            error=self.error_m_per_s2, scale_error=self.scale_error, averaged_error=self.averaged_error_m_per_s2
+        )
+
+
+class MotionRule(Model):
+    """Bounds of the motion, and the windows to average over."""
+
+    velocity_m_per_s: NotNegative
+    position_m: NotNegative
+    windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    row_at: Literal["end", "middle"]
+
+
+class MagnetometerRule(Model):
+    """Bounds of the magnetometer and of the field against the one at the start."""
+
+    disturbance_ut: NotNegative
+    error_ut: NotNegative
+    averaged_error_ut: NotNegative
+    scale_error: Fraction
+    window_s: Positive
+    delay_s: Number
+    time_offset_bound_s: NotNegative
+    contradiction_voids: Literal["row", "recording"]
+    """What a row that contradicts the bounds takes away: itself, or all that rests on the field."""
+
+    def sensor(self) -> VectorSensorBounds:
+        """In µT."""
+        return VectorSensorBounds(
+            error=self.error_ut, scale_error=self.scale_error, averaged_error=self.averaged_error_ut
+        )
+
+
+class Rule(Model):
+    """A rule."""
+
+    rest: RestRule
+    gyro: GyroRule
+    accelerometer: AccelerometerRule
+    motion: MotionRule
+    magnetometer: MagnetometerRule | None = None
+    bounds_from_recording: str | None = None
+    """Which recording its numbers are proposals from, where nobody has given reasons for them."""
+
+
+def read_rule(path: str | os.PathLike[str]) -> Rule:
+    """Read a rule in a TOML file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is not TOML, or does not fit; with the file and every key at fault.
+    """
+    return read_toml(path, Rule)
+
+
+def hand_held() -> Rule:
+    """The rule for a small sensor or phone in the hand, indoors, that starts at rest."""
+    with resources.as_file(resources.files("elliptude") / "data" / "bounds" / "hand_held.toml") as file:
+        return read_rule(file)
+
+
+@dataclass(frozen=True, eq=False)
+class RuledRecording:
+    """What a rule says of a recording with N rows.
+
+    The reference frame: up is its third axis; the field at the start lies in the plane of the second and third axis, so
+    that the second points to magnetic north.
+    """
+
+    rest_at_start: slice
+    """Rows of the rest at the start."""
+    bias: FloatArray
+    """Of the gyro, the mean over that rest, rad/s, shape (3,)."""
+    gyro: GyroBounds
+    """Of the gyro's error once that bias is subtracted."""
+    gyro_noise: FloatArray
+    """Bound of the rate's error, row by row, rad/s, shape (N,): noise, scale error, and what is left of the bias.
+
+    In an interval the larger one of its ends counts. The bias may change with the pose within its bound, so that a
+    filter must take all of this as noise and estimate no bias. `GyroBounds.anchored_turns` bounds turns over longer
+    times better.
+    """
+    up: WindowBounds
+    """Of the direction (0, 0, 1)."""
+    field: WindowBounds | None
+    """Of the direction ``field_reference``; a row whose dip contradicts the bounds is contradicted, too.
+
+    Such a row proves that a statement about the field does not hold for this recording. The rule says whether any bound
+    is left then.
+    """
+    east: DirectionBounds | None
+    """Of the direction (1, 0, 0), from both: what they say of the heading."""
+    field_reference: FloatArray | None
+    """Direction of the field in the reference frame, shape (3,)."""
+    field_reference_error: float
+    """Bound of the reference field's error, µT; it is in the bounds of ``field``."""
+
+
+def apply_rule(
+    rule: Rule,
+    times: ArrayLike,
+    angular_velocities: ArrayLike,
+    specific_forces: ArrayLike,
+    fields: ArrayLike | None = None,
+    *,
+    longest_interval: float | None = None,
+    every: int = 1,
+) -> RuledRecording:
+    """Work out what a rule says of a recording.
+
+    Parameters
+    ----------
+    rule : Rule
+    times : (N,) array
+        s, increasing.
+    angular_velocities : (N, 3) array
+        rad/s, body axes, as the gyro shows them; NaN where it shows nothing.
+    specific_forces : (N, 3) array
+        m/s², body axes; at rest it points up.
+    fields : (N, 3) array, optional
+        µT, body axes.
+    longest_interval : float, optional
+        Between rows, that the gyro's bounds speak of, s. Left out, the rule states it, or it follows from the times.
+    every : int
+        Only each row whose index is a multiple of this gets directions, which saves time.
+
+    Returns
+    -------
+    RuledRecording
+
+    Raises
+    ------
+    ValueError
+        If the recording does not start at rest, or contradicts the rule there.
+    """
+    stamps = np.asarray(times, dtype=np.float64)
+    rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
+    accelerometer = rule.accelerometer
+    if longest_interval is None:
+        longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
+    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
+    rest = _rest_at_start(rule.rest, stamps, rates, forces, gyro)
+    bias = rates[rest].mean(axis=0)
+    rates = rates - bias
+    step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
+
+    def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
+        return gravity_bounds_over_windows(
+            stamps[rows],
+            forces[rows],
+            rates[rows],
+            rule.motion.windows_s,
+            motion=motion,
+            gyro=gyro,
+            sensor=accelerometer.sensor(),
+            gravity=accelerometer.gravity_m_per_s2,
+            gravity_error=accelerometer.gravity_error_m_per_s2,
+            time_offset=accelerometer.time_offset_bound_s,
+            at=rule.motion.row_at,
+            maximum_step=step,
+            every=every,
+        )
+
+    everywhere = slice(0, len(stamps))
+    up = up_within(everywhere, MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m))
+    up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
+    speeds = np.linalg.norm(rates, axis=1)
+    noise = gyro.rate_error(speeds, stamps - stamps[0])
+    if fields is None or rule.magnetometer is None:
+        return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
+
+    magnetometer = rule.magnetometer
+    shifted, left = shift(stamps, fields, magnetometer.delay_s)
+    shifted[left > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
+    reference, error = _field_at_rest(rule, stamps[rest], forces[rest], shifted[rest])
+    strength = float(np.linalg.norm(reference))
+    offset = magnetometer.time_offset_bound_s + float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
+
+    def field_within(rows: slice, disturbance: float) -> WindowBounds:
+        return field_bounds_over_windows(
+            stamps[rows],
+            shifted[rows],
+            rates[rows],
+            [magnetometer.window_s],
+            disturbance=disturbance + error,
+            gyro=gyro,
+            strength=strength,
+            sensor=magnetometer.sensor(),
+            time_offset=offset,
+            at=rule.motion.row_at,
+            maximum_step=step,
+            every=every,
+        )
+
+    # The reference is the field where the recording starts: there nothing disturbs it.
+    field = field_within(everywhere, magnetometer.disturbance_ut)
+    field = _known_better(field, rest, field_within(rest, 0.0))
+    # The dip: a row that contradicts it is as wrong as one whose length does.
+    dip_excess = strength * angle_excess(up, field, float(np.arctan2(reference[1], reference[2])))
+    excess = np.maximum(field.excess, dip_excess)
+    void = excess > 0.0
+    if magnetometer.contradiction_voids == "recording":
+        void = np.full_like(void, void.any())
+    field = dataclasses.replace(field, angles=np.where(void, np.nan, field.angles), excess=excess)
+    east = cross_bounds(up, field, reference, in_plane_error=error)
+    return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
+
+
+def field_at_start(
+    rule: Rule, times: FloatArray, angular_velocities: FloatArray, specific_forces: FloatArray, fields: FloatArray
+) -> FloatArray:
+    """The direction (3,) of the field in the rule's reference frame, from the rest at the start; as `apply_rule`.
+
+    Raises
+    ------
+    ValueError
+        If the recording does not start at rest, or contradicts the rule there.
+    """
+    assert rule.magnetometer is not None
+    longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
+    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
+    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
+    shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
+    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
+    direction: FloatArray = reference / np.linalg.norm(reference)
+    return direction
+
+
+def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
+    """The bounds with those of some rows put in where they are smaller; both hold, either may contradict the data."""
+    better = np.zeros(len(bounds.angles), dtype=np.bool_)
+    better[rows] = ~(there.angles >= bounds.angles[rows]) & ~np.isnan(there.angles)
+
+    def chosen(everywhere: FloatArray, there: FloatArray) -> FloatArray:
+        result = everywhere.copy()
+        result[better] = there[better[rows]]
+        return result
+
+    excess = bounds.excess.copy()
+    excess[rows] = np.maximum(excess[rows], there.excess)
+    angles = np.where(excess > 0.0, np.nan, chosen(bounds.angles, there.angles))
+    return WindowBounds(
+        chosen(bounds.directions, there.directions),
+        angles,
+        excess,
+        chosen(bounds.durations, there.durations),
+        chosen(bounds.lengths, there.lengths),
+        chosen(bounds.radii, there.radii),
+    )
+
+
+def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
+    """Up to the first gap: who knows what happened in it."""
+    resting = rest_rows(
+        times,
+        rates,
+        forces,
+        duration=rule.duration_s,
+        rate_deviation=np.deg2rad(rule.rate_deviation_deg_per_s),
+        rate=np.deg2rad(rule.rate_deg_per_s),
+        acceleration_deviation=rule.acceleration_deviation_m_per_s2,
+    )
+    count = int(np.argmin(resting)) if not resting.all() else len(resting)
+    gaps = np.flatnonzero(gyro.gaps(times, rates))
+    if len(gaps):
+        count = min(count, int(gaps[0]) + 1)
+    lasted = times[count - 1] - times[0] if count else 0.0
+    if lasted < 0.99 * rule.least_s:
+        raise ValueError(f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s")
+    return slice(0, count)
+
+
+def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: FloatArray) -> tuple[FloatArray, float]:
+    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11)."""
+    accelerometer, magnetometer = rule.accelerometer, rule.magnetometer
+    assert magnetometer is not None
+    force, field = np.nanmean(forces, axis=0), np.nanmean(fields, axis=0)
+    if not np.isfinite(field).all():
+        raise ValueError("the magnetometer shows nothing in the rest at the start")
+    k = accelerometer.scale_error
+    length = float(np.linalg.norm(force))
+    radius = accelerometer.averaged_error_m_per_s2 + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
+    radius += 2.0 * rule.rest.velocity_m_per_s / float(times[-1] - times[0])
+    tilt, excess = angle_to_center(length, accelerometer.gravity_m_per_s2, radius, accelerometer.gravity_error_m_per_s2)
+    if excess > 0.0:
+        raise ValueError(
+            f"at rest the specific force is {length:.4g} m/s^2, "
+            f"{excess:.2g} m/s^2 further from gravity than the rule allows"
+        )
+    vertical = float(field @ force) / length
+    horizontal = float(np.linalg.norm(field - vertical * force / length))
+    strength, k = float(np.linalg.norm(field)), magnetometer.scale_error
+    error = 2.0 * strength * np.sin(0.5 * float(tilt))
+    error += magnetometer.averaged_error_ut + k * (strength + magnetometer.error_ut) / (1.0 - k)
+    return np.array([0.0, horizontal, vertical]), float(error)

@@ -1,0 +1,345 @@
+"""The sensors of a configuration: which columns, in which unit and axes, with what delay, reference and bound.
+
+Directions, measured angular velocity and what to compare with; see ``docs/logs.md`` for each key.
+"""
+
+import math
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+import numpy as np
+from pydantic import AfterValidator, AwareDatetime, Discriminator, Field, Tag, model_validator
+
+from elliptude import units
+from elliptude.io.toml import (
+    Angle,
+    Bound,
+    Column,
+    Columns,
+    Matrix,
+    Model,
+    NonzeroVector,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    QuaternionColumns,
+    exactly_one,
+    one_word,
+)
+from elliptude.typing import FloatArray
+
+# A rotation in a file has as many digits as somebody had patience for.
+_ROTATION_TOLERANCE = 1e-4
+
+
+def _rotation(axes: tuple[str, str, str] | Matrix) -> tuple[str, str, str] | Matrix:
+    matrix = rotation_of_axes(axes)
+    deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    if deviation > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0.0:
+        raise ValueError("must be a rotation: perpendicular axes of length 1, right-handed")
+    return axes
+
+
+def rotation_of_axes(axes: tuple[str, str, str] | Matrix) -> FloatArray:
+    """The matrix (3, 3) that takes sensor axes to body axes, as close to a rotation as it was written.
+
+    Parameters
+    ----------
+    axes : tuple of 3 str, or of 3 rows
+        Such as ("y", "-x", "z"): the body's x is the sensor's y, its y the sensor's -x.
+
+    Returns
+    -------
+    (3, 3) array
+    """
+    if isinstance(axes[0], str):
+        matrix = np.zeros((3, 3))
+        for row, name in zip(matrix, axes, strict=True):
+            assert isinstance(name, str)
+            row["xyz".index(name[-1])] = -1.0 if name[0] == "-" else 1.0
+        return matrix
+    return np.asarray(axes, dtype=np.float64)
+
+
+AxisName = Literal["x", "y", "z", "-x", "-y", "-z", "+x", "+y", "+z"]
+Axes = Annotated[tuple[AxisName, AxisName, AxisName] | Matrix, AfterValidator(_rotation)]
+"""From sensor to body axes."""
+ReferenceFrame: TypeAlias = Literal["ENU", "NED", "NWU", "J2000"]
+
+
+class Timing(Model):
+    """What is done about time stamps and rows that are not as they should be."""
+
+    # Rows of one time: refused, or taken as one row, in which the first measurement of each sensor counts.
+    repeated: Literal["refuse", "merge"] = "refuse"
+    # Rows that are earlier than one before: refused, or left out.
+    backward: Literal["refuse", "drop"] = "refuse"
+    # NaN where the format has empty cells (CSV, Parquet): refused, or as good as empty. One component is enough then.
+    not_a_number: Literal["refuse", "missing"] = "refuse"
+    # Of the gyro. A longer one is refused; up to it, empty cells are bridged.
+    largest_gap_s: Positive | None = None
+    # Stamps of different sensors, delays subtracted, that are so close make one row, at the first of them.
+    same_within_s: NotNegative = 1e-9
+    # Times as in the file, or from the whole second of the log's first stamp.
+    origin: Literal["file", "first"] = "file"
+
+
+class Timed(Model):
+    """Columns with a time. The log's time column holds for all that do not name their own."""
+
+    time_column: Column | None = None
+    time_unit: units.TimeUnit | None = None
+    # How much later than it was measured a row is stamped: subtracted from its time.
+    delay_s: Number = 0.0
+    # What else the stamps may be off, either way: for the bounds.
+    time_offset_bound_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _has_a_clock(self) -> Self:
+        if (self.time_column is None) != (self.time_unit is None):
+            raise ValueError("time_column and time_unit belong together")
+        return self
+
+
+class AngleBound(Model):
+    """A constant angle."""
+
+    kind: Literal["angle"]
+    angle_deg: Angle
+
+
+class AccelerationBound(Model):
+    """An accelerometer's, sample by sample, from the largest linear acceleration."""
+
+    kind: Literal["acceleration"]
+    acceleration_m_per_s2: NotNegative
+    gravity_error_m_per_s2: NotNegative = 0.0
+
+
+class VelocityWindowBound(Model):
+    """An accelerometer's, averaged over windows, from how fast or how far its place moves."""
+
+    kind: Literal["velocity_window"]
+    windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    velocity_m_per_s: NotNegative | None = None
+    position_m: NotNegative | None = None
+    acceleration_m_per_s2: NotNegative | None = None
+    gravity_error_m_per_s2: NotNegative = 0.0
+    at: Literal["end", "middle"] = "end"
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if self.velocity_m_per_s is None and self.position_m is None and self.acceleration_m_per_s2 is None:
+            raise ValueError("give one or more of velocity_m_per_s, position_m, acceleration_m_per_s2")
+        return self
+
+
+class FieldBound(Model):
+    """A magnetometer's, sample by sample, from the largest field that is not the reference's."""
+
+    kind: Literal["field"]
+    disturbance_ut: NotNegative
+    strength_error_ut: NotNegative = 0.0
+
+
+class AccelerometerError(Model):
+    """What an accelerometer may be off: (I + K) f + e, in axes that are turned."""
+
+    error_m_per_s2: NotNegative = 0.0
+    averaged_error_m_per_s2: NotNegative | None = None
+    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
+    misalignment_deg: NotNegative = 0.0
+
+
+class MagnetometerError(Model):
+    """What a magnetometer may be off: (I + K) m + e, in axes that are turned."""
+
+    error_ut: NotNegative = 0.0
+    averaged_error_ut: NotNegative | None = None
+    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
+    misalignment_deg: NotNegative = 0.0
+
+
+class WorldModel(Model):
+    """The Earth's main field by place and date: IGRF, of the package ppigrf."""
+
+    kind: Literal["world_model"]
+    latitude_deg: Annotated[Number, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[Number, Field(ge=-180, le=360)]
+    height_m: Number = 0.0
+    date: AwareDatetime
+
+
+class RestPhase(Model):
+    """The field as the log has it while the body rests.
+
+    With the attitude of that time it is turned into the reference frame. Without one, the accelerometer says which way
+    is up, and the horizontal part of the field points as far east of north as the declination says: with 0, north
+    means magnetic north.
+    """
+
+    kind: Literal["rest_phase"]
+    from_s: Number
+    to_s: Number
+    attitude_qw_qx_qy_qz: Quaternion | None = None
+    declination_deg: Number | None = None
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Self:
+        exactly_one(self, "attitude_qw_qx_qy_qz", "declination_deg")
+        if not self.from_s < self.to_s:
+            raise ValueError("from_s must be before to_s")
+        return self
+
+
+class SunByTime(Model):
+    """The Sun by the time of day, in J2000 axes; ``time_zero`` is when the file's clock showed 0."""
+
+    kind: Literal["sun"]
+    time_zero: AwareDatetime
+
+
+class DirectionBase(Timed):
+    """What a direction needs whatever measures it. Rows without it are empty in the log."""
+
+    name: Annotated[str, AfterValidator(one_word)]
+    columns: Columns
+    axes: Axes = ("x", "y", "z")
+    bound_deg: Angle | None = None
+    bound_rad2: Matrix | None = None
+    bound_from: AngleBound | AccelerationBound | VelocityWindowBound | FieldBound | None = None
+    # How far the reference direction and the sensor's axes may be off: they add to the bound.
+    reference_error_deg: NotNegative = 0.0
+    alignment_error_deg: NotNegative = 0.0
+    weight: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _has_one_bound(self) -> Self:
+        if any(getattr(self, key) is not None for key in ("bound_deg", "bound_rad2", "bound_from")):
+            exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
+        if self.bound_rad2 is not None and self.added_angle:
+            raise ValueError("reference_error_deg and alignment_error_deg add to an angle, not to bound_rad2")
+        return self
+
+    @property
+    def added_angle(self) -> float:
+        """What errors of reference and alignment add to the bound, rad."""
+        return math.radians(self.reference_error_deg + self.alignment_error_deg)
+
+    def require_complete(self) -> None:
+        """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""
+        exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
+
+    def bound(self) -> FloatArray:
+        """The shape (3, 3) of its error ellipsoid, rad², where it is the same for every sample.
+
+        Raises
+        ------
+        ValueError
+            If it is not.
+        """
+        if self.bound_rad2 is not None:
+            return np.asarray(self.bound_rad2, dtype=np.float64)
+        angle_deg = self.bound_from.angle_deg if isinstance(self.bound_from, AngleBound) else self.bound_deg
+        if angle_deg is None:
+            assert self.bound_from is not None
+            why = f"its bound of kind {self.bound_from.kind!r} is another at each sample, which this mode does not take"
+            raise ValueError(f"{self.name!r}: {why}; give bound_deg or bound_rad2")
+        return np.eye(3) * (math.radians(angle_deg) + self.added_angle) ** 2
+
+
+class Direction(DirectionBase):
+    """A direction measured in body axes, and the same one in reference axes. Its length says nothing."""
+
+    kind: Literal["direction"] = "direction"
+    reference: NonzeroVector | SunByTime | None = None
+    reference_columns: Columns | None = None
+    bound_from: AngleBound | None = None
+
+    @model_validator(mode="after")
+    def _has_a_reference(self) -> Self:
+        exactly_one(self, "reference", "reference_columns")
+        return self
+
+
+class Accelerometer(DirectionBase):
+    """A direction that is up while the body does not accelerate: at rest an accelerometer shows +g upwards."""
+
+    kind: Literal["accelerometer"]
+    unit: units.AccelerationUnit
+    # Which way its vector points while it rests: "down" is for drivers that turn the sign, and then it is turned back.
+    at_rest: Literal["up", "down"] = "up"
+    gravity_m_per_s2: Positive = units.STANDARD_GRAVITY
+    sensor_error: AccelerometerError = AccelerometerError()
+    bound_from: Annotated[AngleBound | AccelerationBound | VelocityWindowBound, Field(discriminator="kind")] | None = (
+        None
+    )
+
+
+class Magnetometer(DirectionBase):
+    """The direction of the Earth's field. The reference vector's length, in µT, is its strength."""
+
+    kind: Literal["magnetometer"]
+    unit: units.FieldUnit
+    reference_ut: NonzeroVector | None = None
+    reference: Annotated[WorldModel | RestPhase, Field(discriminator="kind")] | None = None
+    sensor_error: MagnetometerError = MagnetometerError()
+    bound_from: Annotated[AngleBound | FieldBound, Field(discriminator="kind")] | None = None
+
+    @model_validator(mode="after")
+    def _has_one_reference(self) -> Self:
+        if self.reference is not None or self.reference_ut is not None:
+            exactly_one(self, "reference", "reference_ut")
+        return self
+
+    def require_complete(self) -> None:
+        """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""
+        super().require_complete()
+        exactly_one(self, "reference", "reference_ut")
+
+
+def _direction_kind(table: Any) -> str:
+    return str(table.get("kind", "direction")) if isinstance(table, dict) else str(getattr(table, "kind", "direction"))
+
+
+AnyDirection: TypeAlias = Annotated[
+    Annotated[Direction, Tag("direction")]
+    | Annotated[Accelerometer, Tag("accelerometer")]
+    | Annotated[Magnetometer, Tag("magnetometer")],
+    Discriminator(_direction_kind),
+]
+
+
+class Rate(Timed):
+    """A measured angular velocity. Rows without it are empty in the log."""
+
+    columns: Columns
+    unit: units.AngularVelocityUnit = "rad/s"
+    axes: Axes = ("x", "y", "z")
+    bound_deg_per_s: Bound | None = None
+    bound_rad2_per_s2: Matrix | None = None
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Self:
+        exactly_one(self, "bound_deg_per_s", "bound_rad2_per_s2")
+        return self
+
+    def bound(self) -> FloatArray:
+        """The shape (3, 3) of its error ellipsoid, (rad/s)²."""
+        if self.bound_deg_per_s is not None:
+            return np.eye(3) * math.radians(self.bound_deg_per_s) ** 2
+        return np.asarray(self.bound_rad2_per_s2, dtype=np.float64)
+
+
+class Truth(Timed):
+    """What the log knows to compare with; the estimator never sees it. ``label`` names it in figures."""
+
+    attitude_columns: QuaternionColumns
+    # In which order attitude_columns names them, and whether they turn vectors from body to reference axes or back.
+    order: Literal["wxyz", "xyzw"] = "wxyz"
+    turns: Literal["body_to_reference", "reference_to_body"] = "body_to_reference"
+    vector_columns: Columns | None = None
+    vector_unit: units.AngularVelocityUnit = "rad/s"
+    label: str = "truth"
+    # How far it may itself be off: it counts as inside where an attitude so near to it is.
+    error_deg: NotNegative = 0.0

@@ -1,0 +1,129 @@
+"""Statements that are far from what sensors and hands do: not wrong by themselves, but named, as they are easily typed.
+
+The measure is the rule for a sensor in the hand. Another kind of sensor or motion may well be far from it.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from elliptude.configuration import rules
+from elliptude.configuration.configuration import Configuration, GyroFlow, HandHeldRule
+from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWindowBound
+
+
+@dataclass(frozen=True)
+class _Usual:
+    """What is said of a number that is more than so many times the rule's, or less than so small a part of it."""
+
+    most: float
+    meaning: str
+    least: float = 0.0
+    why_not_less: str = ""
+
+
+_TOO_GOOD = "no small sensor is so good, and sets that rest on it are too small"
+_ANOTHER_UNIT = "is its unit right?"
+# By table and key of a rule. A least of 0 leaves zero alone.
+_USUAL: Mapping[tuple[str, str], _Usual] = {
+    ("gyro", "noise_deg_per_s"): _Usual(10.0, _ANOTHER_UNIT, 1e-3, _TOO_GOOD),
+    ("gyro", "bias_deg_per_s"): _Usual(40.0, "so much is not left of a bias that was subtracted"),
+    ("gyro", "scale_error"): _Usual(10.0, _ANOTHER_UNIT),
+    ("gyro", "increment_deg"): _Usual(100.0, _ANOTHER_UNIT),
+    ("accelerometer", "error_m_per_s2"): _Usual(5.0, "is it calibrated, and gravity what is stated?"),
+    ("accelerometer", "averaged_error_m_per_s2"): _Usual(5.0, "is it calibrated, and gravity what is stated?"),
+    ("motion", "velocity_m_per_s"): _Usual(3.0, "no hand moves so fast"),
+    ("motion", "position_m"): _Usual(3.0, "no arm reaches so far"),
+    ("magnetometer", "disturbance_ut"): _Usual(
+        2.0, "as with a magnet or steel near the sensor or attached to it, or a magnetometer that is not calibrated"
+    ),
+    ("magnetometer", "error_ut"): _Usual(3.0, "is it calibrated?"),
+    ("magnetometer", "averaged_error_ut"): _Usual(5.0, "is it calibrated?"),
+}
+_NEXT_TO_NOTHING_DEG = 90.0
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """A statement that is far from what is usual."""
+
+    sensor: str
+    message: str
+
+    def __str__(self) -> str:
+        """Both."""
+        return f"{self.sensor}: {self.message}"
+
+
+def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated") -> list[Suspicion]:
+    """What is suspicious in a rule.
+
+    Parameters
+    ----------
+    numbers : mapping
+        Of tables and keys of `elliptude.configuration.rules.Rule` to numbers; any of them may be missing.
+    stated : str
+        How the numbers came about, for the message.
+
+    Returns
+    -------
+    list of Suspicion
+    """
+    names = {name for name, _ in _USUAL}
+    # A rule may be without a magnetometer.
+    tables = {name: table for name, table in numbers.items() if name in names and table is not None}
+    return [one for name, table in tables.items() for one in _of_table(name, table, name, stated)]
+
+
+def of_configuration(configuration: Configuration) -> list[Suspicion]:
+    """What is suspicious in a configuration.
+
+    Parameters
+    ----------
+    configuration : Configuration
+
+    Returns
+    -------
+    list of Suspicion
+    """
+    rule = configuration.rule
+    if rule is not None:
+        return [] if isinstance(rule, HandHeldRule) else of_rule(rule.rule().model_dump(mode="json"))
+    found: list[Suspicion] = []
+    flow = configuration.flow
+    if isinstance(flow, GyroFlow):
+        # What is not stated is zero or has a meaning of its own, but for the noise.
+        there = flow.model_fields_set & {key for _, key in _USUAL}
+        found += _of_table("gyro", {key: getattr(flow, key) for key in there}, "the gyro", "stated")
+    for sensor in configuration.directions:
+        found += _of_sensor(sensor)
+    return found
+
+
+def _of_sensor(sensor: AnyDirection) -> Iterator[Suspicion]:
+    bound = sensor.bound_from
+    if isinstance(bound, VelocityWindowBound):
+        yield from _of_table("motion", bound.model_dump(exclude_none=True), sensor.name, "stated")
+    elif isinstance(bound, FieldBound):
+        yield from _of_table("magnetometer", bound.model_dump(exclude_none=True), sensor.name, "stated")
+    if sensor.kind != "direction":
+        errors = sensor.sensor_error.model_dump(exclude_none=True)
+        yield from _of_table(sensor.kind, errors, sensor.name, "stated")
+    angle = getattr(bound, "angle_deg", sensor.bound_deg)
+    if angle is not None and angle + math.degrees(sensor.added_angle) >= _NEXT_TO_NOTHING_DEG:
+        yield Suspicion(sensor.name, f"a bound of {angle:.3g} degrees says next to nothing of where it points")
+
+
+def _of_table(table: str, numbers: Mapping[str, Any], sensor: str, stated: str) -> Iterator[Suspicion]:
+    rule = rules.hand_held().model_dump(mode="json")[table]
+    for key, value in numbers.items():
+        usual, standard = _USUAL.get((table, key)), rule.get(key)
+        if usual is None or standard is None or value is None:
+            continue
+        compared = f"{stated} is {key} = {value:.4g}, {{}} that of the rule for a sensor in the hand, {standard:g}"
+        if value > usual.most * standard:
+            yield Suspicion(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {usual.meaning}")
+        elif value < usual.least * standard:
+            how = "against" if value == 0.0 else f"{value / standard:.1e} of"
+            yield Suspicion(sensor, f"{compared.format(how)}: {usual.why_not_less}")

@@ -1,0 +1,5 @@
+"""From a log and a configuration to attitudes with their bounds."""
+
+from elliptude.estimation.estimator import Estimation, PieceEstimator, estimate, summarize
+
+__all__ = ["Estimation", "PieceEstimator", "estimate", "summarize"]

@@ -1,0 +1,231 @@
+"""What is in a log, sensor by sensor, and what in it or in the configuration is or may be wrong."""
+
+import os
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from elliptude import units
+from elliptude.configuration import suspicions
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.estimation import estimator
+from elliptude.io.files import FileError
+from elliptude.logs import log as logs
+from elliptude.logs import plausibility
+from elliptude.logs.body_at_rest import UpAtRest, up_in_log
+from elliptude.logs.log import Log, Samples
+from elliptude.logs.plausibility import Finding
+from elliptude.typing import FloatArray
+
+# Times the median step: what is called a gap.
+_GAP = 1.5
+# T; the Earth's field at sea level.
+_WEAKEST_FIELD, _STRONGEST_FIELD = 2.0e-5, 7.0e-5
+_GRAVITY_TOLERANCE = 0.1
+# rad/s; the full range of common gyros.
+_FULL_RANGE = 2000.0 * np.pi / 180.0
+_HIGHEST_SAMPLE_RATE = 1e5
+_UNIT_NORM_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class SensorReport:
+    """What a sensor did. Numbers are in the unit that is named, None where nothing was measured."""
+
+    name: str
+    unit: str
+    rows: int
+    """Of the file."""
+    measured: int
+    empty: int
+    """Rows in which it was not measured."""
+    begin_s: float | None
+    end_s: float | None
+    rate_hz: float | None
+    """One over the median step."""
+    longest_step_s: float | None
+    longest_step_at_s: float | None
+    gaps: int
+    """Steps longer than one and a half of the median one."""
+    lowest: list[float] | None
+    highest: list[float] | None
+    median_norm: float | None
+    still: float | None
+    """The share of steps that repeat the values before: a sensor that is slower than its stamps."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `check` found."""
+
+    sensors: list[SensorReport]
+    findings: list[Finding]
+    up_at_rest: UpAtRest | None = None
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no error."""
+        return not any(finding.severity == "error" for finding in self.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and texts, for JSON."""
+        return {"good": self.is_good} | asdict(self)
+
+
+def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
+    """Look at a log.
+
+    Parameters
+    ----------
+    path : path-like
+    configuration : Configuration
+
+    Returns
+    -------
+    Report
+        What a reader of the log would refuse is in it as an error, one for each sensor that has any.
+    """
+    samples: list[Samples] = []
+    findings: list[Finding] = []
+    try:
+        samples = logs.read_samples(path, configuration)
+    except FileError:
+        messages: dict[str, str] = {}  # the same one for each sensor that has the same time column
+        for name in logs.sensor_names(configuration):
+            try:
+                samples += logs.read_samples(path, configuration, [name])
+            except FileError as error:
+                messages.setdefault(str(error), name)
+        findings += [Finding("error", "", message) for message in messages]
+    up = None
+    if not findings:
+        try:
+            log = logs.read_log(path, configuration)
+        except FileError as error:
+            findings.append(Finding("error", "", str(error)))
+        else:
+            findings += plausibility.contradictions(log, configuration)
+            findings += _start(log, configuration)
+            up = up_in_log(log, configuration)
+    findings += [
+        Finding("warning", one.sensor, f"suspicious: {one.message}")
+        for one in suspicions.of_configuration(configuration)
+    ]
+    reports = [_report(one, configuration) for one in samples]
+    findings += [finding for one in samples for finding in _suspicions(one, configuration)]
+    return Report(reports, findings, up)
+
+
+def _start(log: Log, configuration: Configuration) -> list[Finding]:
+    """Whether, and where, there is a row that a start from the first measurement needs."""
+    if configuration.start is None or configuration.start.kind != "first_measurement":
+        return []
+    try:
+        first = estimator.first_complete_row(log, configuration)
+    except ValueError as error:
+        return [Finding("error", "start", str(error))]
+    if first == 0:
+        return []
+    return [
+        Finding("warning", "start", f"{first} rows are left out: the first with two directions is {log.place(first)}")
+    ]
+
+
+def _report(samples: Samples, configuration: Configuration) -> SensorReport:
+    unit, scale = _unit(samples.name, configuration)
+    times, values = samples.times + samples.origin, samples.values / scale
+    steps = np.diff(times)
+    there, several = len(times) > 0, len(times) > 1
+    longest = int(np.argmax(steps)) if several else 0
+    return SensorReport(
+        name=samples.name,
+        unit=unit,
+        rows=samples.rows,
+        measured=len(times),
+        empty=samples.rows - len(times),
+        begin_s=float(times[0]) if there else None,
+        end_s=float(times[-1]) if there else None,
+        rate_hz=float(1.0 / np.median(steps)) if several else None,
+        longest_step_s=float(steps[longest]) if several else None,
+        longest_step_at_s=float(times[longest]) if several else None,
+        gaps=int((steps > _GAP * np.median(steps)).sum()) if several else 0,
+        lowest=values.min(axis=0).tolist() if there else None,
+        highest=values.max(axis=0).tolist() if there else None,
+        median_norm=float(np.median(np.linalg.norm(values, axis=1))) if there else None,
+        still=float((values[1:] == values[:-1]).all(axis=1).mean()) if several else None,
+    )
+
+
+def _unit(name: str, configuration: Configuration) -> tuple[str, float]:
+    """In which a sensor is declared, and what it is in SI."""
+    flow, rate, truth = configuration.flow, configuration.rate, configuration.truth
+    if name == "the gyro" and isinstance(flow, GyroFlow):
+        return flow.unit, units.ANGULAR_VELOCITY[flow.unit]
+    if name == "rate" and rate is not None:
+        return rate.unit, units.ANGULAR_VELOCITY[rate.unit]
+    if name == "true vector" and truth is not None:
+        return truth.vector_unit, units.ANGULAR_VELOCITY[truth.vector_unit]
+    if name == "the control torque":
+        return "N m", 1.0
+    for sensor in configuration.directions:
+        if sensor.name == name and isinstance(sensor, Accelerometer):
+            return sensor.unit, units.ACCELERATION[sensor.unit]
+        if sensor.name == name and isinstance(sensor, Magnetometer):
+            return sensor.unit, units.FIELD[sensor.unit]
+    return "1", 1.0
+
+
+def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]:
+    found: list[Finding] = []
+
+    def warn(message: str) -> None:
+        found.append(Finding("warning", samples.name, message))
+
+    if not len(samples.times):
+        warn("never measured")
+        return found
+    norms = np.linalg.norm(samples.values, axis=1)
+    median = float(np.median(norms))
+    unit, scale = _unit(samples.name, configuration)
+    sensor = next((one for one in configuration.directions if one.name == samples.name), None)
+    if isinstance(sensor, Accelerometer):
+        gravity = sensor.gravity_m_per_s2
+        if abs(median / gravity - 1.0) > _GRAVITY_TOLERANCE:
+            sizes = {other: median / scale * size / gravity for other, size in units.ACCELERATION.items()}
+            fitting: list[str] = [other for other, size in sizes.items() if abs(size - 1.0) <= _GRAVITY_TOLERANCE]
+            warn(f"its median norm is {median / scale:.4g} {unit}, which is not gravity" + _as_if(fitting))
+    elif isinstance(sensor, Magnetometer):
+        if not _WEAKEST_FIELD <= median <= _STRONGEST_FIELD:
+            fields = {other: median / scale * size for other, size in units.FIELD.items()}
+            fitting = [other for other, size in fields.items() if _WEAKEST_FIELD <= size <= _STRONGEST_FIELD]
+            warn(f"its median norm is {median / scale:.4g} {unit}, which is not the Earth's field" + _as_if(fitting))
+    elif samples.name in {"the gyro", "rate"} and (norms > _FULL_RANGE).any():
+        fastest = np.rad2deg(norms.max())
+        warn(f"up to {norms.max() / scale:.4g} {unit}, which is {fastest:.0f} deg/s: more than most gyros can show")
+    elif samples.name == "true attitude":
+        worst = float(np.abs(norms - 1.0).max())
+        if worst > _UNIT_NORM_TOLERANCE:
+            at = samples.times[int(np.argmax(np.abs(norms - 1.0)))] + samples.origin
+            warn(f"quaternions are not of length 1, but {worst:.3g} off at {at:.6f} s; only their direction counts")
+    found += _clock(samples)
+    return found
+
+
+def _as_if(fitting: list[str]) -> str:
+    return f"; it would be in {' or '.join(fitting)}" if fitting else ""
+
+
+def _clock(samples: Samples) -> list[Finding]:
+    steps: FloatArray = np.diff(samples.times)
+    if not len(steps):
+        return [Finding("warning", samples.name, "measured but once")]
+    rate = 1.0 / float(np.median(steps))
+    if rate > _HIGHEST_SAMPLE_RATE:
+        return [Finding("warning", samples.name, f"{rate:.3g} samples a second: is the unit of time right?")]
+    longest = int(np.argmax(steps))
+    if steps[longest] > 10.0 / rate:
+        at = samples.times[longest] + samples.origin
+        return [Finding("warning", samples.name, f"a gap of {steps[longest]:.4g} s after {at:.6f} s")]
+    return []

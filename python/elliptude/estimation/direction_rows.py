@@ -1,0 +1,285 @@
+"""What the direction sensors of a log say, row by row: a direction, its reference and the angle that it may be off.
+
+Whatever a configuration states, a constant angle, a bound of acceleration, speed or disturbance, or a rule for the
+whole recording, becomes one angle per row and sensor here, for the guaranteed mode. Derivations: docs/theory.md,
+section 18.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from elliptude import units
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, accelerometer_bounds, magnetometer_bounds
+from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
+from elliptude.configuration import references, rules
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.sensors import (
+    AccelerationBound,
+    Accelerometer,
+    AnyDirection,
+    FieldBound,
+    Magnetometer,
+    VelocityWindowBound,
+)
+from elliptude.estimation import gaps
+from elliptude.logs.log import Log
+from elliptude.typing import FloatArray
+
+_MICROTESLA = units.FIELD["uT"]
+# Windows reach over a missing sample no more than over ten median steps.
+_LONGEST_STEP = 10.0
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A row whose measurement proves a stated bound wrong by itself, by its length or by the dip."""
+
+    row: int
+    sensor: str
+    excess: float
+    """By how much."""
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionRows:
+    """N rows of m directions."""
+
+    names: tuple[str, ...]
+    directions: FloatArray
+    """Unit vectors in body axes, NaN where nothing is measured, shape (N, m, 3)."""
+    references: FloatArray
+    """In reference axes, shape (N, m, 3)."""
+    angles: FloatArray
+    """rad, shape (N, m); NaN: not measured or contradicted."""
+    contradictions: tuple[Contradiction, ...]
+    void: tuple[str, ...]
+    """Names of those that a contradiction takes away for the whole recording."""
+    gyro: GyroBounds | None
+    """Of what is left after ``bias`` is subtracted; its longest interval is what is stated, or follows from the log."""
+    bias: FloatArray
+    """To be subtracted from the gyro's rates, rad/s, shape (3,)."""
+    up: FloatArray | None
+    """The direction up in reference axes, where that is known, shape (3,)."""
+    up_column: int | None
+    """Which of the directions measures it."""
+
+
+def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
+    """Work out what the directions of a log are, and how far each may be off.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+
+    Returns
+    -------
+    DirectionRows
+
+    Raises
+    ------
+    ValueError
+        If a bound cannot be had from what the log holds, or a rule is not for this recording.
+    """
+    if configuration.rule is not None:
+        return _by_rule(log, configuration)
+    flow = configuration.flow
+    bias = np.zeros(3)
+    gyro: GyroBounds | None = None
+    if isinstance(flow, GyroFlow):
+        bias, gyro = np.deg2rad(flow.known_bias_deg_per_s), flow.bounds()
+    elif configuration.rate is not None:
+        gyro = GyroBounds(noise=_radius(configuration.rate.bound()))
+    if gyro is not None:
+        gyro = replace(gyro, longest_interval=gaps.longest_interval(log, configuration))
+    contradictions: list[Contradiction] = []
+    found: list[DirectionBounds] = []
+    for i, sensor in enumerate(configuration.directions):
+        bounds = _of_sensor(sensor, i, log, bias, gyro, configuration)
+        unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
+        contradictions += _contradictions(bounds, sensor.name, unit)
+        found.append(bounds)
+    accelerometer = configuration.accelerometer
+    return DirectionRows(
+        names=tuple(sensor.name for sensor in configuration.directions),
+        directions=_stacked([bounds.directions for bounds in found], len(log.times), 3),
+        references=np.where(np.isfinite(log.references), log.references, [1.0, 0.0, 0.0]),
+        angles=_stacked([bounds.angles[:, None] for bounds in found], len(log.times), 1)[:, :, 0],
+        contradictions=tuple(contradictions),
+        void=(),
+        gyro=gyro,
+        bias=bias,
+        up=references.up(configuration.reference_frame) if accelerometer else None,
+        up_column=configuration.directions.index(accelerometer) if accelerometer else None,
+    )
+
+
+def _stacked(arrays: list[FloatArray], count: int, width: int) -> FloatArray:
+    return np.stack(arrays, axis=1) if arrays else np.empty((count, 0, width))
+
+
+def _radius(shape: FloatArray) -> float:
+    """Of the ball about an ellipsoid."""
+    return float(math.sqrt(np.linalg.eigvalsh(shape)[-1]))
+
+
+def _contradictions(bounds: DirectionBounds, sensor: str, unit: str) -> list[Contradiction]:
+    rows = np.flatnonzero(bounds.contradicted)
+    return [Contradiction(int(row), sensor, float(bounds.excess[row]), unit) for row in rows]
+
+
+# --- sensors that state their own bounds ------------------------------------------------------------------------------
+
+
+def _of_sensor(
+    sensor: AnyDirection, i: int, log: Log, bias: FloatArray, gyro: GyroBounds | None, configuration: Configuration
+) -> DirectionBounds:
+    vectors = log.directions[:, i]
+    flow = configuration.flow
+    offset = sensor.time_offset_bound_s
+    acceleration = 0.0
+    if isinstance(flow, GyroFlow):
+        offset += flow.time_offset_bound_s
+        acceleration = math.radians(flow.angular_acceleration_deg_per_s2)
+    elif configuration.rate is not None:
+        offset += configuration.rate.time_offset_bound_s
+    rates = None if log.rates is None else log.rates - bias
+    if isinstance(sensor.bound_from, VelocityWindowBound):
+        assert isinstance(sensor, Accelerometer)
+        bounds = _over_windows(sensor, sensor.bound_from, vectors, rates, gyro, log, offset)
+    else:
+        turned = np.zeros(len(log.times))
+        if offset > 0.0:
+            if rates is None:
+                raise ValueError(f"{sensor.name!r}: time_offset_bound_s needs a gyro or a measured rate in the log")
+            turned = time_offset_angles(log.times, rates, offset, gyro=gyro, angular_acceleration=acceleration)
+        bounds = _of_samples(sensor, vectors, log.references[:, i], turned)
+    return DirectionBounds(bounds.directions, np.minimum(bounds.angles + sensor.added_angle, np.pi), bounds.excess)
+
+
+def _of_samples(
+    sensor: AnyDirection, vectors: FloatArray, reference: FloatArray, turned: FloatArray
+) -> DirectionBounds:
+    bound = sensor.bound_from
+    if isinstance(sensor, Accelerometer) and isinstance(bound, AccelerationBound):
+        return accelerometer_bounds(
+            vectors,
+            bound.acceleration_m_per_s2,
+            gravity=sensor.gravity_m_per_s2,
+            gravity_error=bound.gravity_error_m_per_s2,
+            sensor=_accelerometer_errors(sensor),
+            time_offset=turned,
+        )
+    if isinstance(sensor, Magnetometer) and isinstance(bound, FieldBound):
+        error = sensor.sensor_error
+        return magnetometer_bounds(
+            vectors / _MICROTESLA,
+            bound.disturbance_ut,
+            strength=np.linalg.norm(reference, axis=1) / _MICROTESLA,
+            strength_error=bound.strength_error_ut,
+            sensor=VectorSensorBounds(
+                error.error_ut, error.scale_error, math.radians(error.misalignment_deg), error.averaged_error_ut
+            ),
+            time_offset=turned,
+        )
+    lengths = np.linalg.norm(vectors, axis=1)
+    if sensor.bound_rad2 is not None:
+        angle = _radius(np.asarray(sensor.bound_rad2))
+    else:
+        angle_deg = sensor.bound_deg if bound is None else getattr(bound, "angle_deg", None)
+        assert angle_deg is not None
+        angle = math.radians(angle_deg)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        directions = vectors / lengths[:, None]
+    angles = np.where(lengths > 0.0, angle + turned, np.nan)
+    return DirectionBounds(directions, angles, np.zeros_like(lengths))
+
+
+def _accelerometer_errors(sensor: Accelerometer) -> VectorSensorBounds:
+    error = sensor.sensor_error
+    return VectorSensorBounds(
+        error.error_m_per_s2, error.scale_error, math.radians(error.misalignment_deg), error.averaged_error_m_per_s2
+    )
+
+
+def _over_windows(
+    sensor: Accelerometer,
+    bound: VelocityWindowBound,
+    vectors: FloatArray,
+    rates: FloatArray | None,
+    gyro: GyroBounds | None,
+    log: Log,
+    offset: float,
+) -> DirectionBounds:
+    if rates is None or gyro is None:
+        raise ValueError(f"{sensor.name!r}: bound_from.kind = 'velocity_window' needs a gyro or a measured rate")
+    share = float(np.mean(np.isfinite(vectors[:, 0]) & np.isfinite(rates[:, 0])))
+    if share < 0.5:
+        raise ValueError(
+            f"{sensor.name!r}: bound_from.kind = 'velocity_window' needs samples at the stamps of the gyro, but only "
+            f"{100.0 * share:.3g} % of the log's rows have both"
+        )
+
+    def known(value: float | None) -> float:
+        return math.inf if value is None else value
+
+    return gravity_bounds_over_windows(
+        log.times,
+        vectors,
+        rates,
+        bound.windows_s,
+        motion=MotionBounds(known(bound.velocity_m_per_s), known(bound.position_m), known(bound.acceleration_m_per_s2)),
+        gyro=gyro,
+        sensor=_accelerometer_errors(sensor),
+        gravity=sensor.gravity_m_per_s2,
+        gravity_error=bound.gravity_error_m_per_s2,
+        time_offset=offset,
+        at=bound.at,
+        maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(log.times))), gyro.longest_interval),
+    )
+
+
+# --- a rule -----------------------------------------------------------------------------------------------------------
+
+
+def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
+    assert configuration.rule is not None
+    assert configuration.accelerometer is not None
+    assert log.rates is not None
+    names = [sensor.name for sensor in configuration.directions]
+    up_column = configuration.directions.index(configuration.accelerometer)
+    forces = log.directions[:, up_column]
+    fields = None if len(names) == 1 else log.directions[:, 1 - up_column] / _MICROTESLA
+    for name, values in zip(names, log.directions.transpose(1, 0, 2), strict=True):
+        if np.isfinite(values[:, 0]).mean() < 0.5:
+            raise ValueError(f"{name!r}: a rule needs all sensors at the same stamps; most rows of the log lack it")
+    longest = gaps.longest_interval(log, configuration)
+    ruled = rules.apply_rule(configuration.rule.rule(), log.times, log.rates, forces, fields, longest_interval=longest)
+    found: list[tuple[str, DirectionBounds, FloatArray, str]] = [
+        (names[up_column], ruled.up, np.array([0.0, 0.0, 1.0]), "m/s^2")
+    ]
+    if ruled.field is not None and ruled.east is not None and ruled.field_reference is not None:
+        east = "east" if "east" not in names else "field_east"
+        found += [
+            (names[1 - up_column], ruled.field, ruled.field_reference, "uT"),
+            (east, ruled.east, np.array([1.0, 0.0, 0.0]), "uT"),
+        ]
+    contradictions = [one for name, bounds, _, unit in found for one in _contradictions(bounds, name, unit)]
+    angles = np.stack([bounds.angles for _, bounds, _, _ in found], axis=1)
+    return DirectionRows(
+        names=tuple(name for name, _, _, _ in found),
+        directions=np.stack([bounds.directions for _, bounds, _, _ in found], axis=1),
+        references=np.broadcast_to(np.array([vector for _, _, vector, _ in found]), (len(log.times), len(found), 3)),
+        angles=angles,
+        contradictions=tuple(sorted(contradictions, key=lambda one: one.row)),
+        void=tuple(name for i, (name, _, _, _) in enumerate(found) if not np.isfinite(angles[:, i]).any()),
+        gyro=ruled.gyro,
+        bias=ruled.bias,
+        up=np.array([0.0, 0.0, 1.0]),
+        up_column=0,
+    )

@@ -1,0 +1,245 @@
+"""Gaps of a gyro: intervals between its samples that are too long for its error bounds to speak of.
+
+Between two samples the rate is taken to be on a straight line, and the bound of its error includes what is wrong with
+that, at the usual interval. Where samples were lost that is no bound of anything: of such a gap nothing is known but
+how fast the body turns at most, if that is stated. Derivation: docs/theory.md, section 17.6.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.logs.log import Log
+from elliptude.results import GuaranteedLog
+from elliptude.typing import FloatArray
+
+
+def longest_interval(log: Log, configuration: Configuration) -> float:
+    """Up to which interval the bounds of the rates in a log speak, s; infinite without rates.
+
+    Raises
+    ------
+    ValueError
+        As `longest_interval_of`.
+    """
+    if log.rates is None:
+        return np.inf
+    stated = None
+    if configuration.rule is not None:
+        stated = configuration.rule.rule().gyro.longest_interval_s
+    elif isinstance(configuration.flow, GyroFlow):
+        stated = configuration.flow.longest_interval_s
+    return longest_interval_of(np.diff(_samples(log)), stated)
+
+
+def _samples(log: Log) -> FloatArray:
+    """When rates were measured, s, shape (M,)."""
+    if log.gyro_times is not None:
+        return log.gyro_times
+    return log.times[log.has_rate]
+
+
+def _intervals(log: Log) -> FloatArray:
+    """Between the samples before and after each step from a row to the next, s, shape (N - 1,)."""
+    samples = _samples(log)
+    if len(samples) < 2:
+        return np.full(max(len(log.times) - 1, 0), np.inf)
+    middles = 0.5 * (log.times[1:] + log.times[:-1])
+    after = np.clip(np.searchsorted(samples, middles), 1, len(samples) - 1)
+    intervals: FloatArray = samples[after] - samples[after - 1]
+    return intervals
+
+
+def without_rates_in_gaps(log: Log, longest: float) -> Log:
+    """The log with NaN for what was filled in between samples of a gyro that are further apart than ``longest``, s."""
+    if log.rates is None or log.gyro_times is None:
+        return log
+    in_gap = np.zeros(len(log.times) + 1, dtype=np.bool_)
+    in_gap[1:-1] = _intervals(log) > longest
+    inside = in_gap[1:] & in_gap[:-1] & ~np.isin(log.times, log.gyro_times)
+    if not inside.any():
+        return log
+    rates = log.rates.copy()
+    rates[inside] = np.nan
+    return replace(log, rates=rates)
+
+
+def filled_in_between(log: Log, longest: float) -> float:
+    """The longest interval up to ``longest`` with a row within it, whose rate is filled in, s; 0 without one."""
+    if log.gyro_times is None or len(log.times) < 2:
+        return 0.0
+    intervals = _intervals(log)
+    filled = (np.diff(log.times) < (1.0 - 1e-6) * intervals) & (intervals <= longest)
+    return float(intervals[filled].max(initial=0.0))
+
+
+MOST_LISTED = 200
+"""So many of the gaps are in a summary, the longest ones."""
+_MOST_SAID = 5
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A gap in the gyro, and what became of the set over it."""
+
+    time: float
+    """Of the last sample before it, s."""
+    duration: float
+    """To the next one, s."""
+    turn: float
+    """How far the body may have turned in it, rad; pi, half a turn, is anything."""
+    before: float
+    """Largest angle in the set in the last row before it, rad; NaN without a set."""
+    after: float
+    """Likewise in the first row after it, with what was measured there."""
+    rows_without_set: int
+    """From the gap on until there is a set again; 0 where there was none before it."""
+
+
+def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog) -> tuple[Gap, ...]:
+    """What an estimation lost in the gaps of a log.
+
+    Parameters
+    ----------
+    log : Log
+    longest : float
+        s; what is longer is a gap.
+    largest_rate : float
+        rad/s.
+    found : GuaranteedLog
+        Of the log's rows.
+
+    Returns
+    -------
+    tuple of Gap
+        In order of time; those that have rows on both sides.
+    """
+    samples = _samples(log)
+    durations = np.diff(samples)
+    long = np.flatnonzero(durations > longest)
+    if not len(long):
+        return ()
+    angles = found.extents().largest_angles
+    with_set = np.append(np.flatnonzero(np.isfinite(angles)), len(angles))
+    first = np.searchsorted(log.times, samples[long], side="right") - 1
+    last = np.searchsorted(log.times, samples[long + 1])
+    gaps = []
+    for begin, duration, i, j in zip(samples[long], durations[long], first, last, strict=True):
+        if i < 0 or j >= len(log.times):
+            continue
+        again = int(with_set[np.searchsorted(with_set, i + 1)])
+        gaps.append(
+            Gap(
+                time=float(begin),
+                duration=float(duration),
+                turn=float(min(largest_rate * duration, np.pi)),
+                before=float(angles[i]),
+                after=float(angles[j]),
+                rows_without_set=again - int(i) - 1 if np.isfinite(angles[i]) else 0,
+            )
+        )
+    return tuple(gaps)
+
+
+class Bridged:
+    """Gaps that a mode of first order bridges by straight lines, found piece by piece."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        flow = configuration.flow
+        self._has_gyro = isinstance(flow, GyroFlow)
+        self._longest = flow.longest_interval_s if isinstance(flow, GyroFlow) else None
+        self._last = np.empty(0)
+        self._count, self._total = 0, 0.0
+        self._longest_gap = 0.0, 0.0
+
+    def add(self, log: Log) -> None:
+        """Look at the next rows. What is usual is what the first of them show."""
+        if not self._has_gyro:
+            return
+        samples = np.unique(np.concatenate([self._last, _samples(log)]))
+        self._last = samples[-1:]
+        intervals = np.diff(samples)
+        if self._longest is None and len(intervals):
+            self._longest = longest_interval_of(intervals, None)
+        for at in np.flatnonzero(intervals > (np.inf if self._longest is None else self._longest)):
+            self._count, self._total = self._count + 1, self._total + float(intervals[at])
+            self._longest_gap = max(self._longest_gap, (float(intervals[at]), float(samples[at])))
+
+    def summarize(self) -> dict[str, Any]:
+        """For ``summary.json``."""
+        duration, time = self._longest_gap
+        said = []
+        if self._count:
+            said = [
+                f"{_counted(self._count)} in the gyro, longer than {self._longest:.4g} s ({self._total:.3g} s in all, "
+                f"the longest {duration:.4g} s from {time:.4f} s on): taken for straight lines, which no bound covers"
+            ]
+        return {"longest_interval_s": self._longest, "count": self._count, "total_s": self._total, "said": said}
+
+
+def _counted(count: int) -> str:
+    return f"{count} gap{'s' if count > 1 else ''}"
+
+
+def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
+    """For ``summary.json``: s, degrees; the longest ones are listed one by one."""
+
+    def finite(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    def degrees(angle: float) -> float | None:
+        return finite(float(np.rad2deg(angle)))
+
+    listed = sorted(sorted(gaps, key=lambda gap: -gap.duration)[:MOST_LISTED], key=lambda gap: gap.time)
+    summary: dict[str, Any] = {
+        "longest_interval_s": None if gyro is None else finite(gyro.longest_interval),
+        "largest_rate_deg_per_s": None if gyro is None else degrees(gyro.largest_rate),
+        "count": len(gaps),
+        "total_s": sum(gap.duration for gap in gaps),
+        "forgotten": sum(gap.turn >= np.pi for gap in gaps),
+        "rows_without_set": sum(gap.rows_without_set for gap in gaps),
+        "listed": [
+            {
+                "time_s": gap.time,
+                "duration_s": gap.duration,
+                "turn_bound_deg": degrees(gap.turn),
+                "largest_angle_before_deg": degrees(gap.before),
+                "largest_angle_after_deg": degrees(gap.after),
+                "rows_without_set": gap.rows_without_set,
+            }
+            for gap in listed
+        ],
+    }
+    return summary | {"said": _said(summary)}
+
+
+def _said(summary: dict[str, Any]) -> list[str]:
+    """Lines about the gaps in a summary: what all of them cost, and what the longest did."""
+    count = summary["count"]
+    if not count:
+        return []
+    rate = summary["largest_rate_deg_per_s"]
+    known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
+    lines = [
+        f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
+        f"({summary['total_s']:.3g} s in all; {known}): {summary['rows_without_set']} rows without a set"
+    ]
+    listed: list[dict[str, Any]] = summary["listed"]
+    for gap in sorted(sorted(listed, key=lambda gap: -gap["duration_s"])[:_MOST_SAID], key=lambda gap: gap["time_s"]):
+        before, after = gap["largest_angle_before_deg"], gap["largest_angle_after_deg"]
+        rows = gap["rows_without_set"]
+        forgotten = gap["turn_bound_deg"] >= 180.0
+        if before is None:
+            cost = "there was no set before it"
+        elif rows:
+            cost = f"attitude forgotten, {rows} rows without a set"
+        else:
+            cost = f"largest angle {before:.3g} degrees before and {after:.3g} after it"
+            cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost
+        lines.append(f"  {gap['duration_s']:.4g} s from {gap['time_s']:.4f} s on: {cost}")
+    if count > _MOST_SAID:
+        lines.append(f"  and {count - _MOST_SAID} shorter ones; summary.json lists {len(listed)}")
+    return lines

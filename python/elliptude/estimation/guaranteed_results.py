@@ -1,0 +1,157 @@
+"""What the guaranteed mode gives of a log: a table of results, figures for the summary, and what was left out."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.bounds.rest import rest_rows
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.rules import hand_held
+from elliptude.estimation import gaps
+from elliptude.estimation.containment import compare
+from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
+from elliptude.estimation.why_no_set import why_no_set
+from elliptude.io import tables
+from elliptude.io.tables import Column, Results, names_of_chosen
+from elliptude.logs.log import Log
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
+
+
+def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
+    """The table of results, compared with what the log knows of the truth.
+
+    Parameters
+    ----------
+    run : GuaranteedRun
+    configuration : Configuration
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    ValueError
+        If the truth is too far off to be compared.
+    """
+    log, guaranteed = run.measured, run.log
+    there = run.rows.angles < np.pi
+    if not isinstance(configuration.flow, GyroFlow):
+        there = np.column_stack([there, log.has_rate])
+    names = list(run.sensors()[: there.shape[1]])
+    dropped = guaranteed.dropped[:, : there.shape[1]]
+    true_attitudes = log.true_attitudes
+    if run.starts_heading and true_attitudes is not None:
+        true_attitudes = turned_to_start(true_attitudes, run)
+    true_vectors = log.true_vectors if configuration.estimates_vector else None
+    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error)
+    extents = guaranteed.extents()
+    vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
+    if not configuration.estimates_vector:
+        # What the filter has in the place of a bias says nothing of the gyro's.
+        attitude = np.arange(6) < 3
+        vectors = np.full_like(vectors, np.nan)
+        shapes = np.where(attitude[:, None] & attitude, shapes, np.nan)
+        half_widths = np.where(attitude, half_widths, np.nan)
+    return Results(
+        times=guaranteed.times,
+        quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
+        vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
+        vectors=vectors,
+        shapes=shapes,
+        half_widths=half_widths,
+        largest_angles=extents.largest_angles,
+        used=names_of_chosen(names, there & ~dropped),
+        refused=[""] * len(log.times),
+        shares=np.full(len(log.times), np.nan),
+        margins=guaranteed.margins,
+        errors=errors,
+        forms=forms,
+        chart="gibbs",
+        claims=[CLAIMS[claim] for claim in guaranteed.claims],
+        prediction_used=np.where(np.isfinite(guaranteed.shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
+        dropped=names_of_chosen(names, there & dropped),
+        tilt_bounds=run.tilt_bounds,
+    )
+
+
+def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:
+    """Rows at rest, by gyro and accelerometer, shape (N,); None without both."""
+    accelerometer = configuration.accelerometer
+    if accelerometer is None or log.rates is None:
+        return None
+    rule = configuration.rule.rule() if configuration.rule is not None else hand_held()
+    return rest_rows(
+        log.times,
+        log.rates,
+        log.directions[:, configuration.directions.index(accelerometer)],
+        duration=rule.rest.duration_s,
+        rate_deviation=np.deg2rad(rule.rest.rate_deviation_deg_per_s),
+        rate=np.deg2rad(rule.rest.rate_deg_per_s),
+        acceleration_deviation=rule.rest.acceleration_deviation_m_per_s2,
+    )
+
+
+def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
+    """What the summary says beside that of the other modes: claims, sizes, what was left out; degrees."""
+    half_widths = np.rad2deg(run.log.extents().half_widths_reference)
+    has_set = np.isfinite(half_widths[:, 0])
+    parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
+    if (resting := resting_rows(run.measured, configuration)) is not None:
+        parts |= {"at_rest": resting, "moving": ~resting}
+
+    def sizes(rows: NDArray[np.bool_]) -> dict[str, Any]:
+        chosen = rows & has_set
+        some, any_is = half_widths[chosen], bool(chosen.any())
+        return {
+            "rows": int(rows.sum()),
+            "with_set": len(some),
+            "half_width_reference_deg": {
+                "mean": some.mean(axis=0).tolist() if any_is else None,
+                "median": np.median(some, axis=0).tolist() if any_is else None,
+            },
+            "tilt_bound_deg": None if run.tilt_bounds is None else _centers(np.rad2deg(run.tilt_bounds[chosen])),
+        }
+
+    return {
+        "policy": configuration.estimator.policy,
+        "claim_share_of_rows": {name: float(np.mean(run.log.claims == i)) for i, name in enumerate(CLAIMS)},
+        "set_share_of_rows": float(has_set.mean()),
+        "prediction_used_share_of_sets": float(run.log.prediction_used[has_set].mean()) if has_set.any() else None,
+        "sizes": {name: sizes(rows) for name, rows in parts.items()},
+        "heading": "from the first row" if run.starts_heading else "as referenced",
+        "dropped_measurements": int(run.log.dropped.sum()),
+        "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
+        "void": list(run.rows.void),
+        "gaps": gaps.summarize(run.gaps, run.rows.gyro),
+        "why_no_set": why_no_set(run, configuration),
+    }
+
+
+def dropped_columns(run: GuaranteedRun) -> dict[str, Column]:
+    """Every measurement that was left out, in order of time: time, place in the file, sensor, why, by how much."""
+    sensors = run.sensors()
+    entries = [
+        (int(row), sensors[column], "prediction", float(run.log.margins[row]), "")
+        for row, column in np.argwhere(run.log.dropped)
+    ]
+    entries += [(one.row, one.sensor, "own_bound", -one.excess, one.unit) for one in run.contradictions]
+    entries.sort(key=lambda entry: entry[0])
+    return {
+        "time_s": np.array([run.log.times[row] for row, *_ in entries], dtype=np.float64),
+        "place": run.measured.places_in_file([row for row, *_ in entries]),
+        "sensor": [sensor for _, sensor, *_ in entries],
+        "contradicts": [why for _, _, why, *_ in entries],
+        "margin": np.array([margin for *_, margin, _ in entries], dtype=np.float64),
+        "unit": [unit for *_, unit in entries],
+    }
+
+
+def _centers(values: FloatArray) -> dict[str, float] | None:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    return {"mean": float(values.mean()), "median": float(np.median(values)), "max": float(values.max())}

@@ -1,0 +1,205 @@
+"""Figures of an estimation for ``summary.json``, gathered piece by piece: plain numbers, in degrees.
+
+Shares and widths are over the rows with an update, as what holds between them is the update's carried on. The mean and
+the largest attitude error are over all rows with a set and a known truth, as `elliptude compare` has them.
+"""
+
+import platform
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import elliptude
+from elliptude.configuration import suspicions
+from elliptude.configuration.configuration import Configuration
+from elliptude.estimation import guaranteed_results
+from elliptude.estimation.gaps import Bridged
+from elliptude.estimation.guaranteed_run import GuaranteedRun
+from elliptude.io import tables
+from elliptude.io.tables import Results
+from elliptude.logs.plausibility import Heard
+from elliptude.typing import FloatArray
+
+SETTLED_UPDATE = 6
+"""Means "from the 6th update on" leave out what is left of the start."""
+
+
+class Summary:
+    """What is said of results in the end; each piece of them is added once, in their order."""
+
+    def __init__(self) -> None:
+        self._vector: tables.VectorName = "rate"
+        self._rows = self._updates = self._refused = 0
+        self._half_widths = np.zeros(6)
+        self._largest = _Statistics()
+        self._angles = _Statistics()
+        self._rates = _Statistics()
+        self._is_compared = False
+        self._inside_updates = _Share()
+        self._inside_rows = _Share()
+        self._inside_unconditional = _Share()
+        self._largest_form = -np.inf
+
+    @property
+    def inside_share(self) -> float | None:
+        """Of all rows whose truth is known."""
+        return self._inside_rows.value()
+
+    def add(self, results: Results) -> None:
+        """Take the next rows into account."""
+        updated = np.array([bool(names) for names in results.used], dtype=np.bool_)
+        rows = np.flatnonzero(updated & np.isfinite(results.largest_angles))
+        settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
+        self._vector = results.vector
+        self._rows += len(results.times)
+        self._updates += len(rows)
+        self._refused += sum(bool(names) for names in results.refused)
+        self._half_widths += np.rad2deg(results.half_widths[rows]).sum(axis=0)
+        self._largest.add(np.rad2deg(results.largest_angles), rows, settled)
+        if results.errors is None or results.forms is None:
+            return
+        self._is_compared = True
+        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        has_set = np.flatnonzero(np.isfinite(results.largest_angles))
+        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), has_set, settled)
+        self._rates.add(np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1)), rows, settled)
+        self._inside_updates.add(results.forms[rows])
+        self._inside_rows.add(results.forms)
+        self._largest_form = float(np.fmax.reduce(results.forms, initial=self._largest_form))
+        if results.claims is not None:
+            self._inside_unconditional.add(results.forms[np.array(results.claims) == "unconditional"])
+
+    def to_dict(
+        self,
+        configuration: Configuration,
+        *,
+        vector_is_compared: bool,
+        elapsed: float,
+        guaranteed: GuaranteedRun | None = None,
+        bridged: Bridged | None = None,
+        heard: Heard | None = None,
+    ) -> dict[str, Any]:
+        """For ``summary.json``; None for what is not known.
+
+        Parameters
+        ----------
+        configuration : Configuration
+        vector_is_compared : bool
+            Whether forms are of [ζ; δω], or of ζ alone.
+        elapsed : float
+            What the filter took, s.
+        guaranteed : GuaranteedRun, optional
+            What the results are of, in the guaranteed mode.
+        bridged : Bridged, optional
+            Gaps of the gyro, in the modes of first order.
+        heard : Heard, optional
+            What a look at the log said.
+
+        Returns
+        -------
+        dict
+        """
+        heard = Heard() if heard is None else heard
+        vector = "gyro_bias" if self._vector == "bias" else "angular_velocity"
+        is_estimated = configuration.estimates_vector
+        means = self._half_widths / max(self._updates, 1)
+        summary: dict[str, Any] = {
+            "elliptude": elliptude.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "table_version": tables.VERSION,
+            "mode": configuration.estimator.mode,
+            "criterion": configuration.estimator.criterion,
+            "rows": self._rows,
+            "updates": self._updates,
+            "refused": self._refused,
+            "elapsed_s": elapsed,
+            "settled_from_update": SETTLED_UPDATE,
+            "mean_half_width_attitude_deg": means[:3].tolist() if self._updates else None,
+            f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
+            "largest_angle_deg": self._largest.to_dict(),
+            "bounds_from_recording": configuration.proposed_from,
+            "implausible": list(heard.ignored),
+            "suspicious_statements": [str(one) for one in suspicions.of_configuration(configuration)],
+            "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
+            "compared_with": None,
+        }
+        if self._is_compared:
+            summary |= {
+                "compared_with": configuration.truth.label if configuration.truth else "truth",
+                "truth_error_deg": configuration.truth.error_deg if configuration.truth else 0.0,
+                "compared": f"attitude and {vector}" if vector_is_compared else "attitude",
+                "attitude_error_deg": self._angles.to_dict(),
+                f"{vector}_error_deg_per_s": self._rates.to_dict(),
+                "inside_share_of_updates": self._inside_updates.value(),
+                "inside_share_of_rows": self._inside_rows.value(),
+                "largest_form": self._largest_form if np.isfinite(self._largest_form) else None,
+            }
+        if bridged is not None:
+            summary["gaps"] = bridged.summarize()
+        if guaranteed is not None:
+            summary |= guaranteed_results.summarize(guaranteed, configuration)
+            if self._is_compared:
+                summary |= {
+                    "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
+                    "compared_unconditional_rows": self._inside_unconditional.known,
+                }
+        return summary
+
+
+class _Mean:
+    """Mean and maximum of what is finite."""
+
+    def __init__(self) -> None:
+        self._sum, self._count, self._maximum = 0.0, 0, -np.inf
+
+    def add(self, values: FloatArray) -> None:
+        values = values[np.isfinite(values)]
+        self._sum += float(values.sum())
+        self._count += len(values)
+        self._maximum = float(values.max(initial=self._maximum))
+
+    def mean(self) -> float | None:
+        return self._sum / self._count if self._count else None
+
+    def maximum(self) -> float | None:
+        return self._maximum if self._count else None
+
+
+class _Statistics:
+    """Of the updates, of those after the start has settled, and of the last row."""
+
+    def __init__(self) -> None:
+        self._all, self._settled = _Mean(), _Mean()
+        self._last: float | None = None
+
+    def add(self, values: FloatArray, rows: NDArray[np.intp], settled: NDArray[np.intp]) -> None:
+        self._all.add(values[rows])
+        self._settled.add(values[settled])
+        self._last = float(values[-1]) if np.isfinite(values[-1]) else None
+
+    def to_dict(self) -> dict[str, float | None]:
+        return {
+            "mean": self._all.mean(),
+            "max": self._all.maximum(),
+            "mean_settled": self._settled.mean(),
+            "max_settled": self._settled.maximum(),
+            "last": self._last,
+        }
+
+
+class _Share:
+    """How many of the known forms are at most 1."""
+
+    def __init__(self) -> None:
+        self._inside = self.known = 0
+
+    def add(self, forms: FloatArray) -> None:
+        known = forms[np.isfinite(forms)]
+        self.known += len(known)
+        self._inside += int((known <= 1.0).sum())
+
+    def value(self) -> float | None:
+        return self._inside / self.known if self.known else None

@@ -1,0 +1,51 @@
+"""Why the guaranteed mode claims nothing at any row: which statements leave too little."""
+
+import numpy as np
+
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.estimation.guaranteed_run import GuaranteedRun
+from elliptude.results import CLAIMS
+
+# rad; a turn that may be off by so much over a step says nothing of the attitude after it.
+_ANY_TURN = 0.5 * np.pi
+
+
+def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
+    """Hints for somebody whose result has no set in it.
+
+    Parameters
+    ----------
+    run : GuaranteedRun
+    configuration : Configuration
+
+    Returns
+    -------
+    list of str
+        Empty where any row has a claim.
+    """
+    if (run.log.claims != CLAIMS.index("none")).any():
+        return []
+    rows, log = run.rows, run.measured
+    hints: list[str] = []
+    says = rows.angles < np.pi
+    for i, name in enumerate(rows.names):
+        if says[:, i].any():
+            continue
+        if not np.isfinite(rows.directions[:, i, 0]).any():
+            hints.append(f"{name!r} is measured at no row")
+        elif np.isfinite(rows.angles[:, i]).any():
+            hints.append(f"the bounds of {name!r} allow any direction, at every row")
+        else:
+            hints.append(f"{name!r} contradicts its own bounds, and is left out at every row")
+    if len(rows.names) < 2 or not (says.sum(axis=1) >= 2).any():
+        hints.append("an attitude needs two directions at the same time, and no row has two that say something")
+    if isinstance(configuration.flow, GyroFlow) and rows.gyro is not None and log.rates is not None:
+        speeds = np.linalg.norm(log.rates - rows.bias, axis=1)
+        error = float(np.median(rows.gyro.rate_error(speeds, log.times - log.times[0])))
+        step = float(np.median(np.diff(log.times))) if len(log.times) > 1 else 0.0
+        if error * step >= _ANY_TURN:
+            hints.append(
+                f"the gyro may be off by {np.rad2deg(error):.3g} deg/s, so that over one step of {step:.3g} s it says "
+                "nothing of the turn"
+            )
+    return hints or ["no set could be formed from its bounds: `elliptude check` says what is suspicious"]

@@ -1,0 +1,1 @@
+"""Files: tables, logs and TOML, read and written."""

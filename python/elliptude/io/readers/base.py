@@ -1,0 +1,105 @@
+"""What a file of numbers over time is: which columns there are, their numbers in batches, and where a fault is.
+
+The place in a message is one that a person can go to: the line of a CSV file, from 1 and with comments and header, or
+the row of another file, from 1.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.io.files import FileError
+
+BATCH_ROWS = 1 << 17
+"""Of a Parquet file or a bag that are worked on at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Some rows of a column."""
+
+    values: NDArray[np.float64] | NDArray[np.int64]
+    """Shape (N,); whole numbers that a double does not hold are int64."""
+    empty: NDArray[np.bool_]
+    """Where there is nothing: no number, or in a format without empty cells NaN; shape (N,)."""
+
+
+Batch: TypeAlias = Mapping[str, Cells]
+"""Some rows of some columns, as many of each."""
+
+
+class LogFile(Protocol):
+    """A file of one or more streams. A stream is some columns that have their rows together."""
+
+    path: Path
+    columns: tuple[str, ...]
+
+    def stream(self, column: str) -> str:
+        """The stream that a column belongs to; "" where the file has but one."""
+
+    def holds_numbers(self, column: str) -> bool:
+        """Whether a column is one of numbers, as far as can be told without reading it all."""
+
+    def stamps(self, stream: str) -> tuple[str, str] | None:
+        """The column and the unit of a stream's own time stamps, where the format says which they are."""
+
+    def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
+        """Some columns of one stream, from the first row to the last.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, or a cell is no number; with its place.
+        """
+
+    def place(self, column: str, row: int) -> str:
+        """Where a cell is, for a message: "line 812, column 9 (sun_bx)". ``row`` counts from 0 in its stream."""
+
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
+        """Where rows are, for messages: "line 812"; empty where a row of one stream is none of the others.
+
+        The file is read no more than once, however many rows these are.
+        """
+
+
+def require_columns(file: LogFile, names: Sequence[str]) -> None:
+    """Raise FileError unless each column is there, once.
+
+    Parameters
+    ----------
+    file : LogFile
+    names : sequence of str
+
+    Raises
+    ------
+    FileError
+        With the columns that there are.
+    """
+    for name in names:
+        if file.columns.count(name) != 1:
+            there_are = ", ".join(file.columns)
+            there_are = there_are if len(there_are) <= 300 else f"{there_are[:296]} ..."
+            fault = "two columns" if name in file.columns else "no column"
+            raise FileError(f"{file.path}: {fault} {name!r}; the columns are {there_are}")
+
+
+def numbered(values: NDArray[np.generic]) -> Cells:
+    """The cells of an array of numbers, in which NaN is what was not measured.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Of booleans, integers or floats.
+
+    Returns
+    -------
+    Cells
+    """
+    if values.dtype.kind in "iu" and values.dtype.itemsize == 8:
+        return Cells(values.astype(np.int64), np.zeros(len(values), bool))
+    numbers = values.astype(np.float64)
+    return Cells(numbers, np.isnan(numbers))

@@ -1,0 +1,48 @@
+"""Opens a log in the format that its name ends in."""
+
+import os
+from pathlib import Path
+
+from elliptude.io.files import FileError
+from elliptude.io.readers.base import LogFile
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.npz import NpzFile
+from elliptude.io.readers.parquet import ParquetTable
+from elliptude.io.readers.rosbag import BagFile
+from elliptude.io.readers.ulog import UlogFile
+
+
+def open_log(path: str | os.PathLike[str]) -> LogFile:
+    """Open a file in the format that its name ends in.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; anything else is
+        CSV, which may be compressed (``.gz``, ``.bz2``, ``.zst``).
+
+    Returns
+    -------
+    LogFile
+
+    Raises
+    ------
+    FileError
+        If there is no such file, it is of another format, or what reads the format is not installed.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / "metadata.yaml").is_file():
+        return BagFile(path)
+    if not path.is_file():
+        raise FileError(f"{path}: {'not a regular file' if path.exists() else 'no such file'}")
+    match path.suffix:
+        case ".parquet":
+            return ParquetTable(path)
+        case ".npz":
+            return NpzFile(path)
+        case ".ulg":
+            return UlogFile(path)
+        case ".bag" | ".mcap" | ".db3":
+            return BagFile(path)
+        case _:
+            return CsvTable(path)

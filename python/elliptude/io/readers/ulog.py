@@ -1,0 +1,88 @@
+"""PX4's ULog files (``.ulg``), by way of pyulog: the extra ``elliptude[ulog]``."""
+
+import io
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.io.files import FileError
+from elliptude.io.readers.base import Batch, numbered
+
+
+class UlogFile:
+    """A ULog, whole in memory. A column is ``topic.field``, or ``topic:1.field`` of the topic's second instance.
+
+    Each topic is a stream with the column ``timestamp`` in µs. Fields have pyulog's names, such as
+    ``sensor_combined.gyro_rad[0]``. NaN is what was not measured.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        try:
+            import pyulog
+        except ModuleNotFoundError as error:
+            raise FileError(f"{path}: reading a ULog needs pyulog: pip install 'elliptude[ulog]'") from error
+        try:
+            with _Bounded(self.path) as content:
+                log = pyulog.ULog(content)
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror or error}") from error
+        except Exception as error:  # pyulog raises what its parsing happens to meet
+            raise FileError(f"{path}: not a ULog that pyulog can read: {error}") from error
+        self._arrays: dict[str, NDArray[np.generic]] = {
+            f"{_topic(data.name, data.multi_id)}.{field}": values
+            for data in log.data_list
+            for field, values in data.data.items()
+            if values.dtype.kind in "biuf"
+        }
+        self.columns = tuple(self._arrays)
+
+    def stream(self, column: str) -> str:
+        """The topic."""
+        return column.partition(".")[0]
+
+    def holds_numbers(self, column: str) -> bool:
+        """All do."""
+        return True
+
+    def stamps(self, stream: str) -> tuple[str, str]:
+        """The topic's own, µs."""
+        return f"{stream}.timestamp", "us"
+
+    def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
+        """All rows in one batch."""
+        yield {name: numbered(self._arrays[name]) for name in columns}
+
+    def place(self, column: str, row: int) -> str:
+        """See `elliptude.io.readers.base.LogFile`."""
+        return f"sample {row + 1} of {column}"
+
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
+        """Nothing: a row of one topic is none of the others."""
+        return [""] * len(rows)
+
+
+class _Bounded(io.BufferedReader):
+    """A file whose reading ends: where a log is damaged pyulog may go back to the same place for ever.
+
+    A message that it keeps, skips or searches through takes two reads and is a byte or longer, up to three times where
+    data were appended.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._reads_left = 8 * path.stat().st_size + 10_000
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file; raises EOFError where it has gone on for too long."""
+        self._reads_left -= 1
+        if self._reads_left < 0:
+            raise EOFError("damaged so that reading it does not end")
+        return super().read(size)
+
+
+def _topic(name: str, instance: int) -> str:
+    return name if instance == 0 else f"{name}:{instance}"

@@ -1,0 +1,578 @@
+"""Tables of measurements and of results, as CSV or Parquet: the format is described in ``docs/tables.md``.
+
+A table has one row for each time and one named column for each number; an empty cell (null in Parquet) is what was not
+measured, and NaN in the arrays here. NaN and infinity as text are refused, as nobody can tell what is meant.
+"""
+
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.io.files import FileError, replacing
+from elliptude.io.readers.arrow import Table
+from elliptude.io.readers.base import require_columns
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.parquet import ParquetTable
+from elliptude.typing import Chart, FloatArray
+
+VERSION = 1
+"""Of the format. A reader takes this version and older ones; a new column does not make a new version."""
+
+Kind: TypeAlias = Literal["measurements", "results", "dropped"]
+VectorName: TypeAlias = Literal["rate", "bias"]
+Column: TypeAlias = FloatArray | Sequence[str]
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+RATE = ("wx", "wy", "wz")
+_VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": ("bias_x", "bias_y", "bias_z")}
+MEASURED_RATE = ("rate_wx", "rate_wy", "rate_wz")
+_UPPER = np.triu_indices(6)
+_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
+ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
+ATTITUDE_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
+ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
+
+
+# --- what the tables hold ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """A log of directions and rates, with the truth beside them where it is known."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    sensors: tuple[str, ...]
+    """Names of the m direction sensors."""
+    directions: FloatArray
+    """Measured unit vectors, body axes, NaN where there was none, shape (N, m, 3)."""
+    references: FloatArray
+    """The same directions in reference axes, shape (N, m, 3)."""
+    angular_velocities: FloatArray | None = None
+    """Measured, rad/s, body axes, NaN where there was none, shape (N, 3)."""
+    true_quaternions: FloatArray | None = None
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    true_angular_velocities: FloatArray | None = None
+    """rad/s, body axes, shape (N, 3)."""
+
+    @property
+    def true_attitudes(self) -> FloatArray | None:
+        """From body to reference axes, shape (N, 3, 3)."""
+        return None if self.true_quaternions is None else attitudes_from_quaternions(self.true_quaternions)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a table of measurements, in whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            Ends in ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
+        columns: dict[str, Column] = {"time_s": self.times}
+        _add(columns, QUATERNION, self.true_quaternions)
+        _add(columns, RATE, self.true_angular_velocities)
+        for i, sensor in enumerate(self.sensors):
+            _add(columns, measured(sensor), self.directions[:, i])
+            _add(columns, reference(sensor), self.references[:, i])
+        _add(columns, MEASURED_RATE, self.angular_velocities)
+        write_columns(path, "measurements", columns)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a table of measurements.
+
+        Parameters
+        ----------
+        path : path-like
+            CSV, which may be compressed, or Parquet.
+
+        Returns
+        -------
+        Measurements
+
+        Raises
+        ------
+        FileError
+            If it is not such a table; the message names file, line and column.
+        """
+        names = column_names(path, "measurements")
+        sensors = tuple(name.removesuffix("_bx") for name in names if name.endswith("_bx"))
+        directions = [measured(sensor) for sensor in sensors]
+        references = [reference(sensor) for sensor in sensors]
+        true_attitude = QUATERNION if QUATERNION[0] in names else ()
+        true_rate = RATE if RATE[0] in names else ()
+        rate = [MEASURED_RATE] if MEASURED_RATE[0] in names else []
+        columns = read_columns(path, numbers=true_attitude + true_rate, optional=[*directions, *references, *rate])
+        count = len(columns["time_s"])
+
+        def together(triples: Sequence[tuple[str, ...]]) -> FloatArray:
+            return np.array([stacked(columns, triple) for triple in triples]).reshape(-1, count, 3).transpose(1, 0, 2)
+
+        return cls(
+            times=columns["time_s"],
+            sensors=sensors,
+            directions=together(directions),
+            references=together(references),
+            angular_velocities=stacked(columns, MEASURED_RATE) if rate else None,
+            true_quaternions=stacked(columns, QUATERNION) if true_attitude else None,
+            true_angular_velocities=stacked(columns, RATE) if true_rate else None,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side.
+
+    The guaranteed mode says more of each row; there numbers are NaN where no set is known.
+    """
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    vector: VectorName
+    """What is estimated beside the attitude: the angular velocity or the gyro bias."""
+    vectors: FloatArray
+    """rad/s, body axes, NaN with all that is said of them for a bias that is not estimated, shape (N, 3)."""
+    shapes: FloatArray
+    """P of [x; δω] or [x; δβ], x the attitude error in `chart`, rad² and rad²/s², shape (N, 6, 6)."""
+    half_widths: FloatArray
+    """How far [ζ; δω] or [ζ; δβ] reach along body axes, rad and rad/s, √P_ii if x is ζ, shape (N, 6)."""
+    largest_angles: FloatArray
+    """The largest ‖ζ‖ in the set, rad, shape (N,)."""
+    used: Sequence[str]
+    """The sensors that went into each row, with a space between their names."""
+    refused: Sequence[str]
+    """The sensors that did not meet the prediction, likewise."""
+    shares: FloatArray
+    """0 is the measurement alone, 1 the prediction alone, NaN where there was no update, shape (N,)."""
+    margins: FloatArray
+    """The least overlap of the sets that were fused, NaN where none were, shape (N,)."""
+    errors: FloatArray | None = None
+    """[ζ; δω] or [ζ; δβ] of the truth from the estimate, rad and rad/s, NaN where it is not known, shape (N, 6)."""
+    forms: FloatArray | None = None
+    """[x; δω]ᵀ P⁻¹ [x; δω] of the truth, at most 1 inside the set, NaN where it is not known, shape (N,)."""
+    chart: Chart = "exponential"
+    """Whether x is ζ, or γ = 2 tan(θ/2) n of the same turn, as in the guaranteed mode."""
+    claims: Sequence[str] | None = None
+    """What each set rests on: "unconditional", "conditional" or "none"; in the guaranteed mode, as the next three."""
+    prediction_used: FloatArray | None = None
+    """1 where the prediction went into the set, 0 where it did not, shape (N,)."""
+    dropped: Sequence[str] | None = None
+    """The sensors that were left out or proved wrong, with a space between their names."""
+    tilt_bounds: FloatArray | None = None
+    """Bound of the angle between estimated and true up, rad, shape (N,); None where up is not known."""
+
+    @property
+    def attitudes(self) -> FloatArray:
+        """From body to reference axes, NaN where they are not known, shape (N, 3, 3)."""
+        return attitudes_from_quaternions(self.quaternions)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a table of results, in whole or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            Ends in ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
+        write_columns(path, "results", self.columns())
+
+    def columns(self) -> dict[str, Column]:
+        """The table's columns by name."""
+        vector = _VECTORS[self.vector]
+        columns: dict[str, Column] = {"time_s": self.times}
+        _add(columns, QUATERNION, self.quaternions)
+        _add(columns, vector, self.vectors)
+        _add(columns, _SHAPE, self.shapes[:, *_UPPER])
+        _add(columns, _per_axis("half_width", vector), self.half_widths)
+        columns |= {
+            "largest_angle": self.largest_angles,
+            "used": self.used,
+            "refused": self.refused,
+            "share": self.shares,
+            "margin": self.margins,
+        }
+        _add(columns, _per_axis("error", vector), self.errors)
+        _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
+        charts = None if self.chart == "exponential" else [self.chart] * len(self.times)
+        texts = {"claim": self.claims, "dropped": self.dropped, "chart": charts}
+        columns |= {name: values for name, values in texts.items() if values is not None}
+        for name, values in (("prediction_used", self.prediction_used), ("tilt_bound", self.tilt_bounds)):
+            _add(columns, (name,), None if values is None else values[:, None])
+        return columns
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a table of results.
+
+        Parameters
+        ----------
+        path : path-like
+            CSV, which may be compressed, or Parquet.
+
+        Returns
+        -------
+        Results
+
+        Raises
+        ------
+        FileError
+            If it is not such a table; the message names file, line and column.
+        """
+        names = column_names(path, "results")
+        vector: VectorName = "bias" if "bias_x" in names else "rate"
+        half_widths, errors = (_per_axis(what, _VECTORS[vector]) for what in ("half_width", "error"))
+        with_errors = errors[0] in names
+        of_attitude = (*QUATERNION, *ATTITUDE_SHAPE, *half_widths[:3], "largest_angle")
+        of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in ATTITUDE_SHAPE), *half_widths[3:])
+        # Without a set, which such a table says, there is no estimate, and a bias may be none.
+        guaranteed = "claim" in names
+        further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
+        columns = read_columns(
+            path,
+            numbers=() if guaranteed else of_attitude + of_vector,
+            # Where the truth is one of the attitude alone, so are the errors.
+            optional=[("share",), ("margin",)]
+            + [errors[:3], errors[3:]] * with_errors
+            + further
+            + [of_attitude, of_vector] * guaranteed,
+            texts=("used", "refused", *(name for name in ("claim", "dropped", "chart") if name in names)),
+        )
+        return cls(
+            times=columns["time_s"],
+            quaternions=stacked(columns, QUATERNION),
+            vector=vector,
+            vectors=stacked(columns, _VECTORS[vector]),
+            shapes=symmetric(columns, _SHAPE),
+            half_widths=stacked(columns, half_widths),
+            largest_angles=columns["largest_angle"],
+            used=tuple(columns["used"]),
+            refused=tuple(columns["refused"]),
+            shares=columns["share"],
+            margins=columns["margin"],
+            errors=stacked(columns, errors) if with_errors else None,
+            forms=columns.get("form"),
+            chart="gibbs" if "chart" in names and "gibbs" in columns["chart"] else "exponential",
+            claims=tuple(columns["claim"]) if guaranteed else None,
+            prediction_used=columns.get("prediction_used"),
+            dropped=tuple(columns["dropped"]) if "dropped" in names else None,
+            tilt_bounds=columns.get("tilt_bound"),
+        )
+
+
+def quaternions_from_attitudes(attitudes: FloatArray) -> FloatArray:
+    """(qw, qx, qy, qz) with qw ≥ 0, shape (N, 4), of rotations of shape (N, 3, 3); NaN where they are."""
+    known = np.isfinite(attitudes[:, 0, 0])
+    quaternions = np.full((len(attitudes), 4), np.nan)
+    if known.any():
+        quaternions[known] = Rotation.from_matrix(attitudes[known]).as_quat(canonical=True, scalar_first=True)
+    return quaternions
+
+
+def attitudes_from_quaternions(quaternions: FloatArray) -> FloatArray:
+    """Rotations, shape (N, 3, 3), of (qw, qx, qy, qz), shape (N, 4); NaN where they are."""
+    known = np.isfinite(quaternions[:, 0])
+    attitudes = np.full((len(quaternions), 3, 3), np.nan)
+    if known.any():
+        attitudes[known] = Rotation.from_quat(quaternions[known], scalar_first=True).as_matrix()
+    return attitudes
+
+
+def measured(sensor: str) -> tuple[str, str, str]:
+    """The columns of a measured direction, body axes."""
+    return (f"{sensor}_bx", f"{sensor}_by", f"{sensor}_bz")
+
+
+def reference(sensor: str) -> tuple[str, str, str]:
+    """The columns of the same direction in reference axes."""
+    return (f"{sensor}_ex", f"{sensor}_ey", f"{sensor}_ez")
+
+
+def names_of_chosen(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
+    """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
+    codes = np.zeros(len(chosen), dtype=np.intp)
+    texts = [""]
+    for name, column in zip(names, chosen.T, strict=True):
+        # Codes of what was chosen so far that go on with and without this name.
+        found, codes = np.unique(2 * codes + column, return_inverse=True)
+        texts = [f"{texts[code // 2]} {name}".strip() if code % 2 else texts[code // 2] for code in found]
+    return [texts[code] for code in codes.tolist()]
+
+
+def _per_axis(what: str, vector: tuple[str, str, str]) -> tuple[str, ...]:
+    return tuple(f"{what}_{axis}" for axis in ("rx", "ry", "rz", *vector))
+
+
+def _add(columns: dict[str, Column], names: Sequence[str], values: FloatArray | None) -> None:
+    """Add the columns of ``values``, shape (N, len(names)), if there are any."""
+    if values is not None:
+        columns.update(zip(names, values.T, strict=True))
+
+
+def stacked(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Some columns side by side, shape (N, len(names))."""
+    return np.column_stack([columns[name] for name in names])
+
+
+def symmetric(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Symmetric matrices (N, n, n) from the columns of their upper entries, row by row."""
+    entries = stacked(columns, names)
+    n = math.isqrt(2 * len(names))
+    upper = np.triu_indices(n)
+    matrices = np.empty((len(entries), n, n))
+    matrices[:, *upper] = entries
+    matrices[:, *upper[::-1]] = entries
+    return matrices
+
+
+# --- any table of numbers over time -----------------------------------------------------------------------------------
+
+
+def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, Column]) -> None:
+    """Write a table in whole or not at all.
+
+    Numbers keep every bit. In CSV they have the fewest digits that do.
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in ``.csv`` or ``.parquet``.
+    kind : {"measurements", "results", "dropped"}
+        Written into the file, with the version of the format.
+    columns : mapping of str to array of shape (N,), or to N texts
+        NaN becomes an empty cell. Texts hold no comma, quote or line break.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    ValueError
+        If a number is infinite.
+    """
+    with writing_columns(path, kind) as write:
+        write(columns)
+
+
+@contextmanager
+def writing_columns(
+    path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()
+) -> Iterator[Callable[[Mapping[str, Column]], None]]:
+    """Write a table piece by piece, in whole or not at all: see `write_columns`.
+
+    A piece is written in the background, one at a time, while the next one is being made.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : {"measurements", "results"}
+    notes : sequence of str
+        What whoever reads the table must know, as it is when the first rows are given: comments in CSV, in Parquet the
+        metadata's ``elliptude notes``.
+
+    Yields
+    ------
+    callable
+        Takes the columns of the next rows, the same ones each time; what goes wrong with a piece is raised when the
+        next one is given, or at the end.
+
+    Raises
+    ------
+    FileError, ValueError
+        As `write_columns`.
+    """
+    label = f"elliptude {kind} {VERSION}"
+    suffix = Path(path).suffix
+    if suffix not in {".csv", ".parquet"}:
+        raise FileError(f"{path}: a table's name ends in .csv or .parquet")
+    with replacing(path) as temporary, ExitStack() as opened, ThreadPoolExecutor(1) as pool:
+        writer: pa.parquet.ParquetWriter | None = None
+        file = opened.enter_context(temporary.open("wb")) if suffix == ".csv" else None
+        pending: list[Future[None]] = []
+        said: list[str] = []
+
+        def write_piece(columns: Mapping[str, Column]) -> None:
+            nonlocal writer
+            for name, values in columns.items():
+                if isinstance(values, np.ndarray) and np.isinf(values).any():
+                    raise ValueError(f"column {name}: a table holds no infinite numbers")
+            table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
+            if file is None:
+                metadata = {"elliptude": label} | ({"elliptude notes": "\n".join(said)} if said else {})
+                table = table.replace_schema_metadata(metadata)
+                writer = writer or opened.enter_context(pa.parquet.ParquetWriter(temporary, table.schema))
+                writer.write_table(table)
+                return
+            if file.tell() == 0:
+                # Arrow would put every name in quotes.
+                head = [f"# {label}", *(f"# {' '.join(note.split())}" for note in said), ",".join(columns)]
+                file.write(("\n".join(head) + "\n").encode())
+            pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
+
+        def write(columns: Mapping[str, Column]) -> None:
+            if pending:
+                pending.pop().result()
+            elif not said:
+                said.extend(notes)
+            pending.append(pool.submit(write_piece, columns))
+
+        yield write
+        if pending:
+            pending.pop().result()
+
+
+def _arrow_array(values: Column) -> pa.Array:
+    if isinstance(values, np.ndarray):
+        return pa.array(values, type=pa.float64(), from_pandas=True)
+    return pa.array(values, type=pa.string())
+
+
+def column_names(path: str | os.PathLike[str], kind: Kind | None = None) -> tuple[str, ...]:
+    """The names of a table's columns.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's.
+    kind : {"measurements", "results"}, optional
+        What it must be if it is elliptude's.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    FileError
+        If there is no header, or the table is of another kind or a newer version.
+    """
+    return _open(path, kind).columns
+
+
+def read_columns(
+    path: str | os.PathLike[str],
+    *,
+    time: str = "time_s",
+    numbers: Iterable[str] = (),
+    optional: Iterable[tuple[str, ...]] = (),
+    texts: Iterable[str] = (),
+) -> dict[str, NDArray[np.float64]]:
+    """Read some columns of a table of numbers over time; what is in the others does not matter.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's. Lines before the header that begin
+        with ``#`` are comments.
+    time : str
+        The column of times, which must increase strictly.
+    numbers : iterable of str
+        Columns of finite numbers.
+    optional : iterable of tuple of str
+        Groups of columns of finite numbers, such as the components of a direction, whose cells may be empty, but in one
+        row only all together.
+    texts : iterable of str
+        Columns of text.
+
+    Returns
+    -------
+    dict of str to array
+        Each shape (N,), N at least 1; NaN for an empty cell, and arrays of text as objects.
+
+    Raises
+    ------
+    FileError
+        If the file is not such a table; the message names file, line and column.
+    """
+    groups, texts = [tuple(group) for group in optional], list(texts)
+    required = [time, *numbers]
+    wanted = list(dict.fromkeys([*required, *(name for group in groups for name in group)]))
+    source = _open(path)
+    require_columns(source, [*wanted, *texts])
+    table = source.read(wanted, texts)
+    if table.num_rows == 0:
+        raise FileError(f"{path}: a header, but no rows below it")
+    columns: dict[str, NDArray[np.float64]] = {}
+    empty: dict[str, NDArray[np.bool_]] = {}
+    for name in wanted:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        empty[name] = np.asarray(table[name].is_null().to_numpy(), dtype=np.bool_)
+        source.refuse(
+            ~(np.isfinite(columns[name]) | empty[name]), name, "not a finite number; leave empty what is not known"
+        )
+    for name in required:
+        source.refuse(empty[name], name, "empty")
+    source.refuse(np.diff(columns[time], prepend=-np.inf) <= 0.0, time, "not after the time of the row before")
+    for group in groups:
+        some = np.any([empty[name] for name in group], axis=0)
+        for name in group:
+            source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def read_events(
+    path: str | os.PathLike[str], kind: Kind, *, numbers: Iterable[str], texts: Iterable[str]
+) -> dict[str, NDArray[Any]]:
+    """Read a table with a row for each event, of which several may be at a time, and which may have none.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : str
+    numbers, texts : iterable of str
+        Columns of finite numbers and of text.
+
+    Returns
+    -------
+    dict of str to array
+        With ``time_s``, each shape (n,); texts as objects.
+
+    Raises
+    ------
+    FileError
+        If it is no such table; the message names file, line and column.
+    """
+    source, numbers, texts = _open(path, kind), ["time_s", *numbers], list(texts)
+    require_columns(source, [*numbers, *texts])
+    table = source.read(numbers, texts)
+    columns: dict[str, NDArray[Any]] = {}
+    for name in numbers:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        source.refuse(~np.isfinite(columns[name]), name, "not a finite number")
+    source.refuse(np.diff(columns["time_s"], prepend=-np.inf) < 0.0, "time_s", "before the time of the row before")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
+    if not Path(path).is_file():
+        raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
+    source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)
+    if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
+        if int(match[2]) > VERSION:
+            raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
+        if kind is not None and match[1] != kind:
+            raise FileError(f"{path}: a table of {match[1]}, where one of {kind} is needed")
+    return source

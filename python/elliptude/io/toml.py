@@ -1,0 +1,210 @@
+"""What the TOML files of scenarios and configurations are made of: strict models, messages that name the key."""
+
+import os
+import textwrap
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
+from pydantic_core import ErrorDetails
+from scipy.spatial.transform import Rotation
+
+from elliptude.io.files import FileError
+from elliptude.typing import FloatArray
+
+Number = Annotated[float, Strict()]
+"""A finite number: no text, no true or false."""
+Vector = tuple[Number, Number, Number]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class Model(BaseModel):
+    """A table of a TOML file: every key is known, every number finite, nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def exactly_one(model: Model, *keys: str) -> None:
+    """Raise ValueError unless exactly one of the optional keys is given."""
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"give exactly one of {', '.join(keys)}" + (f", not {' and '.join(given)}" if given else ""))
+
+
+def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(vector):
+        raise ValueError("must not be zero")
+    return vector
+
+
+def _different(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) < len(names):
+        raise ValueError("must name different columns")
+    return names
+
+
+def one_word(name: str) -> str:
+    """Names stand in a table's cell with a space between them."""
+    if not name or any(character.isspace() or character in ',"' for character in name):
+        raise ValueError("must be one word, without space, comma or quote")
+    return name
+
+
+def _squarable(bound: float) -> float:
+    """A bound becomes a shape matrix by its square."""
+    if bound != 0.0 and not 1e-130 <= bound <= 1e130:
+        raise ValueError("must be from 1e-130 to 1e130, where the core holds its square")
+    return bound
+
+
+NonzeroVector = Annotated[Vector, AfterValidator(_not_zero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Bound = Annotated[Positive, AfterValidator(_squarable)]
+Angle = Annotated[Bound, Field(lt=180)]
+NotNegativeBound = Annotated[NotNegative, AfterValidator(_squarable)]
+Column = Annotated[str, Field(min_length=1)]
+Columns = Annotated[tuple[Column, Column, Column], AfterValidator(_different)]
+QuaternionColumns = Annotated[tuple[Column, Column, Column, Column], AfterValidator(_different)]
+Diagonal6 = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+Vector6 = tuple[Number, Number, Number, Number, Number, Number]
+
+
+class RotationVectorDeg(Model):
+    """An attitude as the rotation vector from the reference frame, in degrees."""
+
+    rotation_vector_deg: Vector
+
+    def matrix(self) -> FloatArray:
+        """The attitude C from body to reference axes, shape (3, 3)."""
+        matrix: FloatArray = Rotation.from_rotvec(self.rotation_vector_deg, degrees=True).as_matrix()
+        return matrix
+
+
+def _identity_by_name(value: object) -> object:
+    return {"rotation_vector_deg": [0.0, 0.0, 0.0]} if value == "identity" else value
+
+
+Attitude = Annotated[RotationVectorDeg, BeforeValidator(_identity_by_name)]
+"""``"identity"`` or ``{ rotation_vector_deg = [...] }``."""
+
+SomeModel = TypeVar("SomeModel", bound=BaseModel)
+
+
+def read_toml(path: str | os.PathLike[str], model: type[SomeModel], **defaults: object) -> SomeModel:
+    """Read a TOML file into a model.
+
+    Parameters
+    ----------
+    path : path-like
+    model : type
+        The pydantic model of the whole file.
+    **defaults
+        Keys that the file may leave out.
+
+    Returns
+    -------
+    model
+        An instance.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is not TOML (with line and column), or does not fit (with every key at fault).
+    """
+    return validate(path, defaults | load_toml(path), model)
+
+
+def load_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or is not TOML (with line and column).
+    """
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: not UTF-8 text") from error
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"{path}: not TOML: {error}") from error
+
+
+def validate(path: str | os.PathLike[str], data: Mapping[str, Any], model: type[SomeModel]) -> SomeModel:
+    """The model of some tables.
+
+    Raises
+    ------
+    FileError
+        If they do not fit: with the path that they are of, and every key at fault.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise FileError(f"{path}: {_faults(error, data)}") from error
+
+
+def _faults(error: ValidationError, data: Mapping[str, Any]) -> str:
+    """Every key at fault with what is wrong, each once: the members of a union repeat one another."""
+    messages = (
+        _key_path(fault, data) + fault["msg"].removeprefix("Value error, ") + _value(fault) for fault in error.errors()
+    )
+    return "; ".join(dict.fromkeys(messages))
+
+
+def _value(fault: ErrorDetails) -> str:
+    """What stands there instead, if it is short enough to be said."""
+    value = fault["input"]
+    if fault["type"] in {"missing", "extra_forbidden"} or not isinstance(value, bool | int | float | str):
+        return ""
+    return f", not {textwrap.shorten(repr(value), 60, placeholder='...')}"
+
+
+def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
+    """Where in the file a fault is, "potential.orbit_rate: "; empty for the file as a whole.
+
+    pydantic names the members of unions among the keys; they are not in the file.
+    """
+    path = ""
+    here: Any = data
+    for depth, part in enumerate(fault["loc"], start=1):
+        is_missing = fault["type"] == "missing" and depth == len(fault["loc"])
+        if isinstance(here, list) and isinstance(part, int):
+            path += f"[{part}]"
+            here = None if is_missing else here[part]
+        elif isinstance(here, Mapping) and (part in here or is_missing):
+            path += f".{part}"
+            here = here.get(part)
+    return f"{path.lstrip('.')}: " if path else ""
+
+
+def unit(vector: Vector) -> Vector:
+    """The vector at length 1, for a validator.
+
+    Parameters
+    ----------
+    vector : tuple of 3 floats
+
+    Returns
+    -------
+    tuple of 3 floats
+
+    Raises
+    ------
+    ValueError
+        If it has no length.
+    """
+    largest = max(map(abs, vector))
+    if largest == 0.0:
+        raise ValueError("a direction must have a length")
+    # The squares of very large or small numbers are none.
+    x, y, z = (component / largest for component in vector)
+    length = float(np.linalg.norm((x, y, z)))
+    return (x / length, y / length, z / length)

@@ -1,0 +1,133 @@
+"""Which body axis was up at rest, and where the field pointed: in words, as no turn shows the sign of a vector."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude import units
+from elliptude.bounds.rest import rest_rows
+from elliptude.configuration import rules
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.sensors import Magnetometer
+from elliptude.logs.log import Log
+from elliptude.typing import FloatArray
+
+_MICROTESLA = units.FIELD["uT"]
+# degrees; what is nearer to a body axis is said to be that axis.
+_NEAR_AN_AXIS = 30.0
+
+
+@dataclass(frozen=True)
+class UpAtRest:
+    """What accelerometer and magnetometer show in the first rest of a recording."""
+
+    begin_s: float
+    end_s: float
+    up: tuple[float, float, float]
+    """Unit vector in body axes."""
+    dip_deg: float | None
+    """How far the field points below the horizontal; None without a magnetometer."""
+
+    def __str__(self) -> str:
+        """In words, for somebody who knows how the body lay."""
+        up = axis_in_words(np.array(self.up))
+        words = f"at rest ({self.begin_s:.4g} to {self.end_s:.4g} s) the body's {up} is up"
+        if self.dip_deg is not None:
+            side = ("below", "north") if self.dip_deg >= 0.0 else ("above", "south")
+            words += (
+                f"; the field points {abs(self.dip_deg):.0f} degrees {side[0]} the horizontal, as {side[1]} of the "
+                "magnetic equator"
+            )
+        return words + ". No log can tell if that is turned upside down: compare it with how the body lay"
+
+
+def axis_in_words(direction: FloatArray) -> str:
+    """A direction (3,) as the body axis that it is near to, "+z" or "-x (12 degrees off)", or as a vector."""
+    unit = direction / np.linalg.norm(direction)
+    i = int(np.argmax(np.abs(unit)))
+    across = float(np.linalg.norm(np.delete(unit, i)))
+    off = float(np.rad2deg(np.arctan2(across, abs(unit[i]))))
+    if off > _NEAR_AN_AXIS:
+        return f"({', '.join(f'{value:.2f}' for value in unit)})"
+    name = f"{'-' if unit[i] < 0.0 else '+'}{'xyz'[i]}"
+    return name if off < 0.5 else f"{name} ({off:.0f} degrees off)"
+
+
+def resting(times: FloatArray, rates: FloatArray | None, forces: FloatArray) -> NDArray[np.bool_]:
+    """Rows at rest by the rule for a sensor in the hand, shape (N,); rows without the specific force are not."""
+    result = np.zeros(len(times), dtype=np.bool_)
+    there = np.isfinite(forces).all(axis=1)
+    if rates is not None:
+        there &= np.isfinite(rates).all(axis=1)
+    if there.sum() < 2:
+        return result
+    rule = rules.hand_held().rest
+    result[there] = rest_rows(
+        times[there],
+        np.zeros_like(forces[there]) if rates is None else rates[there],
+        forces[there],
+        duration=rule.duration_s,
+        rate_deviation=np.deg2rad(rule.rate_deviation_deg_per_s),
+        rate=np.deg2rad(rule.rate_deg_per_s),
+        acceleration_deviation=rule.acceleration_deviation_m_per_s2,
+    )
+    return result
+
+
+def up_at_rest(
+    times: FloatArray, rates: FloatArray | None, forces: FloatArray, fields: FloatArray | None
+) -> UpAtRest | None:
+    """What the first rest shows; None without one.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    rates : (N, 3) array, optional
+        rad/s.
+    forces : (N, 3) array
+        m/s², body axes, up at rest as it was stated; rows may be NaN.
+    fields : (N, 3) array, optional
+        Body axes, any unit; rows may be NaN.
+
+    Returns
+    -------
+    UpAtRest, optional
+    """
+    still = resting(times, rates, forces)
+    if not still.any():
+        return None
+    there = np.flatnonzero(np.isfinite(forces).all(axis=1))
+    found = still[there]
+    first = int(np.argmax(found))
+    count = int(np.argmin(found[first:])) or len(found) - first
+    rows = there[first : first + count]
+    force = forces[rows].mean(axis=0)
+    length = float(np.linalg.norm(force))
+    if length == 0.0:
+        return None
+    up, dip = force / length, None
+    if fields is not None:
+        # Those of the same time: another sensor may have stamps of its own.
+        field = fields[rows[0] : rows[-1] + 1]
+        field = field[np.isfinite(field).all(axis=1)]
+        if len(field) and field.any():
+            mean = field.mean(axis=0)
+            dip = float(np.rad2deg(np.arctan2(-(mean @ up), np.linalg.norm(np.cross(mean, up)))))
+    return UpAtRest(float(times[rows[0]]), float(times[rows[-1]]), (float(up[0]), float(up[1]), float(up[2])), dip)
+
+
+def up_in_log(log: Log, configuration: Configuration) -> UpAtRest | None:
+    """`up_at_rest` of a log with an accelerometer; times are the file's."""
+    accelerometer = configuration.accelerometer
+    if accelerometer is None:
+        return None
+    fields = None
+    for i, sensor in enumerate(configuration.directions):
+        if isinstance(sensor, Magnetometer):
+            fields = log.directions[:, i]
+            break
+    return up_at_rest(
+        log.times + log.origin, log.rates, log.directions[:, configuration.directions.index(accelerometer)], fields
+    )

@@ -1,0 +1,442 @@
+"""From a file to one log in time order: what a configuration names, checked, in SI units and body axes.
+
+Sensors may have stamps, rates and delays of their own. A log's rows are all stamps there are; where a sensor has no
+sample there is NaN, but for the gyro, whose rate is needed throughout. Everything is done piece by piece, so that a
+file of any length needs little memory: `read_pieces`; `read_log` puts the pieces together.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude import units
+from elliptude.configuration import references
+from elliptude.configuration.configuration import Configuration, GyroFlow
+from elliptude.configuration.sensors import (
+    Accelerometer,
+    Axes,
+    Direction,
+    Magnetometer,
+    RestPhase,
+    SunByTime,
+    Timed,
+    WorldModel,
+    rotation_of_axes,
+)
+from elliptude.io.files import FileError
+from elliptude.io.readers.base import LogFile, require_columns
+from elliptude.io.readers.open import open_log
+from elliptude.io.tables import Measurements
+from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
+from elliptude.typing import FloatArray
+
+# The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
+_STILL = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What a configuration takes from a log of N rows with m directions; NaN where there was no measurement."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    directions: FloatArray
+    """Body axes, shape (N, m, 3); an accelerometer's in m/s² and up at rest, a magnetometer's in T."""
+    references: FloatArray
+    """Reference axes, shape (N, m, 3); gravity's in m/s² and up, the Earth's field in T."""
+    rates: FloatArray | None = None
+    """Measured angular velocities (rigid body) or gyro samples (gyro flow), rad/s, body axes, shape (N, 3)."""
+    gyro_times: FloatArray | None = None
+    """When a gyro was sampled, s, shape (M,), rates between being filled in; None where it was in every row."""
+    control_torques: FloatArray | None = None
+    """N m, body axes, row k acting until times[k], shape (N, 3)."""
+    wheel_momenta: FloatArray | None = None
+    """Angular momentum of wheels within the body, N m s, body axes, row k until times[k], shape (N, 3)."""
+    true_attitudes: FloatArray | None = None
+    """From body to reference axes, shape (N, 3, 3)."""
+    true_vectors: FloatArray | None = None
+    """True angular velocities or gyro biases, rad/s, body axes, shape (N, 3)."""
+    origin: int = 0
+    """What was subtracted from the file's times, s."""
+    rows: NDArray[np.int64] | None = None
+    """The row of the file, from 0, that has the time, shape (N,); -1 where none has, as with a delay."""
+    file: LogFile | None = None
+
+    @property
+    def has_rate(self) -> NDArray[np.bool_]:
+        """Rows with a measured rate, shape (N,)."""
+        return np.zeros(len(self.times), dtype=np.bool_) if self.rates is None else np.isfinite(self.rates[:, 0])
+
+    def since(self, first: int) -> "Log":
+        """The rows from one on."""
+        arrays: dict[str, Any] = {
+            name: values[first:]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray) and name != "gyro_times"
+        }
+        return replace(self, **arrays)
+
+    def place(self, k: int) -> str:
+        """Where row k is, for a message: "line 812" of the file if that is known, and the time."""
+        at, (place,) = f"{self.times[k]:.6f} s", self.places_in_file([k])
+        return f"{place} ({at})" if place else at
+
+    def places_in_file(self, rows: Sequence[int]) -> list[str]:
+        """Which lines or rows of the file, "line 812", with nothing where that is not known; read once for all."""
+        if self.file is None or self.rows is None:
+            return [""] * len(rows)
+        there = [int(self.rows[k]) for k in rows]
+        places = iter(self.file.places_of_rows([row for row in there if row >= 0]))
+        return ["" if row < 0 else next(places) for row in there]
+
+
+def log_of(measurements: Measurements) -> Log:
+    """The log that a table of measurements is, without a detour by way of a file."""
+    return Log(
+        times=measurements.times,
+        directions=measurements.directions,
+        references=measurements.references,
+        rates=measurements.angular_velocities,
+        true_attitudes=measurements.true_attitudes,
+        true_vectors=measurements.true_angular_velocities,
+    )
+
+
+def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
+    """Read from a file what the configuration names.
+
+    Parameters
+    ----------
+    path : path-like
+        In a format of `elliptude.io.readers.open.open_log`.
+    configuration : Configuration
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    FileError
+        If the file does not have it; with the line and the column where that is at fault.
+    """
+    return joined(list(read_pieces(path, configuration)))
+
+
+def joined(parts: Sequence[Log]) -> Log:
+    """The log whose pieces, one behind the other, these are; one or more, of one file and configuration."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def whole(name: str) -> Any:
+        there = [getattr(part, name) for part in parts]
+        return None if there[0] is None else np.concatenate(there)
+
+    names = [name for name in vars(parts[0]) if name not in {"origin", "file"}]
+    arrays = {name: whole(name) for name in names}
+    if arrays["gyro_times"] is not None:
+        arrays["gyro_times"] = np.unique(arrays["gyro_times"])  # the last of a piece is the first of the next
+    return replace(parts[0], **arrays)
+
+
+def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> Iterator[Log]:
+    """`read_log` piece by piece: one behind the other they are the log.
+
+    A piece is as long as a batch of the file (`elliptude.io.readers`), and no more than a few of them are in memory.
+    NPZ and ULog come in one piece.
+
+    Yields
+    ------
+    Log
+        Of one row or more.
+
+    Raises
+    ------
+    FileError
+        As `read_log`, when the reading gets there.
+    """
+    file = open_log(path)
+    clocks = _clocks(file, configuration)
+    constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
+    is_empty = True
+    for piece in pieces(file, clocks, configuration.timing):
+        is_empty = False
+        yield _log(piece, file, configuration, constants)
+    if is_empty:
+        if all(clock.is_empty for clock in clocks):
+            raise FileError(f"{path}: a header, but no rows below it")
+        raise FileError(f"{path}: no row between the first and the last sample of {_filled(configuration)}")
+
+
+def _filled(configuration: Configuration) -> str:
+    return "the gyro" if isinstance(configuration.flow, GyroFlow) else "the control torque or the wheel momentum"
+
+
+def interval_rates(samples: FloatArray) -> FloatArray:
+    """The rate from each sample to the next as the mean of the two, shape (N, 3); nothing follows the last one."""
+    rates = samples.copy()
+    rates[:-1] = 0.5 * (samples[:-1] + samples[1:])
+    return rates
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What one sensor measured, before sensors are put into rows together."""
+
+    name: str
+    """Of a direction; else as `sensor_names` has it."""
+    rows: int
+    """How many the file has, empty ones among them."""
+    times: FloatArray
+    """s, strictly increasing, delay subtracted, shape (N,)."""
+    values: FloatArray
+    """SI units and body axes, shape (N, 3); quaternions as they stand in the file, shape (N, 4)."""
+    origin: int
+    """What was subtracted from the file's times, s."""
+
+
+def sensor_names(configuration: Configuration) -> list[str]:
+    """The names that `Samples` of this configuration have."""
+    flow, truth = configuration.flow, configuration.truth
+    names = ["the gyro"] if isinstance(flow, GyroFlow) else []
+    names += ["the control torque"] if not isinstance(flow, GyroFlow) and flow.control_torque_columns else []
+    names += ["the wheel momentum"] if not isinstance(flow, GyroFlow) and flow.wheel_momentum_columns else []
+    names += [sensor.name for sensor in configuration.directions]
+    names += ["rate"] if configuration.rate is not None else []
+    names += ["true attitude"] if truth is not None else []
+    return names + (["true vector"] if truth is not None and truth.vector_columns else [])
+
+
+def read_samples(
+    path: str | os.PathLike[str], configuration: Configuration, names: Sequence[str] | None = None
+) -> list[Samples]:
+    """Read what each sensor measured, checked and converted as for `read_log`, each at its own times.
+
+    Parameters
+    ----------
+    path : path-like
+    configuration : Configuration
+    names : sequence of str, optional
+        Of the sensors; all if left out.
+
+    Returns
+    -------
+    list of Samples
+
+    Raises
+    ------
+    FileError
+        As `read_log`.
+    """
+    file = open_log(path)
+    clocks = _clocks(file, configuration, names)
+    timing = configuration.timing
+    origin: int | None = None if timing.origin == "first" else 0
+    found: list[Samples] = []
+    for stream in dict.fromkeys(clock.stream for clock in clocks):
+        together = [clock for clock in clocks if clock.stream == stream]
+        columns = list(dict.fromkeys(chain.from_iterable(clock.columns() for clock in together)))
+        rows = 0
+        for batch in file.batches(columns):
+            if origin is None:
+                origin = first_second(file, together[0], batch)
+            for clock in together:
+                take(file, clock, batch, rows, origin, timing)
+            rows += len(next(iter(batch.values())).values)
+        if not rows:
+            raise FileError(f"{path}: a header, but no rows below it")
+        for channel in chain.from_iterable(clock.channels for clock in together):
+            times = np.concatenate(channel.times) if channel.times else np.empty(0)
+            values = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
+            found.append(
+                Samples(channel.name, rows, times, values[:, : len(channel.columns) - channel.companions], origin or 0)
+            )
+    return found
+
+
+# --- what is read together -------------------------------------------------------------------------------------------
+
+
+def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[Clock]:
+    """What is read, of all sensors or of some."""
+    clocks: dict[tuple[str, str, float], Clock] = {}
+
+    def add(timed: Timed | None, channel: Channel) -> None:
+        if names is not None and channel.name not in names:
+            return
+        require_columns(file, channel.columns)
+        stream = file.stream(channel.columns[0])
+        stamps = file.stamps(stream)
+        column, unit, delay = configuration.time_column, configuration.time_unit, timed.delay_s if timed else 0.0
+        if timed is not None and timed.time_column is not None and timed.time_unit is not None:
+            column, unit = timed.time_column, timed.time_unit
+        elif stamps is not None:
+            if "time_column" in configuration.model_fields_set:
+                raise FileError(
+                    f"{file.path}: {stream} has stamps of its own, {stamps[0]}: the log needs no time_column"
+                )
+            column, unit = stamps[0], _time_unit(stamps[1])
+        require_columns(file, [column])
+        for other in (column, *channel.columns):
+            if file.stream(other) != stream:
+                raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
+        clock = clocks.setdefault(
+            (column, unit, delay), Clock(column, unit, delay, column != configuration.time_column, [], stream)
+        )
+        clock.channels.append(channel)
+
+    flow, truth = configuration.flow, configuration.truth
+    if isinstance(flow, GyroFlow):
+        fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
+        add(flow, Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
+    else:
+        for name, columns in (
+            ("the control torque", flow.control_torque_columns),
+            ("the wheel momentum", flow.wheel_momentum_columns),
+        ):
+            if columns is not None:
+                add(None, Channel(name, columns, lambda values: values, "next"))
+    for sensor in configuration.directions:
+        scale = 1.0
+        moving: tuple[str, ...] = ()
+        if isinstance(sensor, Accelerometer):
+            scale = units.ACCELERATION[sensor.unit] * (1.0 if sensor.at_rest == "up" else -1.0)
+        elif isinstance(sensor, Magnetometer):
+            scale = units.FIELD[sensor.unit]
+        else:
+            moving = sensor.reference_columns or ()
+        convert = _converted(scale, sensor.axes)
+        vectors = 2 if moving else 1
+        add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
+    if (rate := configuration.rate) is not None:
+        add(rate, Channel("rate", rate.columns, _converted(units.ANGULAR_VELOCITY[rate.unit], rate.axes)))
+    if truth is not None:
+        add(truth, Channel("true attitude", truth.attitude_columns, lambda values: values))
+        if truth.vector_columns is not None:
+            scale = units.ANGULAR_VELOCITY[truth.vector_unit]
+            add(truth, Channel("true vector", truth.vector_columns, _converted(scale, ("x", "y", "z"))))
+    if not clocks:  # nothing is measured: there are the times alone
+        require_columns(file, [configuration.time_column])
+        stream = file.stream(configuration.time_column)
+        return [Clock(configuration.time_column, configuration.time_unit, 0.0, False, [], stream)]
+    return list(clocks.values())
+
+
+def _time_unit(unit: str) -> units.TimeUnit:
+    return next(known for known in units.TICKS_PER_SECOND if known == unit)
+
+
+def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
+    """SI units and body axes of the first three columns; the others, a reference that moves, stay."""
+    matrix = scale * rotation_of_axes(axes)
+    if np.array_equal(matrix, np.eye(3)):
+        return lambda values: values
+
+    def convert(values: FloatArray) -> FloatArray:
+        converted = values.copy()
+        # Component by component: a row's result must not depend on which rows are worked on with it.
+        for i in range(3):
+            converted[:, i] = matrix[i, 0] * values[:, 0] + matrix[i, 1] * values[:, 1] + matrix[i, 2] * values[:, 2]
+        return converted
+
+    return convert
+
+
+# --- what it is -------------------------------------------------------------------------------------------------------
+
+
+def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: Sequence[FloatArray | None]) -> Log:
+    sensors, values = configuration.directions, piece.values
+    directions = np.empty((len(piece.times), len(sensors), 3))
+    vectors = np.empty_like(directions)
+    for i, (sensor, constant) in enumerate(zip(sensors, constants, strict=True)):
+        directions[:, i] = values[sensor.name][:, :3]
+        if constant is not None:
+            vectors[:, i] = constant
+        elif isinstance(sensor, Direction) and isinstance(sensor.reference, SunByTime):
+            vectors[:, i] = references.sun_directions(sensor.reference, piece.times + piece.origin)
+        else:
+            vectors[:, i] = values[sensor.name][:, 3:]
+    rates = values.get("the gyro", values.get("rate"))
+    log = Log(
+        times=piece.times,
+        directions=directions,
+        references=vectors,
+        rates=rates,
+        gyro_times=piece.sampled.get("the gyro"),
+        control_torques=values.get("the control torque"),
+        wheel_momenta=values.get("the wheel momentum"),
+        true_vectors=values.get("true vector"),
+        origin=piece.origin,
+        rows=piece.rows,
+        file=file,
+    )
+    if configuration.truth is None:
+        return log
+    truth = configuration.truth
+    return replace(log, true_attitudes=_attitudes(values["true attitude"], log, truth.order, truth.turns))
+
+
+def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> FloatArray:
+    """Rotations of quaternions, NaN where they are."""
+    attitudes = np.full((len(quaternions), 3, 3), np.nan)
+    known = np.isfinite(quaternions[:, 0])
+    zero = ~quaternions.any(axis=1)
+    if zero.any():
+        path = log.file.path if log.file else ""
+        raise FileError(f"{path}: the quaternion to compare with is zero at {log.place(int(np.argmax(zero)))}")
+    if known.any():
+        rotations = Rotation.from_quat(quaternions[known], scalar_first=order == "wxyz")
+        attitudes[known] = (rotations if turns == "body_to_reference" else rotations.inv()).as_matrix()
+    return attitudes
+
+
+def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> FloatArray | None:
+    """The reference vector (3,) of a direction sensor, if it does not move, with the length that belongs to it."""
+    sensor, frame = configuration.directions[i], configuration.reference_frame
+    if configuration.rule is not None:  # only that it stands still is of use: the rule finds the field's direction
+        return np.array([0.0, 0.0, 1.0])
+    if isinstance(sensor, Accelerometer):
+        return sensor.gravity_m_per_s2 * references.up(frame)
+    if isinstance(sensor, Direction):
+        return np.asarray(sensor.reference, dtype=np.float64) if isinstance(sensor.reference, tuple) else None
+    if sensor.reference_ut is not None:
+        return units.FIELD["uT"] * np.asarray(sensor.reference_ut, dtype=np.float64)
+    if isinstance(sensor.reference, WorldModel):
+        return references.world_model_field(sensor.reference, frame)
+    phase = sensor.reference
+    assert isinstance(phase, RestPhase)
+
+    def mean(name: str) -> FloatArray:
+        return _rest_means(file, name, phase.from_s, phase.to_s, configuration)
+
+    needs_up = phase.attitude_qw_qx_qy_qz is None
+    assert configuration.accelerometer is not None or not needs_up
+    upward = mean(configuration.accelerometer.name) if needs_up and configuration.accelerometer else None
+    return references.rest_field(phase, mean(sensor.name), upward, frame)
+
+
+def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
+    (clock,) = _clocks(file, configuration, [name])
+    total, lengths, count = np.zeros(3), 0.0, 0
+    for piece in pieces(file, [clock], configuration.timing):
+        times = piece.times + piece.origin
+        chosen = piece.values[name][(times >= begin) & (times <= end), :3]
+        chosen = chosen[np.isfinite(chosen[:, 0])]
+        total, count = total + chosen.sum(axis=0), count + len(chosen)
+        lengths += float(np.linalg.norm(chosen, axis=1).sum())
+        if times[-1] > end:
+            break
+    phase = f"the rest phase from {begin:g} s to {end:g} s"
+    if not count:
+        raise FileError(f"{file.path}: {name!r} shows nothing in {phase}")
+    if np.linalg.norm(total) < _STILL * lengths:
+        raise FileError(f"{file.path}: {name!r} turns in {phase}")
+    mean: FloatArray = total / count
+    return mean

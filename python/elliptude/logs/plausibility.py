@@ -1,0 +1,299 @@
+"""Whether sensors agree with one another as they would not if a unit, an order or an axis were stated wrongly.
+
+A direction that stands still in the reference frame turns in the body by ḃ = b × ω, so over a short turn φ = ∫ω dt its
+change is b̄ × φ, b̄ the mean of both ends. The slope of the measured changes on these says what the gyro's numbers must
+be multiplied by: 1, or π/180 where degrees were declared as radians. A reference attitude C turns by C₁ᵀC₂ = exp(S(φ)).
+Nothing is concluded from logs that do not turn.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.sensors import Accelerometer, AnyDirection
+from elliptude.io.files import FileError
+from elliptude.logs.axes_check import look_at_axes
+from elliptude.logs.body_at_rest import UpAtRest, up_in_log
+from elliptude.logs.log import Log, joined
+from elliptude.logs.quaternion_readings import (
+    FEWEST_PAIRS,
+    LARGEST_TURN,
+    LEAST,
+    MOST,
+    STANDARD_ERROR,
+    misread,
+    readings,
+    slope,
+)
+from elliptude.typing import FloatArray
+
+BLOCK_ROWS = 1 << 18
+"""Of a long log that are looked at together."""
+
+Severity: TypeAlias = Literal["error", "warning"]
+
+_PAIRS = 50_000
+# rad; a reference that moves by more is not used.
+_STILL = 0.02
+# Of an accelerometer's length about its median.
+_GRAVITY_ALONE = 0.03
+_FACTORS = {
+    np.pi / 180.0: "as if its degrees were declared as radians",
+    180.0 / np.pi: "as if its radians were declared as degrees",
+    1e-3: "as if the unit of time (or of the gyro) were 1000 times smaller",
+    1e3: "as if the unit of time (or of the gyro) were 1000 times larger",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is, or may be, wrong."""
+
+    severity: Severity
+    sensor: str
+    message: str
+
+    def __str__(self) -> str:
+        """Both."""
+        return f"{self.sensor}: {self.message}" if self.sensor else self.message
+
+
+@dataclass
+class Heard:
+    """What a look at a log says beside what is wrong, for whoever reads the results."""
+
+    ignored: list[str] = field(default_factory=list)
+    """Errors that ``implausible = "ignore"`` goes on regardless of."""
+    notes: list[str] = field(default_factory=list)
+    """The same as notes in a table."""
+    up: UpAtRest | None = None
+    """What was up in the first rest."""
+
+
+def plausible_pieces(
+    pieces: Iterable[Log], configuration: Configuration, name: str, heard: Heard | None = None
+) -> Iterator[Log]:
+    """Pass the pieces of a log on, after `contradictions` has looked at them.
+
+    A stated unit, order or axis holds for the whole log. So it is looked at in blocks, each before any of its rows is
+    passed on, until one has moved enough to tell; a log of one block is looked at as a whole.
+
+    Parameters
+    ----------
+    pieces : iterable of Log
+    configuration : Configuration
+        Its key ``implausible`` may say to go on regardless.
+    name : str
+        Of the log, for messages.
+    heard : Heard, optional
+        Takes what is found.
+
+    Yields
+    ------
+    Log
+        The pieces.
+
+    Raises
+    ------
+    FileError
+        With all the errors that were found, unless they are to be ignored.
+    """
+    waiting: list[Log] = []
+    heard = Heard() if heard is None else heard
+    is_told = False
+    for piece in pieces:
+        if is_told:
+            yield piece
+            continue
+        waiting.append(piece)
+        if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
+            is_told = _require_plausible(joined(waiting), configuration, name, heard)
+            yield from waiting
+            waiting = []
+    if waiting:
+        _require_plausible(joined(waiting), configuration, name, heard)
+        yield from waiting
+
+
+def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
+    """Whether the log has moved enough to tell, or nothing more is to be said."""
+    heard.up = heard.up or up_in_log(log, configuration)
+    findings, is_told = _look(log, configuration)
+    errors = [str(finding) for finding in findings if finding.severity == "error"]
+    if not errors:
+        return is_told
+    if configuration.implausible == "refuse":
+        raise FileError(
+            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore', or --ignore-implausible"
+        )
+    heard.ignored += errors
+    heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
+    return True
+
+
+def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
+    """What the sensors of a log say of one another's units, orders and axes.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+
+    Returns
+    -------
+    list of Finding
+    """
+    return _look(log, configuration)[0]
+
+
+def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
+    """What was found, and whether the log has moved enough to tell of its directions and rates."""
+    turns = _Turns(log)
+    by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
+    found = [finding for finding in by_direction if isinstance(finding, Finding)]
+    is_confirmed = "confirmed" in by_direction
+    # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
+    if is_confirmed:
+        found = [replace(finding, severity="warning") for finding in found]
+    axes = look_at_axes(log, configuration)
+    if axes.wrong:
+        # What is sure, and says what would be right, goes before what a slope makes one suspect.
+        named = {wrong.sensor for wrong in axes.wrong}
+        found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
+        found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
+    if not any(finding.severity == "error" for finding in found):
+        attitude = _reference_attitude(log, turns, configuration)
+        found += [attitude] if attitude is not None else []
+    return found, is_confirmed and axes.is_told
+
+
+class _Turns:
+    """How far the measured rates turn from one time to another, as a vector: for small turns."""
+
+    def __init__(self, log: Log) -> None:
+        known = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
+        self.is_known = bool(known.sum() > FEWEST_PAIRS)
+        if self.is_known and log.rates is not None:
+            self._times, rates = log.times[known], log.rates[known]
+            steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self._times)[:, None]
+            self._sums = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+    def between(self, begins: FloatArray, ends: FloatArray) -> FloatArray:
+        """Shape (n, 3), rad."""
+        return self._until(ends) - self._until(begins)
+
+    def _until(self, times: FloatArray) -> FloatArray:
+        return np.column_stack([np.interp(times, self._times, column) for column in self._sums.T])
+
+
+def _gyro_against_direction(
+    log: Log, turns: _Turns, i: int, sensor: AnyDirection
+) -> Finding | Literal["confirmed", "unknown"]:
+    name = sensor.name
+    there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]))
+    is_accelerometer = isinstance(sensor, Accelerometer)
+    if is_accelerometer and len(there):
+        # Where it does not show gravity alone its direction does not stand still.
+        lengths = np.linalg.norm(log.directions[there, i], axis=1)
+        there = there[np.abs(lengths / np.median(lengths) - 1.0) < _GRAVITY_ALONE]
+    if not turns.is_known or len(there) <= FEWEST_PAIRS:
+        return "unknown"
+    references = _unit(log.references[there, i])
+    if np.linalg.norm(references - references[0], axis=1).max() > _STILL:
+        return "unknown"
+    directions = _unit(log.directions[there, i])
+    chosen = _some(len(there) - 1)
+    before, after = directions[chosen], directions[chosen + 1]
+    turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
+    changes, predicted = after - before, np.cross(0.5 * (before + after), turn)
+    sizes = np.linalg.norm(turn, axis=1)
+
+    def times_as_far(factor: float) -> tuple[float, float]:
+        small = factor * sizes < LARGEST_TURN
+        if small.mean() < 0.9 or small.sum() < FEWEST_PAIRS:
+            return 0.0, np.inf
+        return slope(changes[small], factor * predicted[small])
+
+    value, error = times_as_far(1.0)
+    if error < STANDARD_ERROR and LEAST <= value <= MOST:
+        return "confirmed"
+    for factor, meaning in _FACTORS.items():
+        other, other_error = times_as_far(factor)
+        if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
+            return Finding("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
+    if error >= STANDARD_ERROR:
+        return "unknown"
+    severity: Severity = "warning" if is_accelerometer else "error"
+    if -MOST <= value <= -LEAST:
+        return Finding(severity, name, f"turns {value:.3g} times as far as the rate says, as with a wrong sign")
+    if abs(value) < 0.1:
+        return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
+    return Finding("warning", name, f"turns {value:.2g} times as far as the rate says: are units and axes right?")
+
+
+def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -> Finding | None:
+    if configuration.truth is None or log.true_attitudes is None:
+        return None
+    there = np.flatnonzero(np.isfinite(log.true_attitudes[:, 0, 0]))
+    if len(there) <= FEWEST_PAIRS:
+        return None
+    chosen = _some(len(there) - 1)
+    first = Rotation.from_matrix(log.true_attitudes[there[chosen]])
+    second = Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
+    label = configuration.truth.label
+    if turns.is_known:
+        turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
+        found = misread(first, second, turn, readings(configuration.truth.order, configuration.truth.turns))
+        if found is None:
+            return None
+        what = f"turns {found.slope:.2g} times as far as the rate says"
+        if found.fitting is not None:
+            return Finding("error", label, f"{what}, and as far when read {found.fitting}")
+        for factor, meaning in _FACTORS.items():
+            if LEAST <= found.slope / factor <= MOST:
+                return Finding("error", label, f"{what}: of the rate, {meaning}")
+        return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
+    return _reference_against_directions(log, configuration)
+
+
+def _reference_against_directions(log: Log, configuration: Configuration) -> Finding | None:
+    """Where there is no rate: whether the attitude takes measured directions to their references."""
+    assert log.true_attitudes is not None
+    assert configuration.truth is not None
+    choices = readings(configuration.truth.order, configuration.truth.turns)
+    angles: dict[str, list[FloatArray]] = {str(read): [] for read in choices}
+    for i in range(len(configuration.directions)):
+        there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]) & np.isfinite(log.true_attitudes[:, 0, 0]))
+        if len(there) <= FEWEST_PAIRS:
+            continue
+        there = there[_some(len(there))]
+        rotations = Rotation.from_matrix(log.true_attitudes[there])
+        directions, references = _unit(log.directions[there, i]), _unit(log.references[there, i])
+        for read in choices:
+            cosines = (read(rotations).apply(directions) * references).sum(axis=1)
+            angles[str(read)].append(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
+    if not angles["as declared"]:
+        return None
+    medians = {reading: float(np.median(np.concatenate(some))) for reading, some in angles.items()}
+    declared = medians.pop("as declared")
+    best = min(medians, key=lambda reading: medians[reading])
+    what = f"takes the measured directions {declared:.3g} degrees off their references (median)"
+    if declared > 20.0 and medians[best] < 0.25 * declared:
+        return Finding("error", configuration.truth.label, f"{what}, and {medians[best]:.3g} when read {best}")
+    if declared > 60.0:
+        return Finding("warning", configuration.truth.label, f"{what}: are frames, axes and signs right?")
+    return None
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
+
+
+def _some(count: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices of at most so many as are enough, spread over all."""
+    return np.unique(np.linspace(0, count - 1, min(count, _PAIRS)).astype(np.intp))

@@ -1,0 +1,104 @@
+"""Attitudes to compare results with: of a table or a log, at the times of the rows compared."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from elliptude.configuration.configuration import Configuration
+from elliptude.io.files import FileError
+from elliptude.io.tables import QUATERNION, read_columns, stacked
+from elliptude.logs import log
+from elliptude.typing import FloatArray
+
+# s; stamps so near are the same.
+_SAME_TIME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Attitudes to compare with."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (M,)."""
+    attitudes: Rotation
+    """From body to reference axes, M of them."""
+
+
+def read_reference(path: str | os.PathLike[str], configuration: Configuration | None = None) -> Reference:
+    """Read attitudes to compare with.
+
+    Parameters
+    ----------
+    path : path-like
+        Without a configuration a table with the columns ``time_s`` and ``qw,qx,qy,qz`` (docs/tables.md); with one a log
+        in any format, whose truth the configuration names.
+    configuration : Configuration, optional
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    FileError
+        If it has no such attitudes.
+    """
+    if configuration is None:
+        columns = read_columns(path, optional=[QUATERNION])
+        times, quaternions, order, turns = columns["time_s"], stacked(columns, QUATERNION), "wxyz", "body_to_reference"
+    else:
+        truth = configuration.truth
+        if truth is None:
+            raise FileError(f"{path}: the configuration names no truth to compare with")
+        (samples,) = log.read_samples(path, configuration, ["true attitude"])
+        times, quaternions, order, turns = samples.times, samples.values, truth.order, truth.turns
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.isfinite(lengths) & (np.abs(lengths - 1.0) > 0.01)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise FileError(f"{path}: the quaternion at {times[k]:.6f} s is {lengths[k]:.4g} long, not 1 within 0.01")
+    known = np.isfinite(lengths)
+    if not known.any():
+        raise FileError(f"{path}: no attitude to compare with")
+    rotations = Rotation.from_quat(quaternions[known], scalar_first=order == "wxyz")
+    return Reference(times[known], rotations if turns == "body_to_reference" else rotations.inv())
+
+
+def attitudes_at(
+    reference: Reference, times: FloatArray, rows: NDArray[np.intp], largest_gap: float
+) -> tuple[NDArray[np.intp], Rotation]:
+    """The reference at some rows.
+
+    Parameters
+    ----------
+    reference : Reference
+    times : (N,) array
+        s.
+    rows : array of int
+        Of the times.
+    largest_gap : float
+        Between two samples of the reference no further apart it is interpolated, s.
+
+    Returns
+    -------
+    rows : array of int
+        Those that have a reference.
+    attitudes : scipy.spatial.transform.Rotation
+        One for each.
+    """
+    known = reference.times
+    if len(known) == 1:
+        rows = rows[np.abs(times[rows] - known[0]) <= _SAME_TIME]
+        return rows, reference.attitudes[np.zeros(len(rows), dtype=np.intp)]
+    after = np.clip(np.searchsorted(known, times[rows]), 1, len(known) - 1)
+    before = after - 1
+    nearest = np.where(times[rows] - known[before] <= known[after] - times[rows], before, after)
+    is_same = np.abs(known[nearest] - times[rows]) <= _SAME_TIME
+    is_between = (times[rows] >= known[before]) & (times[rows] <= known[after])
+    is_between &= known[after] - known[before] <= largest_gap
+    at = np.where(is_same, known[nearest], times[rows])[is_same | is_between]
+    rows = rows[is_same | is_between]
+    return rows, Slerp(known, reference.attitudes)(at) if len(rows) else Rotation.identity(0)

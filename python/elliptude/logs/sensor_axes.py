@@ -1,0 +1,352 @@
+"""Which axes of a vector sensor fit the turn that the gyro shows: docs/theory.md, section 18.7.
+
+The mean of gravity's or the field's vector over a window, carried along by the gyro, is nearly the same in every window
+if the sensor's axes are right: how far it may differ follows from bounds of motion, field and sensors. With wrong axes
+it differs by much more once the body turns. All 24 rotations of the axes by quarter and half turns are tried, with the
+gyro as it is and with its rates turned round. A vector and its opposite turn alike, so that is all of the 48 signed
+permutations of the vector's axes, and of the gyro's. NumPy alone; SI units, or µT.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.turns import attitudes_from_rates, running_integral
+from elliptude.typing import FloatArray
+
+# s; half-lengths of windows are multiples of a cell that is so long at least, and longer for a slow sensor.
+_CELL_S, _SAMPLES = 0.5, 4
+_HALF_LENGTHS = (1, 2, 4, 6, 8, 12)
+# Between the tops of two windows that are compared, of their half-length; from 2 on they do not overlap.
+_DISTANCES = (2, 3, 4, 6, 8)
+# Times the median step: nothing is known between samples that are further apart.
+_LONGEST_STEP = 10.0
+_CHUNK_ROWS = 1 << 15
+
+
+def _quarter_turns() -> FloatArray:
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            if np.linalg.det(matrix) > 0.0:
+                found.append(matrix)
+    return np.array(sorted(found, key=lambda matrix: -float(np.trace(matrix))))
+
+
+ROTATIONS: FloatArray = _quarter_turns()
+"""The right-handed signed permutations, shape (24, 3, 3), the identity first."""
+
+
+@dataclass(frozen=True)
+class VectorStatement:
+    """What is stated of a sensor that shows one vector of the world, and of that vector; the sensor's unit."""
+
+    offset: Callable[[float], float]
+    """Bound of the mean of what is added in the world, acceleration or disturbance, over a window with weights like a
+    triangle, by its half-length, s."""
+    error: float
+    """Of a sample, as in `elliptude.bounds.samples.VectorSensorBounds`; the next two likewise."""
+    averaged_error: float
+    scale_error: float
+    time_offset: float
+    """Bound of its time against the gyro's, s."""
+    length: float | None = None
+    """Of the vector itself, where it is known."""
+    length_error: float = 0.0
+
+
+def misfits(
+    times: FloatArray,
+    rates: FloatArray,
+    vectors: FloatArray,
+    gyro: GyroBounds,
+    statement: VectorStatement,
+    sign: float = 1.0,
+) -> FloatArray | None:
+    """How far each choice of axes is from what is stated: at most 1 if it is right and the statements hold, (18.16).
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    rates : (N, 3) array
+        rad/s, known bias subtracted.
+    vectors : (N, 3) array
+        The axes of the rates as stated; rows may be NaN.
+    gyro : GyroBounds
+        Of the rates.
+    statement : VectorStatement
+    sign : {1, -1}
+        What the rates are multiplied by.
+
+    Returns
+    -------
+    (24,) array, or None
+        By `ROTATIONS`: the largest quotient of difference and bound. None where no two windows have a bound.
+    """
+    carried = _carried(times, rates, [(vectors, statement)], gyro, sign)
+    if carried is None:
+        return None
+    worst = np.zeros(len(ROTATIONS))
+    is_told = False
+    for windows in carried.cells[0].windows():
+        for quotients in windows.quotients(carried.frame, statement):
+            np.maximum(worst, quotients.max(axis=1, initial=0.0), out=worst)
+            is_told |= quotients.size > 0
+    return worst if is_told else None
+
+
+@dataclass(frozen=True)
+class AngleMisfit:
+    """How far the angle between two measured vectors is from the stated one."""
+
+    as_stated: float
+    """The largest quotient of difference and bound: at most 1 if all that is stated holds, (18.18)."""
+    opposite: float
+    """The same with the opposite of one of the vectors."""
+    median: float
+    """Of the angle between the means over windows, rad."""
+
+
+def angle_misfit(
+    times: FloatArray,
+    rates: FloatArray,
+    first: tuple[FloatArray, VectorStatement],
+    second: tuple[FloatArray, VectorStatement],
+    gyro: GyroBounds,
+    angle: float,
+    angle_error: float,
+) -> AngleMisfit | None:
+    """Whether two vectors are as far from one another as is stated, or their opposites would be, (18.18).
+
+    Parameters
+    ----------
+    times, rates, gyro
+        As `misfits` takes them.
+    first, second : tuple of (N, 3) array and VectorStatement
+        Each sensor's vectors, as `misfits` takes them.
+    angle, angle_error : float
+        Between the vectors in the world, and how far that may be off, rad.
+
+    Returns
+    -------
+    AngleMisfit, optional
+        None where both were measured in no window.
+    """
+    carried = _carried(times, rates, [first, second], gyro, 1.0)
+    if carried is None:
+        return None
+    found = []
+    for pair in zip(*(cells.windows() for cells in carried.cells), strict=False):
+        count = min(len(windows.tops) for windows in pair)
+        means, off = [], np.full(count, angle_error)
+        for windows, (_, statement) in zip(pair, (first, second), strict=True):
+            mean, reach = windows.means_as_stated(carried.frame, statement)
+            length = np.linalg.norm(mean, axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = reach / length
+            # Within the ball about the mean; and it may point anywhere where the ball holds the origin.
+            off += np.where(share >= 1.0, np.pi, np.arcsin(np.minimum(share, 1.0)))[:count]
+            means.append(mean[:count])
+        between = np.arctan2(np.linalg.norm(np.cross(*means), axis=1), np.einsum("ni,ni->n", *means))
+        found.append(np.stack([between, off])[:, np.isfinite(off)])
+    between, off = np.concatenate(found, axis=1) if found else np.empty((2, 0))
+    if not len(between):
+        return None
+    return AngleMisfit(
+        float(np.max(np.abs(between - angle) / off)),
+        float(np.max(np.abs(np.pi - between - angle) / off)),
+        float(np.median(between)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """The frame that the gyro carries along, and how far it may be off."""
+
+    times: FloatArray
+    steady: FloatArray
+    """How far it may have turned since the beginning by what does not average out."""
+    turned: FloatArray
+    """The angle that it turned."""
+    gyro: GyroBounds
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    frame: _Frame
+    cells: list["_Cells"]
+    """Of each sensor, of the same begin and duration."""
+
+
+def _carried(
+    times: FloatArray,
+    rates: FloatArray,
+    sensors: Sequence[tuple[FloatArray, VectorStatement]],
+    gyro: GyroBounds,
+    sign: float,
+) -> _Carried | None:
+    """What is measured, in the frame that the gyro carries along; None where a sensor shows less than two vectors."""
+    measured = [np.isfinite(vectors).all(axis=1) for vectors, _ in sensors]
+    if any(there.sum() < 2 for there in measured):
+        return None
+    speeds = np.linalg.norm(rates, axis=1)
+    elapsed, steps = times - times[0], np.diff(times)
+    # Over a gap the turn may be anything. Its length says nothing, and a stamp far ahead would make cells without end.
+    is_gap = steps > _LONGEST_STEP * np.median(steps)
+    gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
+    usual = max(float(np.median(np.diff(times[there]))) for there in measured)
+    short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
+    clock = np.concatenate([[0.0], np.cumsum(short)])
+    steady = running_integral(clock, gyro.steady_error(speeds, elapsed)) + gaps
+    frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
+    attitudes = attitudes_from_rates(short, sign * rates)
+    begin = max(float(clock[there][0]) for there in measured)
+    duration = max(_CELL_S, _SAMPLES * max(float(np.median(np.diff(clock[there]))) for there in measured))
+    cells = []
+    for there, (vectors, statement) in zip(measured, sensors, strict=True):
+        there = there & (clock >= begin)
+        if there.sum() < 2:
+            return None
+        offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
+        cells.append(_Cells(frame, there, attitudes[there], vectors[there], offset[there], begin, duration))
+    return _Carried(frame, cells)
+
+
+# Columns of a cell's sums: C ⊗ x, then ‖x‖ times one, steady error, angle turned, time, and offset; last the weight.
+_LENGTH, _STEADY, _TURNED, _TIME, _OFFSET, _WEIGHT = range(9 * 3, 9 * 3 + 6)
+
+
+class _Cells:
+    """Integrals over short cells of time, and the same weighed by the place in the cell from 0 to 1."""
+
+    def __init__(
+        self,
+        frame: _Frame,
+        there: NDArray[np.bool_],
+        attitudes: FloatArray,
+        vectors: FloatArray,
+        offset: FloatArray,
+        begin: float,
+        duration: float,
+    ) -> None:
+        stamps, steady, turned = frame.times[there], frame.steady[there], frame.turned[there]
+        steps = np.diff(stamps)
+        median = float(np.median(steps))
+        self.begin, self.duration = begin, duration
+        place = (stamps - begin) / duration
+        cell = np.floor(place + 1e-9).astype(np.intp)
+        weights = np.concatenate([[0.0], 0.5 * steps]) + np.concatenate([0.5 * steps, [0.0]])
+        count = int(cell[-1])  # the last one is not whole
+        self.sums = np.zeros((count + 1, _WEIGHT + 1))
+        self.moments = np.zeros_like(self.sums)
+        lengths = np.linalg.norm(vectors, axis=1)
+        for first in range(0, len(stamps), _CHUNK_ROWS):
+            rows = slice(first, first + _CHUNK_ROWS)
+            products = attitudes[rows, :, :, None] * vectors[rows, None, None, :]
+            scalars = (np.ones_like(lengths), steady, turned, stamps - self.begin, offset)
+            weighed = [lengths[rows] * scalar[rows] for scalar in scalars]
+            columns = np.column_stack([products.reshape(-1, 27), *weighed, np.ones_like(lengths[rows])])
+            columns *= weights[rows, None]
+            starts = np.flatnonzero(np.diff(cell[rows], prepend=-1))
+            self.sums[cell[rows][starts]] += np.add.reduceat(columns, starts)
+            columns *= (place[rows] - cell[rows])[:, None]
+            self.moments[cell[rows][starts]] += np.add.reduceat(columns, starts)
+        self.whole = self.sums[:, _WEIGHT] > 0.0
+        for k in np.flatnonzero(steps > _LONGEST_STEP * median):
+            self.whole[cell[k] : cell[k + 1] + 1] = False
+        self.sums, self.moments, self.whole = self.sums[:count], self.moments[:count], self.whole[:count]
+
+    def windows(self) -> Iterator["_Windows"]:
+        """Windows with weights like a triangle, of each half-length."""
+        for cells in _HALF_LENGTHS:
+            count = len(self.sums) // cells
+            if count < 2:
+                return
+            sums = self.sums[: count * cells].reshape(count, cells, -1)
+            moments = self.moments[: count * cells].reshape(count, cells, -1)
+            whole: NDArray[np.bool_] = np.all(self.whole[: count * cells].reshape(count, cells), axis=1)
+            rising = (np.arange(cells)[None, :, None] * sums + moments).sum(axis=1) / cells
+            falling = sums.sum(axis=1) - rising
+            half_length = cells * self.duration
+            tops = self.begin + half_length * np.arange(1, count, dtype=np.float64)
+            yield _Windows(half_length, self.begin, tops, rising[:-1], falling[1:], whole[:-1] & whole[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    half_length: float
+    begin: float
+    tops: FloatArray
+    rising: FloatArray
+    """Sums before the top."""
+    falling: FloatArray
+    whole: NDArray[np.bool_]
+
+    def quotients(self, frame: _Frame, statement: VectorStatement) -> Iterator[FloatArray]:
+        """Differences over their bounds, shape (24, any)."""
+        rising, falling = self._shares()
+        both = rising + falling
+        means = np.einsum("kiab,qab->qki", both[:, :27].reshape(-1, 3, 3, 3), ROTATIONS)
+        radii = self._radii(both, statement)
+        if statement.length is not None:
+            lengths = np.linalg.norm(means, axis=2)
+            allowed = radii + self._turn(frame, rising, falling, self.tops, self.half_length) + statement.length_error
+            yield _known(np.abs(lengths - statement.length) / allowed)
+        for distance in _DISTANCES:
+            if distance >= len(self.tops):
+                return
+            middle = 0.5 * (self.tops[:-distance] + self.tops[distance:])
+            longest = (0.5 * distance + 1.0) * self.half_length
+            turn = self._turn(frame, both[:-distance], both[distance:], middle, longest)
+            allowed = turn + radii[:-distance] + radii[distance:]
+            yield _known(np.linalg.norm(means[:, distance:] - means[:, :-distance], axis=2) / allowed)
+
+    def means_as_stated(self, frame: _Frame, statement: VectorStatement) -> tuple[FloatArray, FloatArray]:
+        """With the axes as stated: the means (k, 3), and how far each may be from the vector, seen from its top."""
+        rising, falling = self._shares()
+        both = rising + falling
+        means = np.einsum("kiaa->ki", both[:, :27].reshape(-1, 3, 3, 3))
+        turn = self._turn(frame, rising, falling, self.tops, self.half_length)
+        return means, self._radii(both, statement) + turn
+
+    def _shares(self) -> tuple[FloatArray, FloatArray]:
+        """Of the means, by what is before the top and what is after; NaN where a window is not whole."""
+        weight = np.where(self.whole, self.rising[:, _WEIGHT] + self.falling[:, _WEIGHT], np.nan)[:, None]
+        return self.rising / weight, self.falling / weight
+
+    def _radii(self, both: FloatArray, statement: VectorStatement) -> FloatArray:
+        """What world and sensor may do to each mean."""
+        k = statement.scale_error
+        radii: FloatArray = statement.offset(self.half_length) + statement.averaged_error + both[:, _OFFSET]
+        return radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)
+
+    def _turn(
+        self, frame: _Frame, earlier: FloatArray, later: FloatArray, at: FloatArray, longest: float
+    ) -> FloatArray:
+        """The mean of ‖x‖ times the bound of the turn's error between sample and an instant between the two."""
+
+        def between(column: int, running: FloatArray | None) -> FloatArray:
+            here = at - self.begin if running is None else np.interp(at, frame.times, running)
+            after = later[:, column] - here * later[:, _LENGTH]
+            distance: FloatArray = after + here * earlier[:, _LENGTH] - earlier[:, column]
+            return np.maximum(distance, 0.0)
+
+        gyro = frame.gyro
+        noise = gyro.noise * between(_TIME, None)
+        if np.isfinite(gyro.increment):
+            lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
+            swept = gyro.increment * (lengths + between(_TURNED, frame.turned))
+            noise = np.minimum(noise, swept * (1.0 + 0.5 * gyro.noise * longest))
+        return between(_STEADY, frame.steady) + noise
+
+
+def _known(quotients: FloatArray) -> FloatArray:
+    return quotients[:, np.isfinite(quotients).all(axis=0)]

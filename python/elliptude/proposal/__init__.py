@@ -1,0 +1,1 @@
+"""What a recording shows of its errors, and a configuration to start from."""

@@ -1,0 +1,227 @@
+"""Which columns of a log are which sensors, where nobody has said yet how far each may be off.
+
+The tables of a configuration without bounds, as TOML has them: from a file, from columns that were named one by one,
+from a preset, or from headers that state sensor, axis and unit, such as ``Gyroscope X (deg/s)``. A unit is stated in
+any case; none is guessed from numbers.
+"""
+
+import copy
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from elliptude import units
+from elliptude.configuration import references
+from elliptude.configuration.configuration import Configuration
+from elliptude.io.files import FileError
+from elliptude.io.toml import validate
+from elliptude.logs import log, reference_attitudes
+from elliptude.proposal.proposals import Recording
+from elliptude.typing import FloatArray
+
+Tables: TypeAlias = dict[str, Any]
+
+PRESETS: Mapping[str, Tables] = {
+    # The excerpts of BROAD as NPZ: s, rad/s, m/s², µT, and the optical attitude.
+    "broad": {
+        "time_column": "t",
+        "reference_frame": "ENU",
+        "flow": {"kind": "gyro", "columns": ["gyr[0]", "gyr[1]", "gyr[2]"], "unit": "rad/s"},
+        "directions": [
+            {"name": "up", "kind": "accelerometer", "columns": ["acc[0]", "acc[1]", "acc[2]"], "unit": "m/s^2"},
+            {"name": "field", "kind": "magnetometer", "columns": ["mag[0]", "mag[1]", "mag[2]"], "unit": "uT"},
+        ],
+        "truth": {
+            "attitude_columns": ["q_ref[0]", "q_ref[1]", "q_ref[2]", "q_ref[3]"],
+            "label": "the optical attitude",
+            "error_deg": 0.5,
+        },
+    },
+    # A table of a spacecraft's attitudes and rates.
+    "fermi": {
+        "time_column": "met_s",
+        "flow": {"kind": "gyro", "columns": ["wx", "wy", "wz"], "unit": "rad/s"},
+        "truth": {"attitude_columns": ["qw", "qx", "qy", "qz"], "label": "the recorded attitude"},
+    },
+}
+"""Tables for formats that do not say their units in the file; their documentation does."""
+
+_HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
+_TIME = re.compile(r"time(stamp)?\s*[(\[](?P<unit>s|ms|us|ns)[)\]]", re.IGNORECASE)
+_SENSORS = {"gyroscope": "gyr", "accelerometer": "acc", "magnetometer": "mag"}
+_SPELLINGS = {"°/s": "deg/s", "dps": "deg/s", "m/s²": "m/s^2", "m/s2": "m/s^2", "µT": "uT", "μT": "uT"}
+_UNITS: Mapping[str, Mapping[Any, float]] = {
+    "gyroscope": units.ANGULAR_VELOCITY,
+    "accelerometer": units.ACCELERATION,
+    "magnetometer": units.FIELD,
+}
+_NAMES = {"accelerometer": "up", "magnetometer": "field"}
+# Of a sensor's own steps: a gap up to so many is bridged.
+_LARGEST_GAP = 3.0
+
+
+def of_sensors(
+    time_column: str, time_unit: str, sensors: Mapping[str, tuple[Sequence[str], str]], truth: Sequence[str] = ()
+) -> Tables:
+    """The tables for columns that were named one by one.
+
+    Parameters
+    ----------
+    time_column, time_unit : str
+    sensors : mapping
+        Of "gyroscope", "accelerometer", "magnetometer" to three columns and their unit.
+    truth : sequence of str
+        Four columns qw, qx, qy, qz from body to reference axes (ENU), or none.
+
+    Returns
+    -------
+    dict
+    """
+    columns, unit = sensors["gyroscope"]
+    tables: Tables = {"time_column": time_column, "time_unit": time_unit}
+    directions = [
+        {"name": name, "kind": kind, "columns": list(sensors[kind][0]), "unit": sensors[kind][1]}
+        for kind, name in _NAMES.items()
+        if kind in sensors
+    ]
+    if directions:
+        tables["reference_frame"] = "ENU"
+    tables["flow"] = {"kind": "gyro", "columns": list(columns), "unit": unit}
+    if directions:
+        tables["directions"] = directions
+    if truth:
+        tables["truth"] = {"attitude_columns": list(truth), "label": "the reference attitude"}
+    return tables
+
+
+def of_headers(columns: Sequence[str]) -> Tables | None:
+    """The tables for columns whose names state sensor, axis and unit; None where time or gyro do not."""
+    times = [(column, match) for column in columns if (match := _TIME.fullmatch(column.strip()))]
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    for column in columns:
+        if match := _HEADER.fullmatch(column.strip()):
+            unit = _SPELLINGS.get(match["unit"].strip(), match["unit"].strip())
+            for sensor, beginning in _SENSORS.items():
+                if match["sensor"].lower().startswith(beginning) and unit in _UNITS[sensor]:
+                    if match["axis"].lower() in found.setdefault(sensor, {}):
+                        return None  # two such sensors: somebody must say which
+                    found[sensor][match["axis"].lower()] = column, unit
+    sensors: dict[str, tuple[Sequence[str], str]] = {}
+    for sensor, axes in found.items():
+        stated = {unit for _, unit in axes.values()}
+        if len(axes) == 3 and len(stated) == 1:
+            sensors[sensor] = [axes[axis][0] for axis in "xyz"], stated.pop()
+    if len(times) != 1 or "gyroscope" not in sensors:
+        return None
+    return of_sensors(times[0][0], times[0][1]["unit"].lower(), sensors)
+
+
+def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:
+    """A configuration to read the log with: where the tables have no bounds it has some that mean nothing.
+
+    Parameters
+    ----------
+    tables : dict
+    path : path-like
+        What the tables are of, for messages.
+
+    Returns
+    -------
+    Configuration
+
+    Raises
+    ------
+    FileError
+        If the tables do not fit.
+    """
+    full = copy.deepcopy(tables)
+    flow = full.get("flow")
+    if not isinstance(flow, dict) or flow.get("kind") != "gyro":
+        raise FileError(f"{path}: bounds are proposed from a gyro, and what is beside it: flow.kind = 'gyro' is needed")
+    flow.setdefault("noise_deg_per_s", 1.0)
+    for sensor in full.get("directions", []):
+        if isinstance(sensor, dict):
+            if not sensor.keys() & {"bound_deg", "bound_rad2", "bound_from"}:
+                sensor["bound_deg"] = 1.0
+            if sensor.get("kind") == "magnetometer" and not sensor.keys() & {"reference", "reference_ut"}:
+                sensor["reference_ut"] = [0.0, 1.0, 0.0]
+    if "rule" in full:
+        full.setdefault("reference_frame", "ENU")  # a rule's own
+    for key in ("start", "estimator", "rule"):
+        full.pop(key, None)
+    full["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}
+    return validate(path, full, Configuration)
+
+
+def read_recording(path: str | os.PathLike[str], configuration: Configuration) -> tuple[Recording, int]:
+    """Read what bounds are proposed from, at the gyro's times.
+
+    What other sensors measured at other times is on the line between their samples, which smooths a part of their noise
+    away. The reference attitude is turned to a frame whose third axis is up.
+
+    Parameters
+    ----------
+    path : path-like
+    configuration : Configuration
+
+    Returns
+    -------
+    recording : Recording
+    origin : int
+        What was subtracted from the file's times, s.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, or is too short.
+    """
+    samples = {one.name: one for one in log.read_samples(path, configuration)}
+    gyro = samples["the gyro"]
+    if len(gyro.times) < 3:
+        raise FileError(f"{path}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
+    vectors: dict[str, FloatArray] = {}
+    together = np.ones(len(gyro.times), dtype=np.bool_)
+    for sensor in configuration.directions:
+        if sensor.kind != "direction" and sensor.kind not in vectors:
+            there = samples[sensor.name]
+            vectors[sensor.kind] = _at(gyro.times, there.times, there.values[:, :3])
+            together &= np.isin(gyro.times, there.times)
+    attitudes = None
+    if configuration.truth is not None:
+        reference = reference_attitudes.read_reference(path, configuration)
+        gap = _LARGEST_GAP * float(np.median(np.diff(reference.times))) if len(reference.times) > 1 else 0.0
+        rows, rotations = reference_attitudes.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
+        if configuration.reference_frame not in {None, "J2000"}:
+            # Columns are the frame's axes in ENU.
+            to_enu = references.from_enu(np.eye(3), configuration.reference_frame)
+            rotations = type(rotations).from_matrix(to_enu) * rotations
+        attitudes = np.full((len(gyro.times), 4), np.nan)
+        attitudes[rows] = rotations.as_quat(canonical=True, scalar_first=True)
+    fields = vectors.get("magnetometer")
+    recording = Recording(
+        gyro.times,
+        gyro.values,
+        vectors.get("accelerometer"),
+        None if fields is None else fields / units.FIELD["uT"],
+        attitudes,
+        float(together.mean()),
+    )
+    return recording, gyro.origin
+
+
+def _at(times: FloatArray, stamps: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at other times, NaN beyond the ends and in gaps, shape (N, 3)."""
+    if np.array_equal(times, stamps):
+        return values
+    result = np.full((len(times), 3), np.nan)
+    if len(stamps) < 2:
+        return result
+    after = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
+    steps = np.diff(stamps)
+    inside = (times >= stamps[0]) & (times <= stamps[-1]) & (steps[after - 1] <= _LARGEST_GAP * np.median(steps))
+    for i in range(3):
+        result[inside, i] = np.interp(times[inside], stamps, values[:, i])
+    return result

@@ -1,0 +1,191 @@
+"""A rule to start from: the numbers that the guaranteed mode needs, from a recording where it shows them.
+
+A recording shows some numbers in full: against a reference attitude the error of a vector is seen as it is. Others it
+shows in part: without a reference the length of a vector alone, of the gyro what it does at rest. One that is seen in
+full stands, times the margin. One that is seen in part is never made smaller by it than the rule for a sensor in the
+hand has it (`elliptude.configuration.rules.hand_held`), which was stated for reasons of its own. None is a guarantee.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import tomlkit
+
+from elliptude.configuration import rules
+from elliptude.proposal.proposals import DelayProposal, Proposal, Quantiles, StartProposal
+
+_DEGREES = math.degrees(1.0)
+# An increment that is explained by the reference is compared with the noise over this window, s.
+_SHORTEST_WINDOW_S = 1.0
+_LARGEST_SCALE_ERROR = 0.99
+NOT_SEEN = "not seen in the recording: the rule for a sensor in the hand"
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A number to start from."""
+
+    value: Any
+    how: str
+    """From what it comes, for a comment."""
+
+
+RuleTables: TypeAlias = dict[str, dict[str, Proposed]]
+"""By table and key of `elliptude.configuration.rules.Rule`."""
+
+
+def upward(value: float) -> float:
+    """Three digits, rounded up."""
+    if value == 0.0:
+        return 0.0
+    scale = 10.0 ** (2 - math.floor(math.log10(value)))
+    return float(f"{math.ceil(value * scale - 1e-9) / scale:.3g}")
+
+
+def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -> RuleTables:
+    """A rule to start from, each number with how it was got.
+
+    Parameters
+    ----------
+    proposed : Proposal
+    margin : float
+        What maxima are multiplied by.
+    from_start : bool
+        Whether bias and field are those of the rest at the start, if there is one, or of all rest.
+
+    Returns
+    -------
+    dict
+        What `elliptude.configuration.rules.Rule` takes. Without a magnetometer in the recording there is no table of
+        it.
+    """
+    standard = rules.hand_held().model_dump(mode="json", exclude_none=True)
+    if proposed.magnetometer is None:
+        del standard["magnetometer"]
+    tables = {
+        name: {key: Proposed(value, NOT_SEEN) for key, value in table.items()} for name, table in standard.items()
+    }
+    start = proposed.start if from_start else None
+    _gyro(tables["gyro"], proposed, start, margin)
+    if proposed.accelerometer is not None:
+        _accelerometer(tables["accelerometer"], proposed, margin)
+    if proposed.magnetometer is not None:
+        _magnetometer(tables["magnetometer"], proposed, start, margin)
+    return tables
+
+
+def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed, *, in_full: bool) -> Proposed:
+    """A maximum times the margin; where it was seen in part, the standard number if that is larger."""
+    if found is None or found.maximum == 0.0:  # no sensor is without an error
+        return standard
+    value = upward(margin * found.maximum)
+    if in_full or value >= standard.value:
+        return Proposed(value, f"no guarantee: maximum of {what}, {found.maximum:.3g}, times {margin:g}")
+    how = (
+        f"no guarantee: the rule for a sensor in the hand, as the maximum of {what}, {found.maximum:.3g}, shows a part"
+    )
+    return Proposed(standard.value, how)
+
+
+def _in_degrees(found: Quantiles | None) -> Quantiles | None:
+    if found is None:
+        return None
+    angles = (found.half, found.ninety, found.ninety_nine, found.ninety_nine_point_nine, found.maximum)
+    return Quantiles(found.count, *(_DEGREES * angle for angle in angles))
+
+
+def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal | None, margin: float) -> None:
+    gyro = proposed.gyro
+    noise, sums, unexplained = (_in_degrees(one) for one in (gyro.noise, gyro.sums_rest, gyro.unexplained))
+    moved = _in_degrees(gyro.bias_spread if start is None else start.bias_moved)
+    noise_what, sums_what = "the rate at rest less the bias", "what the noise adds up to in a phase of rest"
+    # Against a reference the gyro is seen in motion, too. A window of one second that is off by so much has a noise of
+    # so much in the mean.
+    in_full = noise is not None and unexplained is not None
+    if unexplained is not None:
+        what = "what a turn over 1 to 16 s is off against the reference, bias and scale taken out"
+        if noise is None or unexplained.maximum / _SHORTEST_WINDOW_S > noise.maximum:
+            noise, noise_what = unexplained, what
+        if sums is None or unexplained.maximum > sums.maximum:
+            sums, sums_what = unexplained, what
+    table["noise_deg_per_s"] = _seen(noise, noise_what, margin, table["noise_deg_per_s"], in_full=in_full)
+    table["increment_deg"] = _seen(sums, sums_what, margin, table["increment_deg"], in_full=in_full)
+    since = "its mean over all rest" if start is None else "its mean in the rest at the start"
+    table["bias_deg_per_s"] = _seen(
+        moved, f"the bias over 0.5 s at rest less {since}", margin, table["bias_deg_per_s"], in_full=False
+    )
+    table["drift_deg_per_s2"] = Proposed(
+        table["drift_deg_per_s2"].value, "no guarantee: what the bias moved is in bias_deg_per_s"
+    )
+    table["longest_interval_s"] = Proposed(
+        upward(gyro.longest_interval),
+        "no guarantee: 1.5 times the usual interval between samples, at which the bounds above were seen",
+    )
+    table["largest_rate_deg_per_s"] = _seen(
+        _in_degrees(gyro.speed), "the rate", margin, table["largest_rate_deg_per_s"], in_full=False
+    )
+    if gyro.scale_error is not None:
+        value = min(upward(margin * gyro.scale_error), _LARGEST_SCALE_ERROR)
+        how = f"no guarantee: best fit to the reference, {gyro.scale_error:.3g}, times {margin:g}"
+        table["scale_error"] = Proposed(value, how)
+
+
+def _accelerometer(table: dict[str, Proposed], proposed: Proposal, margin: float) -> None:
+    vector = proposed.accelerometer
+    assert vector is not None
+    in_full = vector.vector_rest is not None
+    against = "the vector at rest against the reference" if in_full else "its length at rest less gravity"
+    single = vector.vector_rest or vector.norm_rest
+    table["error_m_per_s2"] = _seen(single, against, margin, table["error_m_per_s2"], in_full=in_full)
+    averaged = f"{against}, mean over 0.5 s"
+    table["averaged_error_m_per_s2"] = _seen(
+        vector.averaged_rest, averaged, margin, table["averaged_error_m_per_s2"], in_full=in_full
+    )
+
+
+def _magnetometer(table: dict[str, Proposed], proposed: Proposal, start: StartProposal | None, margin: float) -> None:
+    vector, delay = proposed.magnetometer, proposed.magnetometer_delay
+    assert vector is not None
+    # What calibration leaves does not show where nothing but the field itself is measured.
+    scatter = "a sample at rest less the mean over its 0.5 s"
+    table["error_ut"] = _seen(vector.scatter_rest, scatter, margin, table["error_ut"], in_full=False)
+    in_full = vector.reference is not None
+    if start is not None:
+        moved = start.field_moved
+        reference = "the one at the start"
+    else:
+        found = (vector.vector_rest, vector.vector_moving) if in_full else (vector.norm_rest, vector.norm_moving)
+        moved = max((one for one in found if one is not None), key=lambda one: one.maximum, default=None)
+        reference = "its median at rest"
+    what = f"the field less {reference}" if in_full else f"the field's length less that of {reference}"
+    table["disturbance_ut"] = _seen(moved, what, margin, table["disturbance_ut"], in_full=in_full)
+    if delay is not None:
+        table["delay_s"] = Proposed(
+            round(delay.delay, 4), "no guarantee: best fit of the field's turning to the gyro's"
+        )
+        table["time_offset_bound_s"] = Proposed(
+            upward(_offset_bound(delay, margin)),
+            f"no guarantee: maximum of pieces of 8 s, {delay.scatter:.3g}, and half a row, times {margin:g}",
+        )
+
+
+def _offset_bound(delay: DelayProposal, margin: float) -> float:
+    """The scatter over the recording, and half a row, below which nothing is known."""
+    return margin * (delay.scatter + 0.5 * delay.step)
+
+
+def numbers_of(tables: RuleTables) -> dict[str, dict[str, Any]]:
+    """The tables without how their numbers were got."""
+    return {name: {key: one.value for key, one in table.items()} for name, table in tables.items()}
+
+
+def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
+    """The tables as TOML, each number with its comment."""
+    result: dict[str, tomlkit.items.Table] = {}
+    for name, table in tables.items():
+        result[name] = tomlkit.table()
+        for key, one in table.items():
+            result[name].add(key, one.value)
+            result[name][key].comment(one.how)
+    return result

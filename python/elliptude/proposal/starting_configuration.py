@@ -1,0 +1,462 @@
+"""A whole configuration to start from: the mapping of a log, and bounds proposed from it, each with how it was got.
+
+In the guaranteed mode a rule states the bounds, where the recording is one that a rule can be of; where not, each
+sensor states its own. In the mode of first order directions have one angle each. Bounds are what the recording showed,
+times a margin, and guarantee nothing about another recording.
+"""
+
+import copy
+import math
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import tomlkit
+from pydantic import ValidationError
+
+from elliptude.configuration import rules
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.references import from_enu
+from elliptude.proposal.mapping import Tables
+from elliptude.proposal.proposals import Proposal, Quantiles, VectorProposal
+from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
+
+Mode: TypeAlias = Literal["guaranteed", "first_order"]
+Place: TypeAlias = tuple[str, ...]
+"""Of a number in a configuration: the tables' names, directions by their own, and the key."""
+
+# A direction that is off by more says next to nothing.
+_WIDEST_DEG = 90.0
+# s; the longest phase of rest is the magnetic reference if it is so long.
+_SHORTEST_REST = 1.0
+# °/s; what the bias of a small gyro that is not calibrated may be by its datasheet.
+_BIAS_BY_DATASHEET = 5.0
+# s; a prediction in the guaranteed mode begins anew so often. Changes how large sets are, not whether they hold.
+_ANCHOR_S = 4.0
+
+
+def starting_configuration(
+    tables: Tables,
+    proposed: Proposal,
+    margin: float,
+    *,
+    mode: Mode,
+    log: str,
+    origin: int,
+    shared_stamps: float = 1.0,
+) -> tomlkit.TOMLDocument:
+    """A configuration for `elliptude estimate`, with comments.
+
+    Parameters
+    ----------
+    tables : dict
+        Of `elliptude.proposal.mapping`: which columns are which sensors. Bounds that they have stay.
+    proposed : Proposal
+    margin : float
+        What maxima are multiplied by.
+    mode : "guaranteed" or "first_order"
+    log : str
+        The recording's name.
+    origin : int
+        What was subtracted from the file's times, s.
+    shared_stamps : float
+        The share of rows at which all sensors were sampled.
+
+    Returns
+    -------
+    tomlkit.TOMLDocument
+
+    Raises
+    ------
+    ValueError
+        If there are no two directions to start from and a rule does not do with one, if sensors never have the same
+        stamp, or nothing says where the magnetic field points.
+    """
+    full = copy.deepcopy(tables)
+    comments: dict[Place, str] = {}
+    if mode == "first_order":
+        _first_order(full, comments, proposed, margin, origin)
+        notes = []
+    else:
+        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps)
+    return _document(full, comments, margin, log, notes)
+
+
+# --- first order ------------------------------------------------------------------------------------------------------
+
+
+def _first_order(full: Tables, comments: dict[Place, str], proposed: Proposal, margin: float, origin: int) -> None:
+    flow = full["flow"]
+    if "noise_deg_per_s" not in flow:
+        flow["noise_deg_per_s"], how = _gyro_noise(proposed, margin)
+        comments["flow", "noise_deg_per_s"] = f"no guarantee: {how}"
+    directions = full.get("directions", [])
+    if len(directions) < 2:
+        raise ValueError("a configuration to start from needs two directions, such as accelerometer and magnetometer")
+    for sensor in directions:
+        name = sensor["name"]
+        _refer_field(sensor, full, comments, proposed, origin)
+        if not _has_bound(sensor):
+            is_magnetometer = sensor.get("kind") == "magnetometer"
+            vector = _vector_of(sensor, proposed)
+            dip = proposed.dip if is_magnetometer else None
+            sensor["bound_deg"], how = _angle(vector, dip, margin)
+            comments["directions", name, "bound_deg"] = f"no guarantee: {how}"
+    if "start" not in full:
+        bias, how = _bias(proposed, margin)
+        full["start"] = {"kind": "first_measurement", "bias_bound_deg_per_s": bias}
+        comments["start", "bias_bound_deg_per_s"] = f"no guarantee: {how}"
+    if "estimator" not in full:
+        # Bounds that one recording showed are broken by the next one: such rows are said, not fatal.
+        full["estimator"] = {"mode": "first_order", "when_sets_do_not_meet": "skip"}
+
+
+def _has_bound(sensor: Tables) -> bool:
+    return bool(sensor.keys() & {"bound_deg", "bound_rad2", "bound_from"})
+
+
+def _vector_of(sensor: Tables, proposed: Proposal) -> VectorProposal:
+    """What was proposed of a sensor, or ValueError."""
+    vector = {"magnetometer": proposed.magnetometer, "accelerometer": proposed.accelerometer}.get(
+        sensor.get("kind", "direction")
+    )
+    if vector is None:
+        raise ValueError(f"{sensor['name']!r}: nothing proposes a bound of it; state bound_deg in the configuration")
+    return vector
+
+
+def _refer_field(sensor: Tables, full: Tables, comments: dict[Place, str], proposed: Proposal, origin: int) -> None:
+    """Give a magnetometer its reference, if it has none."""
+    if sensor.get("kind") == "magnetometer" and not sensor.keys() & {"reference", "reference_ut"}:
+        key, value, how = _field_reference(proposed, full.get("reference_frame"), origin)
+        sensor[key] = value
+        comments["directions", sensor["name"], key] = f"no guarantee: {how}"
+
+
+def _gyro_noise(proposed: Proposal, margin: float) -> tuple[float, str]:
+    gyro = proposed.gyro
+    if gyro.noise is None:
+        noise = rules.hand_held().gyro.noise_deg_per_s
+        return noise, "not seen: the recording has no rest; a number for small sensors"
+    spread = 0.0 if gyro.bias_spread is None else gyro.bias_spread.maximum
+    value = upward(margin * math.degrees(gyro.noise.maximum + spread))
+    return value, (
+        f"largest at rest {math.degrees(gyro.noise.maximum):.3g}, and {math.degrees(spread):.3g} that the bias moved, "
+        f"times {margin:g}; a scale error is not in it"
+    )
+
+
+def _bias(proposed: Proposal, margin: float) -> tuple[float, str]:
+    gyro = proposed.gyro
+    if gyro.bias is None:
+        return _BIAS_BY_DATASHEET, "not seen: the recording has no rest; datasheets of small sensors"
+    size = math.degrees(float(np.linalg.norm(gyro.bias)))
+    spread = 0.0 if gyro.bias_spread is None else math.degrees(gyro.bias_spread.maximum)
+    value = max(upward(margin * (size + spread)), 1e-3)
+    return value, f"mean at rest {size:.3g}, from which it moved by {spread:.3g}, times {margin:g}"
+
+
+def _angle(vector: VectorProposal, dip: Quantiles | None, margin: float) -> tuple[float, str]:
+    """The bound of a direction in degrees, and how it was got."""
+    against_reference = [found for found in (vector.angle_rest, vector.angle_moving) if found is not None]
+    if against_reference:
+        seen = max(math.degrees(found.maximum) for found in against_reference)
+        moving = against_reference[-1]
+        how = (
+            f"largest angle from the reference {seen:.3g}, times {margin:g}; "
+            f"99 % of what moved were within {math.degrees(moving.ninety_nine):.3g}"
+        )
+    else:
+        lengths = [found.maximum for found in (vector.norm_rest, vector.norm_moving) if found is not None]
+        # A disturbance across the vector that is as long as the largest seen along it.
+        share = max(lengths) / vector.magnitude
+        seen = math.degrees(math.asin(min(share, 1.0)))
+        how = f"its length was off by up to {100.0 * share:.3g} %: arcsin of that"
+        if dip is not None and math.degrees(dip.maximum) > seen:
+            seen = math.degrees(dip.maximum)
+            how = f"the angle to the accelerometer at rest was off by up to {seen:.3g}"
+        how += f", times {margin:g}; no reference attitude, so the angle itself was not seen"
+    bound = upward(margin * seen)
+    return (bound, how) if bound <= _WIDEST_DEG else (_WIDEST_DEG, f"{how}; more than {_WIDEST_DEG:g} says nothing")
+
+
+def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, Any, str]:
+    """Key, value, and how it was got."""
+    magnetometer = proposed.magnetometer
+    if magnetometer is not None and magnetometer.reference is not None:
+        field = from_enu(magnetometer.reference, frame)
+        return "reference_ut", [round(float(part), 3) for part in field], "median at rest, by the reference attitude"
+    begin, end = max(proposed.rests, key=lambda span: span[1] - span[0], default=(0.0, 0.0))
+    if end - begin < _SHORTEST_REST:
+        raise ValueError(
+            f"no rest of {_SHORTEST_REST:g} s in the recording: state the magnetometer's reference in a configuration"
+        )
+    # Inwards, so that rounding takes no row that moves.
+    phase = {
+        "kind": "rest_phase",
+        "from_s": math.ceil(1e3 * (begin + origin)) / 1e3,
+        "to_s": math.floor(1e3 * (end + origin)) / 1e3,
+        "declination_deg": 0.0,
+    }
+    return "reference", phase, "the longest rest; north is magnetic north"
+
+
+# --- guaranteed -------------------------------------------------------------------------------------------------------
+
+
+def _guaranteed(
+    full: Tables,
+    comments: dict[Place, str],
+    proposed: Proposal,
+    margin: float,
+    origin: int,
+    shared_stamps: float,
+) -> list[str]:
+    """Put in what is missing; what to say at the top of the file."""
+    if "estimator" not in full:
+        # Bounds that one recording showed are broken by the next one: what contradicts them is left out and listed.
+        full["estimator"] = {"mode": "guaranteed", "policy": "drop_measurement"}
+        comments["estimator", "policy"] = "what contradicts the bounds is left out, and listed in dropped.csv"
+        if proposed.magnetometer is None:
+            full["estimator"]["criterion"] = "trace"
+            comments["estimator", "criterion"] = "better where nothing tells the heading; no effect on what holds"
+    if "rule" in full:
+        return ["Its [rule] was there before, and says all bounds."]
+    table = rule_tables(proposed, margin)
+    reason = _no_rule(full, table, proposed, shared_stamps)
+    if reason is None:
+        _put_rule(full, comments, table)
+        return [
+            "A [rule] says all bounds, as the recording starts at rest. The frame is ENU; north is magnetic north.",
+            "There is no [start]: the recording's own rest is where it starts.",
+        ]
+    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, reason)
+    return [
+        f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}.",
+        "There is no [start]: it begins with the first measurements that determine an attitude.",
+    ]
+
+
+def _stated(table: RuleTables) -> Tables:
+    return {"kind": "stated", "anchor_s": _ANCHOR_S} | {
+        name: {key: one.value for key, one in part.items()} for name, part in table.items()
+    }
+
+
+def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables) -> None:
+    full["rule"] = _stated(table)
+    comments["rule", "anchor_s"] = (
+        "how often a prediction begins anew: changes how large sets are, not whether they hold"
+    )
+    for name, part in table.items():
+        for key, one in part.items():
+            comments["rule", name, key] = one.how
+
+
+def _no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
+    """Why a rule cannot be of this recording, or None."""
+    least = table["rest"]["least_s"].value
+    lasted = 0.0 if proposed.start is None else proposed.start.duration
+    if lasted < 0.99 * least:
+        return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s"
+    if shared_stamps <= 0.5:
+        return f"all sensors were sampled together in {100.0 * shared_stamps:.3g} % of the rows alone"
+    try:
+        Configuration.model_validate(full | {"rule": _stated(table)})
+    except ValidationError as error:
+        return error.errors()[0]["msg"].removeprefix("Value error, ")
+    return None
+
+
+def _put_by_sensor(
+    full: Tables,
+    comments: dict[Place, str],
+    proposed: Proposal,
+    margin: float,
+    origin: int,
+    shared_stamps: float,
+    reason: str,
+) -> None:
+    directions = full.get("directions", [])
+    if "start" not in full and len(directions) < 2:
+        raise ValueError(
+            "a configuration to start from needs two directions, such as accelerometer and magnetometer; one does "
+            f"where a rule says all bounds, but {reason}"
+        )
+    if "start" not in full and shared_stamps == 0.0:
+        raise ValueError(
+            "its sensors never have the same stamp, so that nothing determines an attitude: state [start] or "
+            "timing.same_within_s in a configuration"
+        )
+    table = rule_tables(proposed, margin, from_start=False)
+    _bound_gyro(full["flow"], comments, table, proposed)
+    for sensor in directions:
+        has_reference = bool(sensor.keys() & {"reference", "reference_ut"})
+        _refer_field(sensor, full, comments, proposed, origin)
+        if _has_bound(sensor):
+            continue
+        vector = _vector_of(sensor, proposed)
+        if sensor["kind"] == "accelerometer":
+            _bound_accelerometer(sensor, comments, table, vector, margin, shared_stamps)
+        else:
+            _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
+
+
+def _put(table: Tables, comments: dict[Place, str], place: Place, values: Mapping[str, tuple[Any, str]]) -> None:
+    """Put in keys that are missing, with their comments."""
+    for key, (value, how) in values.items():
+        if key not in table:
+            table[key] = value
+            comments[(*place, key)] = how
+
+
+def _rule_numbers(table: RuleTables, section: str, *keys: str) -> dict[str, tuple[Any, str]]:
+    return {key: (table[section][key].value, table[section][key].how) for key in keys}
+
+
+def _bound_gyro(flow: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal) -> None:
+    numbers = _rule_numbers(
+        table,
+        "gyro",
+        *("noise_deg_per_s", "scale_error", "drift_deg_per_s2", "longest_interval_s", "largest_rate_deg_per_s"),
+    )
+    if not flow.keys() & {"known_bias_deg_per_s", "bias_deg_per_s"}:
+        if proposed.gyro.bias is None:
+            numbers["bias_deg_per_s"] = _BIAS_BY_DATASHEET, "not seen in the recording: datasheets of small sensors"
+        else:
+            known = [round(float(part), 4) for part in np.rad2deg(proposed.gyro.bias)]
+            seen = "over all rest" if proposed.gyro.noise is not None else "against the reference"
+            numbers["known_bias_deg_per_s"] = known, f"no guarantee: mean {seen}, subtracted; the rest is bounded next"
+            numbers |= _rule_numbers(table, "gyro", "bias_deg_per_s")
+    over_windows = not flow.get("estimate_bias") and not flow.get("angular_acceleration_deg_per_s2")
+    if over_windows and flow.get("interval_rate", "mean_of_ends") == "mean_of_ends":
+        numbers |= _rule_numbers(table, "gyro", "increment_deg")
+        numbers["anchor_s"] = _ANCHOR_S, "how often a prediction begins anew"
+    _put(flow, comments, ("flow",), numbers)
+
+
+def _bound_accelerometer(
+    sensor: Tables,
+    comments: dict[Place, str],
+    table: RuleTables,
+    vector: VectorProposal,
+    margin: float,
+    shared_stamps: float,
+) -> None:
+    place = ("directions", sensor["name"])
+    gravity_error = _rule_numbers(table, "accelerometer", "gravity_error_m_per_s2")
+    if shared_stamps > 0.5:
+        bound: Tables = {"kind": "velocity_window"}
+        numbers = _rule_numbers(table, "motion", "velocity_m_per_s", "position_m", "windows_s") | gravity_error
+        numbers["at"] = table["motion"]["row_at"].value, table["motion"]["row_at"].how
+    else:
+        # Windows need the accelerometer's samples at the gyro's stamps.
+        bound = {"kind": "acceleration"}
+        in_full = vector.vector_moving or vector.vector_rest
+        found = [one.maximum for one in (in_full, vector.norm_rest, vector.norm_moving) if one is not None]
+        what = "its difference from gravity" if in_full else "its length less gravity (a part alone)"
+        how = f"no guarantee: maximum of {what}, {max(found):.3g}, times {margin:g}"
+        numbers = {"acceleration_m_per_s2": (upward(margin * max(found)), how)} | gravity_error
+    _put(bound, comments, (*place, "bound_from"), numbers)
+    _put(sensor, comments, place, _rule_numbers(table, "accelerometer", "time_offset_bound_s"))
+    sensor["bound_from"] = bound
+    error: Tables = sensor.setdefault("sensor_error", {})
+    keys = ("error_m_per_s2", "averaged_error_m_per_s2", "scale_error")
+    _put(error, comments, (*place, "sensor_error"), _rule_numbers(table, "accelerometer", *keys))
+
+
+def _bound_magnetometer(
+    sensor: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal, *, has_reference: bool
+) -> None:
+    place = ("directions", sensor["name"])
+    magnetometer = proposed.magnetometer
+    assert magnetometer is not None
+    if "time_offset_bound_s" not in sensor and "delay_s" not in sensor:
+        # A delay would move its samples away from those of the other sensors: the bound takes all of it.
+        delay, left = table["magnetometer"]["delay_s"], table["magnetometer"]["time_offset_bound_s"]
+        sensor["time_offset_bound_s"] = upward(abs(delay.value) + left.value)
+        how = NOT_SEEN if left.how == NOT_SEEN else "no guarantee"
+        comments[(*place, "time_offset_bound_s")] = f"{how}; delay {delay.value:g}, and {left.value:g} beside it"
+    bound: Tables = {"kind": "field"}
+    _put(bound, comments, (*place, "bound_from"), _rule_numbers(table, "magnetometer", "disturbance_ut"))
+    error: Tables = sensor.setdefault("sensor_error", {})
+    keys = ("error_ut", "averaged_error_ut", "scale_error")
+    _put(error, comments, (*place, "sensor_error"), _rule_numbers(table, "magnetometer", *keys))
+    if not has_reference:
+        off = _reference_field_error(table, proposed)
+        share = min(off / magnetometer.magnitude, 1.0)
+        values = (upward(off), upward(math.degrees(math.asin(share))))
+        how = "no guarantee: of the reference, by averaged errors of magnetometer and accelerometer at rest"
+        _put(bound, comments, (*place, "bound_from"), {"strength_error_ut": (values[0], how)})
+        _put(sensor, comments, place, {"reference_error_deg": (values[1], how)})
+    sensor["bound_from"] = bound
+
+
+def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
+    """How far the mean field at rest, turned by the specific force there, may be off, µT; theory.md, (18.11)."""
+    magnetometer, accelerometer = table["magnetometer"], table["accelerometer"]
+    assert proposed.magnetometer is not None
+    strength, k = proposed.magnetometer.magnitude, magnetometer["scale_error"].value
+    error = magnetometer["averaged_error_ut"].value + k * (strength + magnetometer["error_ut"].value) / (1.0 - k)
+    if proposed.magnetometer.reference is None:
+        gravity, k = accelerometer["gravity_m_per_s2"].value, accelerometer["scale_error"].value
+        radius = accelerometer["averaged_error_m_per_s2"].value + accelerometer["gravity_error_m_per_s2"].value
+        radius += k * (gravity + accelerometer["error_m_per_s2"].value) / (1.0 - k)
+        longest = max((end - begin for begin, end in proposed.rests), default=_SHORTEST_REST)
+        radius += 2.0 * table["rest"]["velocity_m_per_s"].value / max(longest, _SHORTEST_REST)
+        error += 2.0 * strength * math.sin(0.5 * math.asin(min(radius / gravity, 1.0)))
+    return float(error)
+
+
+# --- the file ---------------------------------------------------------------------------------------------------------
+
+
+def _document(
+    full: Tables, comments: dict[Place, str], margin: float, log: str, notes: list[str]
+) -> tomlkit.TOMLDocument:
+    document = tomlkit.document()
+    for line in (
+        f"Proposed by `elliptude bounds` from {log}. Bounds are what was seen in that recording, times {margin:g}.",
+        "They guarantee nothing about another recording, or the next minute of this one. Replace each by a number for",
+        "which there is a reason, such as a datasheet or the size of the room.",
+        *notes,
+    ):
+        document.add(tomlkit.comment(line))
+    document.add(tomlkit.nl())
+    full = {"bounds_from_recording": log, **full}
+    comments["bounds_from_recording",] = "delete this line once there is a reason for each bound"
+    for key, value in full.items():
+        if not isinstance(value, dict | list):
+            document.add(key, value)
+            if (key,) in comments:
+                document[key].comment(comments[key,])
+    for key, value in full.items():
+        if key == "directions":
+            array = tomlkit.aot()
+            for sensor in value:
+                array.append(_section(sensor, (key, sensor["name"]), comments))
+            document.add(key, array)
+        elif isinstance(value, dict):
+            document.add(key, _section(value, (key,), comments))
+    return document
+
+
+def _section(table: Tables, place: Place, comments: dict[Place, str]) -> tomlkit.items.Table:
+    """A table; within it, a table whose own keys have comments is one with lines of its own, and they come last."""
+    section = tomlkit.table()
+    deeper = {key for key in table if any(one[:-1] == (*place, key) for one in comments)}
+    for key, value in table.items():
+        if key in deeper:
+            continue
+        if isinstance(value, dict):
+            inline = tomlkit.inline_table()
+            inline.update(value)
+            section.add(key, inline)
+        else:
+            section.add(key, value)
+        if (*place, key) in comments:
+            section[key].comment(comments[*place, key])
+    for key in table:
+        if key in deeper:
+            section.add(key, _section(table[key], (*place, key), comments))
+    return section

@@ -1,0 +1,1 @@
+"""Pictures of runs, the interactive report, and the comparison with a reference attitude."""

@@ -1,0 +1,299 @@
+"""The plots over time of the interactive report."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.report.figures import error_limit, log_ticks
+from elliptude.report.run import DroppedMeasurements, Run, Spell
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR
+from elliptude.report.thinning import largest_of_each, pieces, prediction_shares, worst_claims
+from elliptude.typing import FloatArray
+from elliptude.units import readable_unit
+
+PIECES = 500
+"""Of rows, of each of which the extremes are drawn."""
+
+# Of the names of lanes, px; all plots over time have it, so that their times are below one another.
+_LANES_WIDTH = 110
+_BLUE, _ORANGE = "#0072B2", "#D55E00"
+_DASHES = ("solid", "dash", "dashdot")
+
+
+def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
+    """Plotly's data and layout for each place in the page."""
+    # What the list has is marked below the size of the set.
+    if run.listed is not None:
+        spells = [spell for spell in spells if spell.what == "refused"]
+    plots = {
+        "size": _size(run, rows),
+        "bands": _bands(run, rows, label),
+    }
+    if run.claims is not None or run.prediction_used is not None or spells:
+        plots["strip"] = _strip(run, spells)
+    if "strip" in plots or "yaxis2" in plots["size"]["layout"]:
+        for name in ("size", "bands", "strip"):
+            if name in plots:
+                plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH
+    return plots
+
+
+def _list(values: FloatArray) -> list[float | None]:
+    """For JSON, to six digits; None where there is nothing."""
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
+
+
+def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
+    return [float(time) for time in run.times[rows]]
+
+
+def _time_axis(run: Run) -> dict[str, Any]:
+    """The same for all plots, so that they can be compared; times since 1970 are no "1.7B"."""
+    first, last = float(run.times[0]), float(run.times[-1])
+    return {
+        "title": {"text": "time (s)"},
+        "range": [first, last] if last > first else [first - 0.5, first + 0.5],
+        "exponentformat": "none",
+        "hoverformat": ".6~f",
+    }
+
+
+def plot_layout(**more: Any) -> dict[str, Any]:
+    """Of any plot of the page."""
+    return {
+        "margin": {"l": 55, "r": 10, "t": 10, "b": 45},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "font": {"size": 12},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        "hovermode": "x unified",
+        **more,
+    }
+
+
+def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
+    time, known = _times(run, rows), run.known[rows]
+    traces = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": f"half-width about {axis}",
+            "x": time,
+            "y": _list(np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)),
+            "line": {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
+        }
+        for i, axis in enumerate("xyz")
+    ]
+    largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
+    traces.append(
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "largest angle",
+            "x": time,
+            "y": _list(largest),
+            "line": {"width": 2},
+            "meta": "ink",
+        }
+    )
+    if run.tilt_bounds is not None:
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": "bound of the tilt",
+                "x": time,
+                "y": _list(np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)),
+                "line": {"color": TILT_COLOUR, "dash": "dot", "width": 1.5},
+            }
+        )
+    scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
+    axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
+    if scale == "log":
+        drawn = [run.half_widths[rows].ravel(), run.largest_angles[rows]]
+        drawn += [] if run.tilt_bounds is None else [run.tilt_bounds[rows]]
+        angles = np.rad2deg(np.concatenate(drawn))
+        ticks = log_ticks(float(angles[angles > 0.0].min()), float(np.nanmax(angles)))
+        axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
+    layout = plot_layout(xaxis=_time_axis(run), yaxis=axis)
+    if run.listed is not None and len(run.listed.times):
+        marks = _drop_marks(run, run.listed)
+        height = min(0.07 * len(marks), 0.3)
+        layout["xaxis"] |= {"anchor": "y2"}
+        layout["yaxis"] |= {"domain": [height + 0.04, 1.0]}
+        layout["yaxis2"] = {"domain": [0.0, height], "automargin": True, "dtick": 1, "showgrid": False}
+        traces += marks
+    return {"data": traces, "layout": layout}
+
+
+def _drop_marks(run: Run, listed: DroppedMeasurements) -> list[dict[str, Any]]:
+    """A lane of marks for each sensor that was left out; of those that would hide one another the farthest off."""
+    edges = run.times[[piece.start for piece in pieces(len(run.times), PIECES)]]
+    bins = np.searchsorted(edges, listed.times, side="right")
+    sensors = np.array(listed.sensors, dtype=object)
+    marks = []
+    for sensor in sorted(set(listed.sensors)):
+        rows = np.flatnonzero(sensors == sensor)
+        rows = rows[largest_of_each(bins[rows], -listed.margins[rows])]
+        marks.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": f"{sensor} left out",
+                "showlegend": False,
+                "x": [float(time) for time in listed.times[rows]],
+                "y": [f"{sensor} left out"] * len(rows),
+                "text": [_why(listed, int(row)) for row in rows],
+                "hovertemplate": "%{x:.6~f} s: %{text}<extra></extra>",
+                "marker": {"symbol": "line-ns-open", "size": 10, "line": {"width": 1.5}},
+                "meta": "ink",
+                "yaxis": "y2",
+            }
+        )
+    return marks
+
+
+def _why(listed: DroppedMeasurements, row: int) -> str:
+    margin, place = listed.margins[row], listed.places[row]
+    if listed.contradicts[row] == "own_bound":
+        return f"{place}, {-margin:.3g} {readable_unit(listed.units[row])} beyond its own bound"
+    return f"{place}, contradicts the prediction, margin {margin:.3g}"
+
+
+def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
+    time, known = _times(run, rows), run.known[rows]
+    traces: list[dict[str, Any]] = []
+    bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
+    limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
+    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
+    for i, axis in enumerate("xyz"):
+        place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
+        bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
+        x, y = _band(run.times[rows], bound)
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": "bound",
+                "legendgroup": "bound",
+                "showlegend": i == 0,
+                "x": x,
+                "y": y,
+                "fill": "toself",
+                "fillcolor": "rgba(0,114,178,0.22)",
+                "line": {"color": _BLUE, "width": 1},
+                "hoverinfo": "skip",
+                **place,
+            }
+        )
+        if run.errors is not None and run.compared.any():
+            error = np.rad2deg(run.errors[rows, i])
+            outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
+            traces.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": f"error against {label}",
+                    "legendgroup": "error",
+                    "showlegend": i == 0,
+                    "x": time,
+                    "y": _list(error),
+                    "line": {"width": 1.2},
+                    "meta": "ink",
+                    **place,
+                }
+            )
+            if outside.any():
+                traces.append(
+                    {
+                        "type": "scatter",
+                        "mode": "markers",
+                        "name": "outside the band",
+                        "legendgroup": "outside",
+                        "x": _times(run, rows[outside]),
+                        "y": _list(error[outside]),
+                        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
+                        "showlegend": not any(trace["name"] == "outside the band" for trace in traces),
+                        **place,
+                    }
+                )
+        layout[f"yaxis{i + 1}" if i else "yaxis"] = {
+            "title": {"text": f"about {axis} (deg)"},
+            "zeroline": True,
+            "range": [-limit, limit],
+        }
+    return {"data": traces, "layout": layout}
+
+
+def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    """The outline of -bound to bound, a closed one for each piece between gaps."""
+    known = np.flatnonzero(np.isfinite(bound))
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        around = np.concatenate([piece, piece[::-1], piece[:1]])
+        sides = np.concatenate([bound[piece], -bound[piece[::-1]], bound[piece[:1]]])
+        x += [*time[around].tolist(), None]
+        y += [*_list(sides), None]
+    return x, y
+
+
+def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
+    """A lane for the claim, and one for each sensor that was left out."""
+    traces: list[dict[str, Any]] = []
+    lanes: list[str] = []
+    some = pieces(len(run.times), PIECES)
+    edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
+
+    def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+        lanes.append(lane)
+        for kind, colour in colours.items():
+            chosen = [i for i, word in enumerate(words) if word == kind]
+            if chosen:
+                traces.append(
+                    {
+                        "type": "bar",
+                        "orientation": "h",
+                        "name": legend.format(kind),
+                        "y": [lane] * len(chosen),
+                        "base": _list(edges[chosen]),
+                        "x": _list(np.diff(edges)[chosen]),
+                        "marker": {"color": colour, "line": {"width": 0}},
+                        "hoverinfo": "name",
+                    }
+                )
+
+    if run.claims is not None:
+        bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+    if run.prediction_used is not None:
+        shares = prediction_shares(run.prediction_used, some)
+        bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}")
+    for name in sorted({name for spell in spells for name in spell.sensors.split()}):
+        own = [spell for spell in spells if name in spell.sensors.split()]
+        lane = f"{name} left out"
+        lanes.append(lane)
+        # A line from first to last, and marks at both ends: a single measurement is seen too.
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": lane,
+                "showlegend": False,
+                "x": [value for spell in own for value in (spell.first, spell.last, None)],
+                "y": [lane, lane, None] * len(own),
+                "line": {"width": 5},
+                "marker": {"symbol": "line-ns-open", "size": 12, "line": {"width": 2}},
+                "meta": "ink",
+            }
+        )
+    layout = plot_layout(
+        barmode="overlay",
+        height=65 + 30 * len(lanes),
+        xaxis=_time_axis(run),
+        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True, "dtick": 1},
+        showlegend=False,
+        hovermode="closest",
+    )
+    return {"data": traces, "layout": layout}

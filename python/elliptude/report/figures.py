@@ -1,0 +1,365 @@
+"""Pictures of estimates and their bounds, as PNG, without a display.
+
+A band is the half-width of the set along an axis: √P_ii about zero error. Errors are on the body side, C = Ĉ exp(S(ζ)).
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
+
+from elliptude.io.files import replacing
+from elliptude.io.tables import Results
+from elliptude.typing import FloatArray
+
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
+# A strong and a light tone for each run that is compared.
+_TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
+_AXES = "xyz"
+_NOISE_STYLES = {
+    "inside": (GREY, "o"),
+    "perpendicular": (BLUE, "s"),
+    "common": ("#009E73", "^"),
+    "alternating": ("#E69F00", "v"),
+    "search": (ORANGE, "x"),
+}
+# Of what is drawn; a form is beyond all numbers where P is flat.
+_HIGHEST_FORM = 1e4
+# Forms beyond this are drawn on a log axis.
+_FAR_OUT = 10.0
+# A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
+_NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 3.1, 8
+# Fewer points than this are marked, as the lines between them are only there to guide the eye.
+_MARK_BELOW = 150
+
+Style: TypeAlias = dict[str, Any]
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as PNG, in whole or not at all."""
+    with replacing(path) as temporary:
+        # No version or date inside: the same estimate makes the same file.
+        figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
+
+
+def estimate_figure(results: Results, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
+    """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
+
+    Parameters
+    ----------
+    results : Results
+    title : str
+    label : str
+        What the estimates are compared with.
+    inside_share : float, optional
+        Of all rows, where ``results`` are only some of them.
+
+    Returns
+    -------
+    Figure
+    """
+    figure = new_figure(8.4)
+    figure.suptitle(title, fontsize=11)
+    grid = figure.add_gridspec(4, 2)
+    time = results.times
+    marks = _marks(results)
+    is_bias = results.vector == "bias"
+    errors = results.errors
+    columns = (
+        ("attitude error", r"$\zeta_{}$ (deg)", slice(0, 3)),
+        ("gyro bias error", r"$\delta\beta_{}$ (deg/s)", slice(3, 6))
+        if is_bias
+        else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
+    )
+    # A bias that is an error of the gyro and not estimated has nothing to show.
+    is_alone = not np.isfinite(results.half_widths[:, 3:]).any()
+    first: Axes | None = None
+    for j, (name, unit, part) in enumerate(columns):
+        known = errors is not None and bool(np.isfinite(errors[:, part]).any())
+        bounds = np.rad2deg(results.half_widths[:, part])
+        deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
+        limit = error_limit(bounds, deviations)
+        heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
+        if is_alone and j == 1:
+            break
+        for i in range(3):
+            axes = figure.add_subplot(grid[i, :] if is_alone else grid[i, j], sharex=first)
+            first = first or axes
+            _shade_gaps(axes, results)
+            axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
+            if deviations is not None:
+                axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+            axes.axhline(0.0, color=GREY, linewidth=0.5)
+            axes.set_ylim(-limit, limit)
+            axes.set_ylabel(unit.format(_AXES[i]))
+            # Panels of the whole width are not above those with the times.
+            axes.tick_params(labelbottom=is_alone and i == 2)
+            if i == 0:
+                axes.set_title(heading, fontsize=9.5)
+    below = figure.add_subplot(grid[3, 0], sharex=first)
+    _shade_gaps(below, results)
+    _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
+    size = figure.add_subplot(grid[3, 1], sharex=first)
+    _shade_gaps(size, results)
+    size.plot(
+        time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+    )
+    if errors is not None:
+        size.plot(
+            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
+        )
+    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+    size.set_title(f"size of the set: {what}", fontsize=9.5)
+    size.set_ylabel("angle (deg)")
+    plain_log_axis(size)
+    for axes in (below, size):
+        axes.set_xlabel("time (s)")
+    assert first is not None
+    if len(time) > 1:  # also where nothing is known
+        first.set_xlim(float(time[0]), float(time[-1]))
+    handles, labels = first.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+    return figure
+
+
+def about_line_figure(
+    time: FloatArray,
+    runs: Sequence[tuple[str, Results, FloatArray, FloatArray]],
+    title: str,
+    *,
+    line: str,
+    label: str,
+) -> Figure:
+    """How far attitude is bounded about a line of sight and across it, in several runs over one log.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s.
+    runs : sequence of (name, results, about, across)
+        ``about`` and ``across`` are the half-widths of the set about the line and the largest one across it, rad, (N,).
+    title : str
+    line : str
+        What the line is: "Sun line".
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    figure = new_figure(7.2)
+    figure.suptitle(title, fontsize=11)
+    widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
+    for (name, results, about, across), (strong, light) in zip(runs, _TONES, strict=False):
+        widths.plot(time, np.rad2deg(about), color=strong, linewidth=1.5, label=f"{name}:\nabout the {line}")
+        widths.plot(time, np.rad2deg(across), color=light, linewidth=1.5, label="across it")
+        errors.plot(time, np.rad2deg(results.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
+        if results.errors is not None:
+            angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
+            errors.plot(time, angles, color=strong, linewidth=0.8, label="error")
+    widths.set_title("half-widths of the set", fontsize=9.5)
+    widths.set_ylabel("half-width (deg)")
+    errors.set_title(f"attitude error against {label}, and its bound: the largest angle in the set", fontsize=9.5)
+    errors.set_ylabel("angle (deg)")
+    for axes in (widths, errors):
+        plain_log_axis(axes)
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
+    colours = [strong for strong, _ in _TONES]
+    _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
+    forms.set_xlabel("time (s)")
+    return figure
+
+
+def validation_figure(summary: Mapping[str, Any]) -> Figure:
+    """The worst form of each case, and sizes against those of mode ``paper`` and of the measurements alone.
+
+    Parameters
+    ----------
+    summary : mapping
+        Of `elliptude.validation.summarize`.
+
+    Returns
+    -------
+    Figure
+    """
+    cases, total = summary["cases"], summary["total"]
+    columns = list(dict.fromkeys((case["scenario"], case["bound_deg"]) for case in cases))
+    noises = list(dict.fromkeys(case["noise"] for case in cases))
+    figure = new_figure(7.2)
+    figure.suptitle(
+        f"Mode {summary['mode']}: the truth outside at {total['escapes']} of {total['updates']} updates", fontsize=11
+    )
+    worst, size = figure.subplots(2, 1, sharex=True)
+
+    def place(case: Mapping[str, Any], aside: float) -> float:
+        return columns.index((case["scenario"], case["bound_deg"])) + aside
+
+    for k, noise in enumerate(noises):
+        colour, marker = _NOISE_STYLES[noise]
+        chosen = [case for case in cases if case["noise"] == noise and case["worst"] is not None]
+        at = [place(case, 0.14 * (k - 0.5 * (len(noises) - 1))) for case in chosen]
+        heights = [min(case["worst"]["form"], _HIGHEST_FORM) for case in chosen]
+        worst.plot(at, heights, marker, color=colour, markersize=4, label=noise, linestyle="none")
+    worst.axhline(1.0, color=BLACK, linewidth=1.2, linestyle="--", label="edge of the set")
+    worst.set_ylabel(r"largest $x^\mathsf{T}P^{-1}x$ (-)")
+    worst.set_title("worst place of the truth in the set; a mark for each set of directions", fontsize=9.5)
+    for name, label, colour, marker, aside in (
+        ("measured", "against the measurements alone", ORANGE, "s", -0.15),
+        ("paper", "against mode paper", BLUE, "o", 0.15),
+    ):
+        chosen = [case for case in cases if name in case["sizes"]]
+        ratios = [case["sizes"]["own"]["trace"] / case["sizes"][name]["trace"] for case in chosen]
+        at = [place(case, aside) for case in chosen]
+        size.plot(at, ratios, marker, color=colour, markersize=3.5, alpha=0.7, label=label, linestyle="none")
+    size.axhline(1.0, color=GREY, linewidth=0.8)
+    size.set_ylabel("ratio of mean traces (-)")
+    size.set_title("size of the set; a mark for each noise and set of directions", fontsize=9.5)
+    size.set_xticks(range(len(columns)), [f"{bound:g}°" for _, bound in columns], fontsize=8)
+    for scenario in dict.fromkeys(scenario for scenario, _ in columns):
+        own = [i for i, column in enumerate(columns) if column[0] == scenario]
+        size.annotate(
+            scenario,
+            (0.5 * (own[0] + own[-1]), 0.0),
+            xytext=(0, -24),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+        )
+        for axes in (worst, size):
+            axes.axvline(own[-1] + 0.5, color=GREY, linewidth=0.5)
+    for axes in (worst, size):
+        plain_log_axis(axes)
+        axes.set_xlim(-0.5, len(columns) - 0.5)
+    for axes, what in ((worst, "errors"), (size, "traces")):
+        axes.legend(
+            loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=8.5, title=what, alignment="left"
+        )
+    size.set_xlabel("scenario, and bound of each direction", labelpad=22)
+    return figure
+
+
+def new_figure(height: float) -> Figure:
+    """A figure with the Agg canvas; pyplot is left alone, as it keeps every figure that a program makes."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _shade_gaps(axes: Axes, results: Results) -> None:
+    """Grey where no set is known, from the last row that has one to the next."""
+    is_gap = ~np.isfinite(results.largest_angles)
+    if is_gap.any():
+        beside = is_gap | np.append(is_gap[1:], False) | np.append(False, is_gap[:-1])
+        axes.fill_between(
+            results.times,
+            0.0,
+            1.0,
+            where=beside.tolist(),
+            transform=axes.get_xaxis_transform(),
+            color=GREY,
+            alpha=0.18,
+            linewidth=0,
+            label="no set is known",
+        )
+
+
+def _marks(results: Results) -> Style:
+    return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
+
+
+def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
+    """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
+    known = bounds[np.isfinite(bounds).all(axis=1)]
+    settled = known[len(known) // 8 :]
+    values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
+    highest = max((float(np.quantile(some, 0.98)) for some in values if len(some)), default=0.0)
+    return 1.15 * highest if highest > 0.0 else 1.0
+
+
+def _draw_form(
+    axes: Axes,
+    time: FloatArray,
+    curves: Sequence[tuple[str, FloatArray | None, str]],
+    inside_share: float | None = None,
+    **marks: Any,
+) -> None:
+    """The form of the truth over time, with the edge of the set at 1 and the share inside in the title."""
+    axes.axhline(1.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
+    shares, highest = [], 1.0
+    for name, forms, colour in curves:
+        known = None if forms is None else forms[np.isfinite(forms)]
+        if forms is None or known is None or not len(known):
+            axes.text(
+                0.5, 0.5, "nothing to compare with", transform=axes.transAxes, ha="center", va="center", color=GREY
+            )
+            shares.append("not known")
+            continue
+        axes.plot(time, forms, color=colour, linewidth=0.9, **marks)
+        share = f"{100.0 * (float(np.mean(known <= 1.0)) if inside_share is None else inside_share):.4g} %"
+        shares.append(share if len(curves) == 1 else f"{name} {share}")
+        highest = max(highest, float(known.max()))
+    axes.set_ylim(0.0, 1.15 * highest)
+    if highest > _FAR_OUT:  # or the edge could not be seen
+        plain_log_axis(axes)
+        axes.set_ylim(1e-2, 2.0 * min(highest, _HIGHEST_FORM**2))
+    axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
+    axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Where a log axis over a range has ticks: at least two within it, and not so many that their labels meet.
+
+    Parameters
+    ----------
+    low, high : float
+        Positive.
+
+    Returns
+    -------
+    list of float
+        Round numbers, some of them outside.
+    """
+    decades = np.log10(high / low)
+    if decades < _NARROW_DECADES:
+        even = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        return [float(tick) for tick in even if tick > 0.0]
+    steps = (1.0, 2.0, 5.0) if decades < _WIDE_DECADES else (1.0,)
+    powers = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    if decades >= _WIDE_DECADES:
+        powers = powers[powers % np.ceil(decades / _MOST_POWERS) == 0.0]
+    return [float(tick) for tick in np.outer(10.0**powers, steps).ravel()]
+
+
+class _PlainLogLocator(Locator):
+    """Ticks of `log_ticks` for what is shown."""
+
+    def __call__(self) -> list[float]:
+        assert self.axis is not None
+        return self.tick_values(*sorted(self.axis.get_view_interval()))
+
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+        return log_ticks(vmin, vmax)
+
+
+def _plain(value: float, _: object) -> str:
+    """0.5 and 20 as they are, powers of ten where there would be many zeros."""
+    if 1e-3 <= value < 1e4:
+        return f"{value:g}"
+    return f"$10^{{{round(np.log10(value))}}}$" if np.log10(value) % 1.0 == 0.0 else f"{value:g}"
+
+
+def plain_log_axis(axes: Axes) -> None:
+    """A log axis that says 0.5, 2 and 10 instead of powers of ten, and says something on narrow ranges too."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(_PlainLogLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", linewidth=0.3)

@@ -1,0 +1,361 @@
+"""An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
+
+Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the sphere at up to
+`elliptude.report.sphere.FRAMES` times; the numbers in the summary are of all rows.
+"""
+
+import json
+import os
+from html import escape
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+import elliptude
+from elliptude.io.files import FileError, replacing
+from elliptude.report.curves import PIECES, plots_over_time
+from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS
+from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
+from elliptude.report.thinning import chosen_rows, pieces
+from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD
+from elliptude.typing import FloatArray
+from elliptude.units import readable_unit
+
+LISTED = 500
+"""Spells of measurements left out that the report lists."""
+EACH_LISTED = 20_000
+"""Measurements left out that it lists one by one."""
+
+# Spells that are shown without being asked for.
+_OPEN = 12
+
+
+def summarize(run: Run, label: str) -> dict[str, Any]:
+    """The figures of a run: plain numbers, None for what is not known.
+
+    Parameters
+    ----------
+    run : Run
+    label : str
+        What it is compared with.
+
+    Returns
+    -------
+    dict
+        Angles in degrees, times in seconds.
+    """
+    known, count = run.known, len(run.times)
+    widths, largest = np.rad2deg(run.half_widths[known]), np.rad2deg(run.largest_angles[known])
+    compared, escaped = run.compared, run.escaped & run.compared
+    spells = run.refusal_spells()
+    summary: dict[str, Any] = {
+        "rows": count,
+        "first_s": float(run.times[0]),
+        "last_s": float(run.times[-1]),
+        "median_rate_hz": float(1.0 / np.median(np.diff(run.times))) if count > 1 else None,
+        "rows_with_a_set": int(known.sum()),
+        "rows_with_an_update": sum(bool(names) for names in run.used),
+        "claims": None if run.claims is None else {claim: int(run.claimed(claim).sum()) for claim in CLAIMS},
+        "largest_angle_deg": _spread(largest),
+        "half_width_deg": {axis: _spread(widths[:, i]) for i, axis in enumerate("xyz")},
+        "left_out": {
+            what: sum(spell.measurements for spell in spells if spell.what == what) for what in ("dropped", "refused")
+        },
+        "heading_from_start": run.heading_from_start,
+        "gaps": list(run.gaps),
+        "compared_with": label if compared.any() else None,
+    }
+    if run.dropped is None and run.listed is None:
+        del summary["left_out"]["dropped"]
+    if run.listed is not None:
+        summary["left_out"]["own bound"] = sum(why == "own_bound" for why in run.listed.contradicts)
+    if run.bounds_from_recording is not None:
+        summary["bounds_from_recording"] = run.bounds_from_recording
+    if run.implausible:
+        summary["implausible"] = list(run.implausible)
+    if run.up_at_rest is not None:
+        summary["up_at_rest"] = run.up_at_rest
+    if run.void:
+        summary["left_out_from_beginning_to_end"] = list(run.void)
+    if run.tilt_bounds is not None:
+        summary["tilt_bound_deg"] = _spread(np.rad2deg(run.tilt_bounds[known]))
+    if run.prediction_used is not None:
+        summary["prediction_used_rows"] = int((run.prediction_used[known] == 1.0).sum())
+    if compared.any():
+        assert run.errors is not None
+        summary |= {
+            "rows_compared": int(compared.sum()),
+            "escapes": int(escaped.sum()),
+            "first_escape_s": float(run.times[np.argmax(escaped)]) if escaped.any() else None,
+            "escapes_by_claim": None
+            if run.claims is None
+            else {claim: int((escaped & run.claimed(claim)).sum()) for claim in CLAIMS},
+            "reference_error_deg": float(np.rad2deg(run.reference_error)),
+            "error_deg": _spread(np.rad2deg(np.linalg.norm(run.errors[compared], axis=1))),
+        }
+    return summary
+
+
+def _spread(values: FloatArray) -> dict[str, float] | None:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    return {"median": float(np.median(values)), "mean": float(values.mean()), "largest": float(values.max())}
+
+
+def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: str = "truth") -> dict[str, Any]:
+    """Write the report, in whole or not at all.
+
+    Parameters
+    ----------
+    run : Run
+    path : path-like
+        Of the HTML file.
+    title : str
+    label : str
+        What the run is compared with.
+
+    Returns
+    -------
+    dict
+        Of `summarize`, with what was left out of the pictures as ``drawn``.
+
+    Raises
+    ------
+    FileError
+        If plotly is not installed, or the file cannot be written.
+    """
+    plotly = plotly_script()
+    rows, shown = chosen_rows(run, PIECES), frame_rows(run)
+    summary = summarize(run, label)
+    summary["drawn"] = {"rows_of_curves": len(rows), "times_on_sphere": len(shown)}
+    spells = run.refusal_spells()
+    each = _each(run.listed)
+    plots = plots_over_time(run, rows, label, spells)
+    plots["sphere"] = sphere_plot(bool(run.compared.any()), label)
+    data = {"plots": plots, "frames": sphere_frames(run, shown), "dropped": each}
+    compares = summary["compared_with"] is not None
+    parts = {
+        "version": elliptude.__version__,
+        "title": escape(title),
+        "css": _text("report.css"),
+        "summary": _summary_table(summary),
+        "key": _key(label if compares else None),
+        "magnified": _magnified(run.magnification(shown)),
+        "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
+        "strip_hidden": "" if "strip" in plots else "hidden",
+        "strip_heading": _strip_heading(run, spells),
+        "strip_key": _strip_key(run),
+        "size_note": "The tilt is the angle between estimated and true up. " if run.tilt_bounds is not None else "",
+        "dropped": _spell_table(spells),
+        "each_hidden": "hidden" if each is None else "",
+        "footnote": _footnote(run, len(rows), len(shown)),
+        "plotly": plotly,
+        # "</script>" in a name would end the script.
+        "data": json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+        "script": _text("report.js"),
+    }
+    page = _text("report.html")
+    pieces_of_page = page.split("@")
+    # Between two @ stands a name.
+    pieces_of_page[1::2] = [parts[name] for name in pieces_of_page[1::2]]
+    with replacing(path) as temporary:
+        temporary.write_text("".join(pieces_of_page), encoding="utf-8")
+    return summary
+
+
+def plotly_script() -> str:
+    """Plotly as JavaScript.
+
+    Raises
+    ------
+    FileError
+        If plotly is not installed.
+    """
+    try:
+        from plotly.offline import get_plotlyjs
+    except ModuleNotFoundError as error:
+        raise FileError("a report needs plotly: pip install 'elliptude[report]'") from error
+    script: str = get_plotlyjs()
+    return script
+
+
+def _text(name: str) -> str:
+    return (resources.files("elliptude") / "data" / "report" / name).read_text(encoding="utf-8")
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def _summary_table(summary: dict[str, Any]) -> str:
+    rate, count = summary["median_rate_hz"], summary["rows"]
+    lines = [
+        (
+            "rows",
+            f"{count}, {_seconds(summary['first_s'])} s to {_seconds(summary['last_s'])} s"
+            + (f", {rate:.4g} Hz" if rate else ""),
+        ),
+        ("rows with an update", f"{summary['rows_with_an_update']}"),
+    ]
+    if summary["rows_with_a_set"] < count:
+        lines.append(("rows of which nothing is known", f"{count - summary['rows_with_a_set']}"))
+    if summary["claims"] is not None:
+        recording = summary.get("bounds_from_recording")
+        shares = [
+            f"{claim} {_share(number, count)}"
+            if recording is None
+            else f"{_share(number, count)} {IF_PROPOSED_BOUNDS_HOLD[claim]}"
+            for claim, number in summary["claims"].items()
+        ]
+        lines.append(("claim", ", ".join(shares)))
+        if recording is not None:
+            lines.append(("bounds", f"proposals from {recording}, so that the sets are no guarantee"))
+    lines.append(("largest angle in the set", _degrees(summary["largest_angle_deg"])))
+    lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in summary["half_width_deg"].items()]
+    if "tilt_bound_deg" in summary:
+        lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
+    if "prediction_used_rows" in summary and summary["rows_with_a_set"]:
+        number = summary["prediction_used_rows"]
+        share = _share(number, summary["rows_with_a_set"])
+        lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
+    if summary["heading_from_start"]:
+        lines.append(("heading", "counts from the first row, as nothing told it"))
+    lines += [("" if i else "gaps in the gyro", line) for i, line in enumerate(summary["gaps"])]
+    names = {
+        "dropped": "measurements dropped",
+        "refused": "measurements refused",
+        "own bound": "measurements beyond their own bound",
+    }
+    lines += [(names[what], f"{number}") for what, number in summary["left_out"].items()]
+    if "left_out_from_beginning_to_end" in summary:
+        lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
+    if "up_at_rest" in summary:
+        lines.append(("up", summary["up_at_rest"]))
+    cells = [(escape(name), escape(text)) for name, text in lines]
+    for one in reversed(summary.get("implausible", [])):
+        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
+    if summary["compared_with"] is None:
+        cells.append(("compared with", "nothing: there is no reference"))
+    else:
+        compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
+        if summary["reference_error_deg"]:
+            compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
+        cells.append(("compared with", compared))
+        cells.append(("error", _degrees(summary["error_deg"])))
+        escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
+        if summary["escapes"]:
+            if summary["escapes_by_claim"] is not None:
+                escapes += ", " + ", ".join(
+                    f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items()
+                )
+            escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
+        cells.append(("outside the set", escapes))
+    body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
+    return f"<table>\n{body}\n</table>"
+
+
+def _seconds(time: float) -> str:
+    """To a microsecond, of any size."""
+    return f"{time:.6f}".rstrip("0").rstrip(".")
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
+
+
+def _share(number: int, of: int) -> str:
+    return f"{100.0 * number / of:.4g} %"
+
+
+def _degrees(spread: dict[str, float] | None) -> str:
+    if spread is None:
+        return "not known"
+    return f"median {spread['median']:.3g}°, mean {spread['mean']:.3g}°, at most {spread['largest']:.3g}°"
+
+
+def _spell_table(spells: list[Spell]) -> str:
+    if not spells:
+        return "<p>None.</p>"
+    lines = "\n".join(
+        f"<tr><td>{_seconds(spell.first)}</td><td>{_seconds(spell.last)}</td><td>{escape(spell.sensors)}</td>"
+        f"<td>{spell.what}</td><td>{spell.measurements}</td></tr>"
+        for spell in spells[:LISTED]
+    )
+    more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
+    return (
+        '<p class="faint">Dropped: this measurement alone contradicted the others. Refused: the sets of its row did '
+        "not meet, and none of them was used. Own bound: it contradicts what is stated of its sensor, whatever the "
+        f"attitude. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
+        f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
+        '<div class="scroll tall"><table><thead>\n'
+        '<tr><th scope="col">from s</th><th scope="col">to s</th><th scope="col">sensors</th><th scope="col">why</th>'
+        f'<th scope="col">measurements</th></tr>\n</thead><tbody>\n{lines}\n</tbody></table></div></details>\n{more}'
+    )
+
+
+def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
+    """Measurements left out, column by column; the farthest off where there are very many."""
+    if listed is None or not len(listed.times):
+        return None
+    count = len(listed.times)
+    rows = np.arange(count)
+    if count > EACH_LISTED:
+        rows = np.sort(np.argsort(listed.margins, kind="stable")[:EACH_LISTED])
+    return {
+        "total": count,
+        "time": [float(_seconds(time)) for time in listed.times[rows]],
+        "place": [listed.places[row] for row in rows],
+        "sensor": [listed.sensors[row] for row in rows],
+        "why": ["its own bound" if listed.contradicts[row] == "own_bound" else "the prediction" for row in rows],
+        "margin": [float(f"{margin:.4g}") for margin in listed.margins[rows]],
+        "unit": [readable_unit(listed.units[row]) for row in rows],
+    }
+
+
+def _strip_key(run: Run) -> str:
+    """What the colours of the strip mean; of the claims those that are made."""
+    colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in (run.claims or ())}
+    entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
+    if run.prediction_used is not None:
+        entries += [(f"prediction used: {where}", colour) for where, colour in PREDICTION_COLOURS.items()]
+    return "".join(f'<span><i style="background:{colour}"></i>{text}</span>' for text, colour in entries)
+
+
+def _key(label: str | None) -> str:
+    entries = [
+        f'<span><i style="background:{colour}"></i>body {axis}</span>'
+        for colour, axis in zip(AXIS_COLOURS, "xyz", strict=True)
+    ]
+    if label is not None:
+        entries.append(f'<span><i style="background:var(--ink)"></i>{escape(label)}</span>')
+    return "".join(entries)
+
+
+def _magnified(factor: int) -> str:
+    if factor == 1:
+        return "Each patch is the exact image of the set of attitudes:"
+    return (
+        f"<strong>Sets and errors are drawn {factor} times as large</strong>, or they would be dots. Each patch "
+        "is the exact image of the set of attitudes, so magnified:"
+    )
+
+
+def _strip_heading(run: Run, spells: list[Spell]) -> str:
+    """What the strip has, as a heading."""
+    parts = ["claims"] * (run.claims is not None) + ["use of the prediction"] * (run.prediction_used is not None)
+    parts += ["measurements left out"] * bool(spells and run.listed is None)
+    return " and ".join([", ".join(parts[:-1])] * (len(parts) > 1) + parts[-1:]).capitalize()
+
+
+def _footnote(run: Run, rows: int, frames: int) -> str:
+    count = len(run.times)
+    text = f"The numbers are of all {count} rows. The sphere is drawn at {frames} of them, evenly in time"
+    text += ", and where the set is largest" + (" and the reference farthest out." if run.forms is not None else ".")
+    if rows < count:
+        text += (
+            f" The curves are drawn at {rows} of them: of each of {len(pieces(count, PIECES))} pieces the rows with "
+            "the extremes of set and error, so that nothing that stands out is missing."
+        )
+    return f"{text} elliptude {elliptude.__version__}"

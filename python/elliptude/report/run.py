@@ -1,0 +1,428 @@
+"""What pictures and the report show of a run: a table of results, whole or with gaps, and what it is compared with.
+
+A table of results (docs/tables.md) may have empty cells where nothing is known, and may have these columns:
+
+``claim``
+    ``unconditional``, ``conditional`` or ``none``: what the estimator says of the row's set.
+``dropped``
+    The sensors whose measurements were left out as contradictory, with a space between their names.
+``chart``
+    ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
+``prediction_used``, ``tilt_bound``
+    Whether the prediction went into the row's set; how far the estimated up may be off.
+
+Of the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
+"""
+
+import json
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, NamedTuple, Self, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.estimation.containment import attitude_forms
+from elliptude.io.files import FileError
+from elliptude.io.tables import (
+    ATTITUDE_ERRORS,
+    ATTITUDE_HALF_WIDTHS,
+    ATTITUDE_SHAPE,
+    QUATERNION,
+    attitudes_from_quaternions,
+    column_names,
+    read_columns,
+    read_events,
+    stacked,
+    symmetric,
+)
+from elliptude.logs.reference_attitudes import Reference, attitudes_at
+from elliptude.report.body_axes import turns
+from elliptude.results import CLAIMS, Claim
+from elliptude.typing import Chart, FloatArray
+
+SPELL_GAP = 1.0
+"""Measurements that were left out no later than this after one another are listed together, s."""
+# Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
+_LARGEST_DRAWN = np.deg2rad(20.0)
+_MAGNIFICATIONS: tuple[int, ...] = tuple(digit * scale for scale in (1, 10, 100, 1000, 10_000) for digit in (1, 2, 5))
+
+
+class Refusal(NamedTuple):
+    """A measurement that did not go in."""
+
+    time: float
+    """s."""
+    sensors: str
+    """Names, a space between them."""
+    what: Literal["dropped", "refused", "own bound"]
+    """By itself, or with all others of its row because the sets did not meet, or because its own bound excludes it."""
+
+
+class Spell(NamedTuple):
+    """Measurements that did not go in, one soon after the other."""
+
+    first: float
+    """s."""
+    last: float
+    """s."""
+    sensors: str
+    """Names, a space between them."""
+    what: str
+    """As of `Refusal`."""
+    measurements: int
+    """How many."""
+
+
+@dataclass(frozen=True, eq=False)
+class DroppedMeasurements:
+    """Measurements that were left out, n of them, in order of time; of ``dropped.csv``."""
+
+    times: FloatArray
+    """s, shape (n,)."""
+    places: tuple[str, ...]
+    """Lines or rows of the log."""
+    sensors: tuple[str, ...]
+    """A name each."""
+    contradicts: tuple[str, ...]
+    """``prediction`` or ``own_bound``."""
+    margins: FloatArray
+    """How far the sets were from meeting, or minus what is missing to the own bound, shape (n,)."""
+    units: tuple[str, ...]
+    """Of the margins; nothing for those of sets."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The attitudes of a run with their sets; NaN where nothing is known."""
+
+    times: FloatArray
+    """s, strictly increasing, shape (N,)."""
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
+    shapes: FloatArray
+    """P of the attitude error, rad², shape (N, 3, 3)."""
+    half_widths: FloatArray
+    """How far the attitude error reaches along body axes, rad, shape (N, 3)."""
+    largest_angles: FloatArray
+    """The largest attitude error in the set, rad, shape (N,)."""
+    used: tuple[str, ...]
+    """The sensors that went into each row, a space between their names."""
+    refused: tuple[str, ...]
+    """Those of rows whose sets did not meet, likewise."""
+    dropped: tuple[str, ...] | None = None
+    """Those that were left out by themselves, likewise; None where the table does not say."""
+    claims: tuple[str, ...] | None = None
+    """A `Claim`, or nothing, for each row; None where the table does not say."""
+    chart: Chart = "exponential"
+    """The coordinates of the error whose shape P is."""
+    errors: FloatArray | None = None
+    """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
+    forms: FloatArray | None = None
+    """The quadratic form of the reference, or the least of all attitudes that it may stand for, shape (N,).
+
+    At most 1 inside the set; infinite for a set without volume.
+    """
+    reference_error: float = 0.0
+    """Angle by which the reference may itself be off, rad."""
+    prediction_used: FloatArray | None = None
+    """1 where the prediction went into the set, 0 where it did not, shape (N,); None where the table does not say."""
+    tilt_bounds: FloatArray | None = None
+    """Of the angle between estimated and true up, rad, shape (N,); None where the table does not say."""
+    listed: DroppedMeasurements | None = None
+    """All that was left out by itself; None where there is no list."""
+    void: tuple[str, ...] = ()
+    """Sensors that were left out from beginning to end because they contradict their own bounds."""
+    heading_from_start: bool = False
+    """Whether the heading counts from the first row, because nothing told it."""
+    gaps: tuple[str, ...] = ()
+    """Lines about gaps in the gyro, and what they cost."""
+    implausible: tuple[str, ...] = ()
+    """What in the log contradicted the configuration, and was gone on with regardless."""
+    bounds_from_recording: str | None = None
+    """Which recording the bounds are proposals from; None where there is a reason for them."""
+    up_at_rest: str | None = None
+    """Which body axis was up at rest, in words."""
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows with an attitude and a set, shape (N,)."""
+        return np.asarray(np.isfinite(self.quaternions[:, 0]) & np.isfinite(self.largest_angles))
+
+    @property
+    def attitudes(self) -> FloatArray:
+        """From body to reference axes, NaN where not known, shape (N, 3, 3)."""
+        attitudes = np.full((len(self.times), 3, 3), np.nan)
+        known = np.isfinite(self.quaternions).all(axis=1)
+        if known.any():
+            attitudes[known] = attitudes_from_quaternions(self.quaternions[known])
+        return attitudes
+
+    @property
+    def escaped(self) -> NDArray[np.bool_]:
+        """Rows whose reference lies outside the set, shape (N,)."""
+        if self.forms is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.asarray(self.forms > 1.0)
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """Rows that have a set and a reference, shape (N,)."""
+        if self.forms is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.asarray(~np.isnan(self.forms) & self.known)
+
+    def claimed(self, claim: Claim) -> NDArray[np.bool_]:
+        """Rows with this claim, shape (N,)."""
+        if self.claims is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.array([one == claim for one in self.claims])
+
+    def refusals(self) -> Iterator[Refusal]:
+        """Each row's measurements that did not go in, in time order."""
+        dropped = self.dropped if self.dropped is not None and self.listed is None else ("",) * len(self.times)
+        found = [] if self.listed is None else self._of_list(self.listed)
+        for time, alone, together in zip(self.times, dropped, self.refused, strict=True):
+            if alone:
+                found.append(Refusal(float(time), alone, "dropped"))
+            if together and together != alone:
+                found.append(Refusal(float(time), together, "refused"))
+        yield from sorted(found, key=lambda refusal: refusal.time)
+
+    @staticmethod
+    def _of_list(listed: DroppedMeasurements) -> list[Refusal]:
+        return [
+            Refusal(float(time), sensor, "own bound" if why == "own_bound" else "dropped")
+            for time, sensor, why in zip(listed.times, listed.sensors, listed.contradicts, strict=True)
+        ]
+
+    def refusal_spells(self) -> list[Spell]:
+        """The same in spells: one sensor or set of sensors, no more than `SPELL_GAP` between one time and the next."""
+        spells: list[Spell] = []
+        last: dict[tuple[str, str], int] = {}
+        for refusal in self.refusals():
+            key = (refusal.sensors, refusal.what)
+            i = last.get(key)
+            if i is not None and refusal.time - spells[i].last <= SPELL_GAP:
+                spells[i] = spells[i]._replace(last=refusal.time, measurements=spells[i].measurements + 1)
+            else:
+                last[key] = len(spells)
+                spells.append(Spell(refusal.time, refusal.time, *key, 1))
+        return spells
+
+    def against(self, reference: Reference, largest_gap: float = 0.0, reference_error: float = 0.0) -> Self:
+        """The run compared with other attitudes.
+
+        Parameters
+        ----------
+        reference : Reference
+            Of `elliptude.logs.reference_attitudes.read_reference`.
+        largest_gap : float
+            Where the reference has no sample at a row's time it is interpolated between two no further apart, s.
+        reference_error : float
+            Angle by which the reference may itself be off, rad: its form is the least of all attitudes so near.
+
+        Returns
+        -------
+        Run
+            With errors and forms of the attitude; NaN where there is no reference. Where the heading counts from the
+            first row, so does the reference's, as in what `elliptude estimate` compares.
+
+        Raises
+        ------
+        FileError
+            If the heading counts from the first row and that has no reference.
+        """
+        errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
+        rows, true = attitudes_at(reference, self.times, np.flatnonzero(self.known), largest_gap)
+        if len(rows):
+            if self.heading_from_start:
+                true = self._counted_from_start(rows, true)
+            relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
+            errors[rows] = relative.as_rotvec()
+            offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
+            forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
+        return replace(self, errors=errors, forms=forms, reference_error=reference_error)
+
+    def _counted_from_start(self, rows: NDArray[np.intp], true: Rotation) -> Rotation:
+        """References turned so that the first one differs from the first estimate by a tilt alone, section 18.6."""
+        if rows[0] != np.flatnonzero(self.known)[0]:
+            raise FileError(
+                f"the heading counts from the first row, at {self.times[0]:.6f} s, and the reference has nothing there"
+            )
+        estimated = Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)
+        up, true_up = (one.inv().apply([0.0, 0.0, 1.0]) for one in (estimated, true[0]))
+        axis = np.cross(true_up, up)
+        sine = float(np.linalg.norm(axis))
+        tilt = Rotation.identity()
+        if sine > 0.0:
+            tilt = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis)
+        return estimated * tilt * true[0].inv() * true
+
+    def magnification(self, rows: NDArray[np.intp]) -> int:
+        """How many times as large the sets of these rows are drawn on a sphere: small ones would be dots."""
+        sizes = self.largest_angles[rows][self.known[rows]]
+        if len(sizes) == 0:
+            return 1
+        fits = _LARGEST_DRAWN / max(float(np.quantile(sizes, 0.9)), 1e-12)
+        return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
+
+    def true_axes(self, magnification: int = 1) -> FloatArray:
+        """The reference's body axes as columns, its error so many times as large; NaN where not known, (N, 3, 3)."""
+        axes = np.full((len(self.times), 3, 3), np.nan)
+        if self.errors is None:
+            return axes
+        rows = np.flatnonzero(np.isfinite(self.errors).all(axis=1) & self.known)
+        if len(rows):
+            axes[rows] = self.attitudes[rows] @ turns(magnification * self.errors[rows], "exponential").as_matrix()
+        return axes
+
+
+def _gibbs(turn: Rotation) -> FloatArray:
+    """2 tan(θ/2) n, shape (M, 3)."""
+    quaternions = turn.as_quat(canonical=True, scalar_first=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(2.0 * quaternions[:, 1:] / quaternions[:, :1])
+
+
+def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
+    """Read what `elliptude estimate` wrote.
+
+    Parameters
+    ----------
+    result : path-like
+        Its folder, or the table of results.
+
+    Returns
+    -------
+    run : Run
+    label : str
+        What the errors in the table are against: of the folder's summary, else "truth".
+
+    Raises
+    ------
+    FileError
+        If there is no such table; the message names file, line and column.
+    """
+    table = _table_of(Path(result))
+    names = column_names(table, "results")
+    texts = [name for name in ("claim", "dropped", "chart") if name in names]
+    with_errors = ATTITUDE_ERRORS[0] in names
+    further = [name for name in ("form", "prediction_used", "tilt_bound") if name in names]
+    columns = read_columns(
+        table,
+        optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
+        + [ATTITUDE_ERRORS] * with_errors
+        + [(name,) for name in further],
+        texts=("used", "refused", *texts),
+    )
+
+    def words(name: str) -> tuple[str, ...] | None:
+        return tuple(str(text or "") for text in columns[name]) if name in columns else None
+
+    claims, charts = words("claim"), words("chart")
+    for name, found, allowed in (("claim", claims, CLAIMS), ("chart", charts, get_args(Chart))):
+        for row, word in enumerate(found or ()):
+            if word and word not in allowed:
+                raise FileError(
+                    f"{table}: row {row + 1} below the header, column {name!r}: {word!r}, not {_or(allowed)}"
+                )
+    used_charts = {word for word in charts or () if word} or {"exponential"}
+    if len(used_charts) > 1:
+        raise FileError(f"{table}: column 'chart' changes; one table has one chart")
+    summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
+    run = Run(
+        times=columns["time_s"],
+        quaternions=stacked(columns, QUATERNION),
+        shapes=symmetric(columns, ATTITUDE_SHAPE),
+        half_widths=stacked(columns, ATTITUDE_HALF_WIDTHS),
+        largest_angles=columns["largest_angle"],
+        used=words("used") or (),
+        refused=words("refused") or (),
+        dropped=words("dropped"),
+        claims=claims,
+        chart="gibbs" if used_charts == {"gibbs"} else "exponential",
+        errors=stacked(columns, ATTITUDE_ERRORS) if with_errors else None,
+        forms=columns.get("form"),
+        reference_error=math.radians(summary.truth_error_deg),
+        prediction_used=columns.get("prediction_used"),
+        tilt_bounds=columns.get("tilt_bound"),
+        listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
+        void=summary.void,
+        heading_from_start=summary.heading_from_start,
+        gaps=summary.gaps,
+        implausible=summary.implausible,
+        bounds_from_recording=summary.bounds_from_recording,
+        up_at_rest=summary.up_at_rest,
+    )
+    return run, summary.label
+
+
+def _table_of(result: Path) -> Path:
+    if not result.is_dir():
+        return result
+    found = [result / name for name in ("results.csv", "results.parquet") if (result / name).is_file()]
+    if len(found) != 1:
+        what = "both results.csv and results.parquet" if found else "no results.csv or results.parquet"
+        raise FileError(f"{result}: {what} in this folder; name the table")
+    return found[0]
+
+
+class _Summary(NamedTuple):
+    """What a summary beside a table may say of it."""
+
+    label: str = "truth"
+    truth_error_deg: float = 0.0
+    void: tuple[str, ...] = ()
+    heading_from_start: bool = False
+    gaps: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
+    bounds_from_recording: str | None = None
+    up_at_rest: str | None = None
+
+
+def _read_summary(path: Path) -> _Summary:
+    """What the errors are against and how far that may be off, and sensors left out altogether; if there is one."""
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return _Summary()
+    if not isinstance(read, dict):
+        return _Summary()
+    label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    gaps = read.get("gaps")
+    said = gaps.get("said") if isinstance(gaps, dict) else None
+    implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
+    return _Summary(
+        label if isinstance(label, str) else "truth",
+        float(error) if isinstance(error, int | float) else 0.0,
+        tuple(str(name) for name in void) if isinstance(void, list) else (),
+        read.get("heading") == "from the first row",
+        tuple(str(line) for line in said) if isinstance(said, list) else (),
+        tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
+        recording if isinstance(recording, str) else None,
+        str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
+    )
+
+
+def _read_dropped(path: Path) -> DroppedMeasurements:
+    columns = read_events(path, "dropped", numbers=("margin",), texts=("place", "sensor", "contradicts", "unit"))
+    texts = {
+        name: tuple(str(text or "") for text in columns[name]) for name in ("place", "sensor", "contradicts", "unit")
+    }
+    return DroppedMeasurements(
+        times=columns["time_s"],
+        places=texts["place"],
+        sensors=texts["sensor"],
+        contradicts=texts["contradicts"],
+        margins=columns["margin"],
+        units=texts["unit"],
+    )
+
+
+def _or(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"

@@ -1,0 +1,361 @@
+"""Pictures of a run: errors in their bands, the size of the set, where the body's axes may point; as PNG.
+
+Where nothing is known the curves have gaps. A strip below them says what the estimator claims, and which measurements
+it left out.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.path import Path
+from numpy.typing import NDArray
+
+from elliptude.report.body_axes import axis_patches
+from elliptude.report.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
+from elliptude.report.run import Run
+from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, worst_claims
+from elliptude.typing import FloatArray
+
+AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
+"""Of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can tell apart."""
+AXIS_LINES = ("-", "--", "-.")
+CLAIM_COLOURS = {"unconditional": "#56B4E9", "conditional": "#E69F00", "none": "#BBBBBB"}
+PREDICTION_COLOURS = {"every row": "#5E3C99", "some rows": "#B2ABD2"}
+"""Of `elliptude.report.thinning.prediction_shares`."""
+TILT_COLOUR = "#CC79A7"
+
+_MOST_PIECES = 1000
+_MOST_STRIP_PIECES = 400
+# Where the sphere is seen from, in reference axes.
+_AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
+_MERIDIANS, _RINGS = 240, 10
+
+
+def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
+    """The attitude error inside its bound, per body axis; without a reference the bound alone.
+
+    Parameters
+    ----------
+    run : Run
+    title : str
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    rows = chosen_rows(run, _MOST_PIECES)
+    time, bounds = run.times[rows], np.rad2deg(run.half_widths[rows])
+    bounds[~run.known[rows]] = np.nan
+    figure, axes, strip = _over_time(run, title, 3, 6.4)
+    errors = None if run.errors is None or not run.compared.any() else np.rad2deg(run.errors[rows])
+    limit = error_limit(bounds, errors)
+    for i, panel in enumerate(axes):
+        panel.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
+        # A band that is thinner than a pixel, and one between two gaps, is seen all the same.
+        for sign in (-1.0, 1.0):
+            panel.plot(time, sign * bounds[:, i], color=BLUE, linewidth=0.7)
+        if errors is not None:
+            panel.plot(time, errors[:, i], color=BLACK, linewidth=0.8, label=f"error against {label}")
+            outside = np.abs(errors[:, i]) - np.rad2deg(run.reference_error) > bounds[:, i]
+            if outside.any():
+                at = np.clip(errors[outside, i], -limit, limit)
+                panel.plot(
+                    time[outside],
+                    at,
+                    "x",
+                    color=ORANGE,
+                    markersize=4,
+                    label="outside the band",
+                    clip_on=False,
+                    zorder=4,
+                )
+        panel.axhline(0.0, color=GREY, linewidth=0.5)
+        panel.set_ylim(-limit, limit)
+        panel.set_ylabel(rf"$\zeta_{'xyz'[i]}$ (deg)")
+    heading = "attitude error about the body axes, and its bound"
+    if errors is None:
+        heading = "bound of the attitude error about the body axes"
+    elif run.compared.any():
+        heading += f"; outside the set: {int(run.escaped.sum())} of {int(run.compared.sum())} rows"
+    axes[0].set_title(heading, fontsize=9.5)
+    entries = {text: handle for panel in axes for handle, text in zip(*panel.get_legend_handles_labels(), strict=True)}
+    _finish(figure, run, strip, list(entries.values()), list(entries))
+    return figure
+
+
+def size_figure(run: Run, title: str) -> Figure:
+    """The largest angle in the set, and its half-widths along the body axes, on a log scale.
+
+    Parameters
+    ----------
+    run : Run
+    title : str
+
+    Returns
+    -------
+    Figure
+    """
+    rows = chosen_rows(run, _MOST_PIECES)
+    figure, (panel,), strip = _over_time(run, title, 1, 4.6)
+    known = run.known[rows]
+    for i in range(3):
+        widths = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
+        panel.plot(
+            run.times[rows],
+            widths,
+            color=AXIS_COLOURS[i],
+            linestyle=AXIS_LINES[i],
+            linewidth=1.1,
+            label=f"half-width about {'xyz'[i]}",
+        )
+    largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
+    panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label="largest angle")
+    if run.tilt_bounds is not None:
+        tilt = np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)
+        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=":", label="bound of the tilt")
+    panel.set_title("size of the set of attitudes", fontsize=9.5)
+    panel.set_ylabel("angle (deg)")
+    if known.any() and (largest[known] > 0.0).all():
+        plain_log_axis(panel)
+    _finish(figure, run, strip, *panel.get_legend_handles_labels())
+    return figure
+
+
+def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, label: str = "truth") -> Figure:
+    """Where the body's axes may point: the image of the set on the sphere of directions, at some times.
+
+    Small sets, and the errors in them, are drawn larger by a factor that the title states.
+
+    Parameters
+    ----------
+    run : Run
+    title : str
+    times : sequence of float, optional
+        s; the nearest rows with a set are drawn. Six from the first to the last if left out.
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    rows = _rows_at(run, times)
+    columns = min(3, max(len(rows), 1))
+    lines = max(1, -(-len(rows) // columns))
+    figure = new_figure(3.3 * lines + 1.0)
+    factor = run.magnification(rows)
+    stated = f"{title}\nsets and errors drawn {factor} times as large" if factor > 1 else title
+    figure.suptitle(stated, fontsize=11)
+    view = _view()
+    panels = figure.subplots(lines, columns, squeeze=False).ravel()
+    attitudes, true_axes = run.attitudes, run.true_axes(factor)
+    for panel in panels:
+        panel.set_axis_off()
+        panel.set_aspect("equal")
+        panel.set_xlim(-1.24, 1.24)
+        panel.set_ylim(-1.24, 1.24)
+    for panel, row in zip(panels, rows, strict=False):
+        _draw_sphere(panel, view)
+        is_drawn = True
+        for i in range(3):
+            patch = axis_patches(
+                attitudes[row][None],
+                factor**2 * run.shapes[row][None],
+                i,
+                chart=run.chart,
+                meridians=_MERIDIANS,
+                rings=_RINGS,
+            )[0]
+            is_drawn &= bool(np.isfinite(patch).all())
+            _draw_patch(panel, patch @ view.T, AXIS_COLOURS[i])
+            _draw_tip(panel, view @ attitudes[row][:, i], AXIS_COLOURS[i], "xyz"[i])
+            true = view @ true_axes[row][:, i]
+            if np.isfinite(true).all():
+                panel.plot(*true[:2], "x", color=BLACK, markersize=5, alpha=1.0 if true[2] >= 0.0 else 0.4, zorder=6)
+        size = f"within {np.rad2deg(run.largest_angles[row]):.3g}°"
+        panel.set_title(
+            f"{time_text(run, row)} s: {size if is_drawn else f'{size}, too large to draw'}",
+            fontsize=9.5,
+            y=-0.04,
+            va="top",
+        )
+    if len(rows) == 0:
+        panels[0].text(0.5, 0.5, "nothing is known", transform=panels[0].transAxes, ha="center", color=GREY)
+    handles: list[Patch | Line2D] = [
+        Patch(facecolor=colour, alpha=0.6, label=f"where the body's {name} axis may point")
+        for colour, name in zip(AXIS_COLOURS, "xyz", strict=True)
+    ]
+    handles.append(Line2D([], [], color=GREY, marker="o", fillstyle="none", linestyle=":", label="behind the sphere"))
+    if np.isfinite(true_axes[rows]).any():
+        handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
+def time_text(run: Run, row: int) -> str:
+    """A row's time, s, to a thousandth of the run's duration."""
+    duration = float(run.times[-1] - run.times[0])
+    digits = max(0, 3 - int(np.ceil(np.log10(duration)))) if duration > 0.0 else 3
+    return f"{run.times[row]:.{digits}f}"
+
+
+def _over_time(run: Run, title: str, count: int, height: float) -> tuple[Figure, list[Axes], Axes | None]:
+    """A figure with panels above each other, and a strip below them if there is anything to say there."""
+    lanes = _lanes(run)
+    figure = new_figure(height + 0.22 * lanes)
+    figure.suptitle(title, fontsize=11)
+    ratios = [1.0] * count + ([0.06 * lanes * count] if lanes else [])
+    panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False).ravel().tolist()
+    panels[-1].set_xlabel("time (s)")
+    panels[-1].set_xlim(*_span(run.times))
+    return figure, panels[:count], panels[count] if lanes else None
+
+
+def _span(times: FloatArray) -> tuple[float, float]:
+    return (float(times[0]), float(times[-1])) if len(times) > 1 else (float(times[0]) - 0.5, float(times[0]) + 0.5)
+
+
+def _names(run: Run) -> list[str]:
+    """Sensors that were left out at least once."""
+    return sorted({name for refusal in run.refusals() for name in refusal.sensors.split()})
+
+
+def _lanes(run: Run) -> int:
+    return len(_lane_names(run))
+
+
+def _lane_names(run: Run) -> list[str]:
+    """Of the strip, from top to bottom."""
+    said = [("claim", run.claims is not None), ("prediction used", run.prediction_used is not None)]
+    return [name for name, is_said in said if is_said] + [f"{name} left out" for name in _names(run)]
+
+
+def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
+    """Draw the strip and put one legend below everything."""
+    handles, labels = list(handles), list(labels)
+    if strip is not None:
+        names, lanes = _names(run), _lane_names(run)
+        some = pieces(len(run.times), _MOST_STRIP_PIECES)
+        edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
+
+        def bars(lane: int, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+            for kind, colour in colours.items():
+                spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == kind]
+                if spans:
+                    strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, linewidth=0)
+                    handles.append(Patch(facecolor=colour))
+                    labels.append(legend.format(kind))
+
+        if run.claims is not None:
+            bars(0, worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+        if run.prediction_used is not None:
+            shares = prediction_shares(run.prediction_used, some)
+            bars(int(run.claims is not None), shares, PREDICTION_COLOURS, "prediction used: {}")
+        times: dict[str, list[float]] = {name: [] for name in names}
+        for refusal in run.refusals():
+            for name in refusal.sensors.split():
+                times[name].append(refusal.time)
+        for lane, name in enumerate(names, start=len(lanes) - len(names)):
+            strip.plot(times[name], np.full(len(times[name]), float(lane)), "|", color=BLACK, markersize=7)
+        strip.set_ylim(len(lanes) - 0.4, -0.6)
+        strip.set_yticks(range(len(lanes)), lanes, fontsize=8)
+        strip.tick_params(axis="y", length=0)
+        for side in ("top", "right", "left"):
+            strip.spines[side].set_visible(False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), frameon=False, fontsize=9)
+
+
+def _rows_at(run: Run, times: Sequence[float] | None) -> NDArray[np.intp]:
+    known = np.flatnonzero(run.known)
+    if len(known) == 0:
+        return known
+    wanted = np.linspace(run.times[known[0]], run.times[known[-1]], 6) if times is None else np.array(times)
+    nearest = np.abs(run.times[known][None, :] - wanted[:, None]).argmin(axis=1)
+    return np.unique(known[nearest])
+
+
+def _view() -> FloatArray:
+    """Rows: right, up and towards the eye, in reference axes."""
+    azimuth, elevation = np.deg2rad([_AZIMUTH_DEG, _ELEVATION_DEG])
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def _draw_sphere(panel: Axes, view: FloatArray) -> None:
+    """Its limb, the circles of the reference planes, and where the reference axes come out."""
+    panel.add_patch(Circle((0.0, 0.0), 1.0, facecolor="#FAFAFA", edgecolor=GREY, linewidth=0.9, zorder=0))
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    for normal in range(3):
+        circle = np.zeros((181, 3))
+        circle[:, (normal + 1) % 3], circle[:, (normal + 2) % 3] = np.cos(turn), np.sin(turn)
+        seen = circle @ view.T
+        seen[seen[:, 2] < 0.0] = np.nan
+        panel.plot(seen[:, 0], seen[:, 1], color="#C8C8C8", linewidth=0.6, zorder=1)
+    for i in range(3):
+        tip = view[:, i]
+        panel.plot(*tip[:2], ".", color=GREY, markersize=4, zorder=2)
+        panel.annotate(
+            ("X", "Y", "Z")[i],
+            (tip[0], tip[1]),
+            xytext=(1.13 * tip[0], 1.13 * tip[1]) if np.hypot(*tip[:2]) > 0.85 else (tip[0], tip[1] + 0.09),
+            color=GREY,
+            fontsize=8,
+            ha="center",
+            va="center",
+            zorder=2,
+        )
+
+
+def _draw_patch(panel: Axes, seen: FloatArray, colour: str) -> None:
+    """A patch in rings, the rim first: filled in front of the sphere, behind it the dotted rim alone."""
+    if not np.isfinite(seen).all():
+        return
+    closed = np.concatenate([seen, seen[:, :1]], axis=1)
+    corners = np.stack([closed[:-1, :-1], closed[:-1, 1:], closed[1:, 1:], closed[1:, :-1]], axis=2).reshape(-1, 4, 3)
+    in_front = corners[..., 2] >= 0.0
+    # What is behind goes to the limb, so that the area ends there.
+    limb = corners[..., :2] / np.maximum(np.hypot(corners[..., 0], corners[..., 1]), 1e-12)[..., None]
+    flat = np.where(in_front[..., None], corners[..., :2], limb)
+    quads = flat[in_front.any(axis=1)]
+    # One path of them all is filled once: no seams.
+    outlines = np.concatenate([quads, quads[:, :1]], axis=1)
+    codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(quads))
+    if len(quads):
+        path = Path(outlines.reshape(-1, 2), codes)
+        panel.add_patch(PathPatch(path, facecolor=colour, edgecolor="none", alpha=0.35, zorder=3))
+    rim = closed[0]
+    is_front = rim[:, 2:] >= 0.0
+    front, behind = np.where(is_front, rim[:, :2], np.nan), np.where(is_front, np.nan, rim[:, :2])
+    panel.plot(front[:, 0], front[:, 1], color=colour, linewidth=1.2, zorder=4)
+    panel.plot(behind[:, 0], behind[:, 1], color=colour, linewidth=0.8, linestyle=":", alpha=0.8, zorder=2)
+
+
+def _draw_tip(panel: Axes, seen: FloatArray, colour: str, name: str) -> None:
+    """The estimated axis as a dot with its name; hollow behind the sphere."""
+    in_front = seen[2] >= 0.0
+    panel.plot(
+        *seen[:2],
+        "o",
+        markersize=4,
+        markeredgecolor=colour,
+        markerfacecolor=colour if in_front else "none",
+        zorder=5,
+    )
+    panel.annotate(
+        name,
+        (seen[0], seen[1]),
+        xytext=(6, 5),
+        textcoords="offset points",
+        color=colour,
+        fontsize=10,
+        weight="bold",
+        zorder=6,
+    )

@@ -1,0 +1,233 @@
+"""The sphere of the interactive report, with the directions that body axes may have, and what moves on it."""
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.report.body_axes import axis_patches
+from elliptude.report.curves import plot_layout
+from elliptude.report.run import Run
+from elliptude.report.run_figures import AXIS_COLOURS, time_text
+from elliptude.typing import FloatArray
+
+FRAMES = 240
+"""Times at which the sphere is drawn."""
+
+_MERIDIANS, _RINGS = 36, 4
+_LARGEST = np.deg2rad(60.0)
+"""Of the errors of a set that is drawn: patches, flat between their rings, would cut through the globe if larger."""
+_INT16 = 32767
+_NOT_KNOWN = -32768
+
+
+def frame_rows(run: Run) -> NDArray[np.intp]:
+    """Rows evenly in time, the one with the largest set, and the one whose reference is farthest out."""
+    wanted = np.linspace(run.times[0], run.times[-1], FRAMES)
+    after = np.searchsorted(run.times, wanted).clip(max=len(run.times) - 1)
+    before = np.maximum(after - 1, 0)
+    rows = np.where(wanted - run.times[before] < run.times[after] - wanted, before, after).tolist()
+    for score in (run.largest_angles, run.forms):
+        if score is not None and np.isfinite(score).any():
+            rows.append(int(np.nanargmax(score)))
+    return np.unique(rows)
+
+
+def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
+    """What moves on the sphere."""
+    factor = run.magnification(rows)
+    attitudes = run.attitudes[rows]
+    attitudes[~run.known[rows]] = np.nan
+    shapes = factor**2 * run.shapes[rows]
+    patches = np.stack(
+        [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS) for i in range(3)],
+        axis=1,
+    )
+    patches[factor * run.largest_angles[rows] > _LARGEST] = np.nan
+    marks = run.true_axes(factor)[rows].swapaxes(1, 2) if run.compared.any() else None
+    return {
+        "vertices": _RINGS * _MERIDIANS,
+        "meridians": _MERIDIANS,
+        "patches": _packed(patches),
+        "tips": _packed(attitudes.swapaxes(1, 2)),
+        "marks": None if marks is None else _packed(marks),
+        "times": run.times[rows].tolist(),
+        "labels": [_frame_label(run, int(row), bool(np.isfinite(patches[i]).all())) for i, row in enumerate(rows)],
+        "patch_traces": [_STILL, _STILL + 1, _STILL + 2],
+        "rim_traces": [_STILL + 3, _STILL + 4, _STILL + 5],
+        "tip_traces": [_STILL + 6, _STILL + 7, _STILL + 8],
+        "mark_trace": _STILL + 9,
+    }
+
+
+def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
+    parts = [f"{time_text(run, row)} s"]
+    if not run.known[row]:
+        return f"{parts[0]}: nothing is known"
+    parts.append(f"within {np.rad2deg(run.largest_angles[row]):.3g}°")
+    if not is_drawn:
+        parts.append("too large to draw")
+    if run.tilt_bounds is not None and np.isfinite(run.tilt_bounds[row]):
+        parts.append(f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°")
+    if run.claims is not None and run.claims[row]:
+        parts.append(f"claim: {run.claims[row]}")
+    if run.compared[row]:
+        assert run.errors is not None
+        where = "OUTSIDE" if run.escaped[row] else "inside"
+        parts.append(f"reference {np.rad2deg(np.linalg.norm(run.errors[row])):.3g}° off, {where}")
+    return ", ".join(parts)
+
+
+def _packed(directions: FloatArray) -> str:
+    """Components from -1 to 1 as 16-bit numbers: to 3e-5, which is 0.002 degrees."""
+    known = np.isfinite(directions)
+    numbers = np.where(known, np.rint(np.where(known, directions, 0.0) * _INT16), _NOT_KNOWN)
+    return base64.b64encode(numbers.astype("<i2").tobytes()).decode("ascii")
+
+
+def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[int]]:
+    """Of a disc whose vertices are rings of meridians; the last ring is a point."""
+    i, j, k = [], [], []
+    for ring in range(rings - 1):
+        for one in range(meridians):
+            other = (one + 1) % meridians
+            a, b = ring * meridians + one, ring * meridians + other
+            c, d = a + meridians, b + meridians
+            i += [a, b]
+            j += [b, d]
+            k += [c, c]
+    return i, j, k
+
+
+def _globe() -> dict[str, Any]:
+    """The sphere of directions, below the patches, which are flat between their vertices."""
+    latitudes, longitudes = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25), np.linspace(0.0, 2.0 * np.pi, 49)
+    across = np.cos(latitudes)[:, None]
+    sphere = 0.98 * np.stack(
+        [
+            across * np.cos(longitudes),
+            across * np.sin(longitudes),
+            np.broadcast_to(np.sin(latitudes)[:, None], (25, 49)),
+        ]
+    )
+    x, y, z = (np.round(component, 4).tolist() for component in sphere)
+    return {
+        "type": "surface",
+        "x": x,
+        "y": y,
+        "z": z,
+        "showscale": False,
+        "colorscale": [[0, "#d8dbe0"], [1, "#d8dbe0"]],
+        "hoverinfo": "skip",
+        "contours": {name: {"highlight": False} for name in "xyz"},
+        "opacity": 0.6,
+        "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+    }
+
+
+def _circles() -> dict[str, Any]:
+    """Where the planes of the reference axes meet the sphere, and these axes themselves."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 73)
+    points: list[list[float | None]] = []
+    for normal in range(3):
+        circle = np.zeros((73, 3))
+        circle[:, (normal + 1) % 3], circle[:, (normal + 2) % 3] = 0.99 * np.cos(angles), 0.99 * np.sin(angles)
+        tip = 1.2 * np.eye(3)[normal]
+        points += [*np.round(circle, 4).tolist(), [None] * 3, [0.0] * 3, tip.tolist(), [None] * 3]
+    x, y, z = (list(column) for column in zip(*points, strict=True))
+    return {
+        "type": "scatter3d",
+        "mode": "lines",
+        "x": x,
+        "y": y,
+        "z": z,
+        "line": {"color": "#8a8f98", "width": 1.5},
+        "hoverinfo": "skip",
+    }
+
+
+_STILL = 3
+"""Traces that do not move: the globe, its circles, the names of the reference axes."""
+
+
+def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
+    """Plotly's data and layout."""
+    i, j, k = _triangles(_MERIDIANS, _RINGS)
+    nothing: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
+    names = {
+        "type": "scatter3d",
+        "mode": "text",
+        **{axis: [1.3 * float(tip) for tip in row] for axis, row in zip("xyz", np.eye(3), strict=True)},
+        "text": ["X", "Y", "Z"],
+        "hoverinfo": "skip",
+    }
+    traces: list[dict[str, Any]] = [_globe(), _circles(), names]
+    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
+        traces.append(
+            {
+                "type": "mesh3d",
+                "name": f"body {axis}",
+                **{name: [0.0] * (_RINGS * _MERIDIANS) for name in "xyz"},
+                "i": i,
+                "j": j,
+                "k": k,
+                "color": colour,
+                "flatshading": True,
+                "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+                "hoverinfo": "name",
+            }
+        )
+    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
+        traces.append(
+            {
+                "type": "scatter3d",
+                "mode": "lines",
+                "name": f"rim of body {axis}",
+                **nothing,
+                "line": {"color": colour, "width": 4},
+                "hoverinfo": "skip",
+            }
+        )
+    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
+        traces.append(
+            {
+                "type": "scatter3d",
+                "mode": "lines+text",
+                "name": f"estimated body {axis}",
+                **nothing,
+                "text": ["", axis],
+                "textfont": {"color": colour, "size": 26},
+                "line": {"color": colour, "width": 5},
+                "hoverinfo": "name",
+            }
+        )
+    if compares:
+        traces.append(
+            {
+                "type": "scatter3d",
+                "mode": "markers",
+                "name": label,
+                **nothing,
+                "marker": {"size": 4},
+                "meta": "ink",
+                "hoverinfo": "name",
+            }
+        )
+    hidden = {"visible": False, "range": [-1.35, 1.35]}
+    layout = plot_layout(
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        showlegend=False,
+        hovermode="closest",
+        scene={
+            "xaxis": hidden,
+            "yaxis": hidden,
+            "zaxis": hidden,
+            "aspectmode": "manual",
+            "aspectratio": {"x": 1.9, "y": 1.9, "z": 1.9},
+            "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}, "projection": {"type": "orthographic"}},
+            "dragmode": "orbit",
+        },
+        uirevision="kept",
+    )
+    return {"data": traces, "layout": layout}

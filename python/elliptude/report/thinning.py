@@ -1,0 +1,163 @@
+"""Some rows of long results, for a picture: more points than pixels show nothing more.
+
+`Thinned` takes rows as they are estimated and keeps of each so many the worst; `chosen_rows` has all rows, and keeps
+every extreme that a curve shows.
+"""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.io.tables import Results
+from elliptude.report.run import Run
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
+
+LIMIT = 10_000
+"""Results of more rows are thinned, to between half as many and as many."""
+
+
+class Thinned:
+    """Of each so many rows the one with the truth furthest out, or without a truth the one with the largest set.
+
+    How many rows stand for one doubles when there are too many, so memory does not grow. A picture of what is left
+    shows every escape that a picture of all would show.
+    """
+
+    def __init__(self) -> None:
+        self._stride = 1
+        self._rows = 0
+        self._numbers: NDArray[np.intp] = np.empty(0, dtype=np.intp)
+        self._kept: Results | None = None
+
+    def add(self, results: Results) -> None:
+        """Take the next rows."""
+        numbers = np.arange(self._rows, self._rows + len(results.times))
+        self._rows += len(numbers)
+        worst = _worst(results, numbers // self._stride)
+        part = chosen(results, worst)
+        self._kept = part if self._kept is None else _joined(self._kept, part)
+        self._numbers = np.concatenate([self._numbers, numbers[worst]])
+        while len(self._numbers) > LIMIT:
+            self._stride *= 2
+            worst = _worst(self._kept, self._numbers // self._stride)
+            self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
+
+    def results(self) -> Results:
+        """What is left.
+
+        Raises
+        ------
+        ValueError
+            If there was nothing.
+        """
+        if self._kept is None:
+            raise ValueError("no rows were added")
+        return self._kept
+
+
+def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The worst row of each bin, in order."""
+    size: FloatArray = np.where(np.isnan(results.largest_angles), np.inf, results.largest_angles)
+    known = np.zeros(len(size), dtype=np.bool_)
+    if results.forms is not None:
+        known = np.isfinite(results.forms)
+        size = np.where(known, results.forms, size)
+    return largest_of_each(bins, known, size)
+
+
+def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
+    """The row of each bin with the largest score, and of such the first; of several scores the first one counts most.
+
+    Bins must not decrease, and no score may be NaN.
+    """
+    starts = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
+    lengths = np.diff(starts, append=len(bins))
+    best = np.ones(len(bins), dtype=np.bool_)
+    for score in scores:
+        left = np.where(best, score, -np.inf)
+        best &= left == np.repeat(np.maximum.reduceat(left, starts), lengths)
+    rows = np.flatnonzero(best)
+    return rows[np.diff(bins[rows], prepend=bins[0] - 1) > 0]
+
+
+def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
+    """Some rows of results."""
+
+    def of(value: Any) -> Any:
+        if value is None or isinstance(value, str):
+            return value
+        return value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
+
+    return Results(**{field.name: of(getattr(results, field.name)) for field in fields(Results)})
+
+
+def _joined(first: Results, second: Results) -> Results:
+    def of(one: Any, other: Any) -> Any:
+        if one is None or isinstance(one, str):
+            return one
+        return np.concatenate([one, other]) if isinstance(one, np.ndarray) else [*one, *other]
+
+    return Results(
+        **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Results)}
+    )
+
+
+def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
+    """The weakest claim in each piece of rows; nothing where a row says nothing."""
+    ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
+    coded = np.array([ranks[word] for word in claims])
+    order = (*CLAIMS, "")
+    return [order[int(coded[chunk].max())] for chunk in chunks]
+
+
+def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
+    """At how many rows of each piece that have a set the prediction went into it: "every row", "some rows", "none"."""
+    shares = []
+    for chunk in chunks:
+        known = used[chunk][np.isfinite(used[chunk])]
+        shares.append("every row" if len(known) and known.all() else "some rows" if known.any() else "none")
+    return shares
+
+
+def pieces(count: int, most: int) -> list[slice]:
+    """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
+    length = -(-count // most)
+    return [slice(begin, min(begin + length, count)) for begin in range(0, count, length)]
+
+
+def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
+    """Rows to draw instead of all: every extreme stays, each row as it is.
+
+    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
+    the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
+    of which nothing is known.
+
+    Parameters
+    ----------
+    run : Run
+    most : int
+        Pieces. All rows are drawn if there are not more.
+
+    Returns
+    -------
+    (K,) array
+        Increasing, K at most 9 times ``most``.
+    """
+    count = len(run.times)
+    if count <= most:
+        return np.arange(count)
+    ratios = np.zeros((count, 0))
+    if run.errors is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.abs(run.errors) / run.half_widths
+    scores = [run.largest_angles, -run.largest_angles, *ratios.T]
+    scores += [score for score in (run.forms, run.tilt_bounds) if score is not None]
+    scores = [np.where(np.isnan(score), -np.inf, score) for score in scores]
+    some, is_gap = pieces(count, most), ~run.known
+    bins = np.arange(count) // some[0].stop
+    gaps = largest_of_each(bins, is_gap)
+    rows = [np.array([piece.start for piece in some]), gaps[is_gap[gaps]]]
+    return np.unique(np.concatenate(rows + [largest_of_each(bins, score) for score in scores]))

@@ -1,0 +1,1 @@
+"""Trials that look for sets without the truth."""
