@@ -31,6 +31,13 @@ template <typename Scalar>
   return Scalar(1) / (Scalar(64) * Scalar(scalar::epsilon<Scalar>));
 }
 
+/// What one direction adds to the attitude profile L = Σ wᵢ eᵢ b̃ᵢᵀ, of unit vectors.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> profile_term(const Scalar& weight, const Vector3<Scalar>& reference,
+                                           const Vector3<Scalar>& body) noexcept {
+  return (weight * reference) * body.transpose();
+}
+
 /// L = Σ wᵢ eᵢ b̃ᵢᵀ of directions made unit vectors.
 /// \param weights m numbers, not negative.
 /// \return `not_finite`; `out_of_range` if a weight is negative, all are zero, or the sizes differ; `zero_direction`;
@@ -61,7 +68,7 @@ template <typename Reference, typename Body, typename Weights>
     if (!(length_e > Scalar(0)) || !(length_b > Scalar(0))) {
       return Status::zero_direction;
     }
-    sum += (weight * (e / length_e)) * (b / length_b).transpose();
+    sum += profile_term(weight, Vector3<Scalar>(e / length_e), Vector3<Scalar>(b / length_b));
     total += weight;
   }
   if (!(total > Scalar(0))) {

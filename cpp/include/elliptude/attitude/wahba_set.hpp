@@ -102,7 +102,7 @@ template <typename Chart, typename Scalar>
   lengths.array() += Scalar(64) * epsilon * lengths(2);
   const Matrix3<Scalar> shape = eigen.vectors * lengths.asDiagonal() * eigen.vectors.transpose();
   ellipsoid.center = Vector3<Scalar>::Zero();
-  ellipsoid.shape = scalar::constant<Scalar>(0.5L) * (shape + shape.transpose());
+  ellipsoid.shape = symmetrized(shape);
   return Status::ok;
 }
 
@@ -136,7 +136,7 @@ class DirectionCones {
       if (!scalar::all_finite(e) || !scalar::all_finite(b) || !scalar::isfinite(r)) {
         return Status::not_finite;
       }
-      if (!(r > Scalar(0)) || !(r < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
+      if (!(r > Scalar(0)) || !(r < scalar::pi<Scalar>())) {
         return Status::out_of_range;
       }
       result.reference_[i] = scalar::unit(e);
@@ -192,7 +192,7 @@ class DirectionCones {
     for (std::size_t i = 0; i < count_; ++i) {
       share[i] = weights[i] / largest;
       total += share[i];
-      profile += (share[i] * reference_[i]) * body_[i].transpose();
+      profile += profile_term(share[i], reference_[i], body_[i]);
     }
     ConeSum<Scalar> result;
     result.attitude = Matrix3<Scalar>::Identity();

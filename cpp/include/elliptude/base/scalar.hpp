@@ -64,6 +64,12 @@ template <typename Scalar>
   return Scalar(static_cast<Value<Scalar>>(value));
 }
 
+/// π.
+template <typename Scalar>
+[[nodiscard]] constexpr Scalar pi() noexcept {
+  return constant<Scalar>(3.14159265358979323846264338327950288L);
+}
+
 template <typename Scalar>
 [[nodiscard]] Scalar sqrt(const Scalar& x) noexcept {
   using std::sqrt;
@@ -187,4 +193,18 @@ template <typename Scalar, std::size_t Count>
 }
 
 }  // namespace scalar
+
+/// ½ (M + Mᵀ), exactly symmetric.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> symmetrized(const Matrix<Scalar, N>& m) noexcept {
+  return scalar::constant<Scalar>(0.5L) * (m + m.transpose());
+}
+
+/// T P Tᵀ, symmetric but for rounding.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Matrix<Scalar, M> congruence(const Matrix<Scalar, M, N>& t, const Matrix<Scalar, N>& p) noexcept {
+  const Matrix<Scalar, M, N> half = t.lazyProduct(p);
+  return half.lazyProduct(t.transpose());
+}
+
 }  // namespace elliptude

@@ -121,7 +121,7 @@ template <typename Scalar>
   const Vector3<Scalar> ha = h * a;
   const Matrix3<Scalar>& inertia = body.inertia();
   const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
-  const Scalar right_angle = scalar::constant<Scalar>(1.57079632679489661923132169163975144L);
+  const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
   Vector3<Scalar> x = body.inertia_inverse() * ha;
   constexpr int most_steps = 40;
   for (int step = 0; step < most_steps; ++step) {

@@ -131,11 +131,6 @@ class ErrorTube {
                                                   const MotionSeries<Scalar, Potential>& series, const Scalar& middle,
                                                   const LinearPart& linear) noexcept;
 
-  /// The image of a shape under three columns.
-  [[nodiscard]] static Matrix6<Scalar> image(const Columns& columns, const Matrix3<Scalar>& shape) noexcept {
-    const Columns half = columns.lazyProduct(shape);
-    return half.lazyProduct(columns.transpose());
-  }
   [[nodiscard]] static Scalar block_norm(const Block& block) noexcept {
     return norm_of_gram(Matrix3<Scalar>(block.transpose().lazyProduct(block)));
   }
@@ -384,7 +379,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>
   const Matrix6<Scalar> inner = top.transpose().lazyProduct(bottom);
   const Matrix6<Scalar> symmetric = inner + inner.transpose();
   const Scalar eighth = scalar::constant<Scalar>(0.125L) * spectral_norm(symmetric);
-  Matrix6<Scalar> shape = image(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
+  Matrix6<Scalar> shape = congruence(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
   if (series.acceleration.largest > Scalar(0)) {
     Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
     if (cholesky(attitudes, axes) != Status::ok) {
@@ -392,7 +387,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>
     }
     expansion::CubicForms<Scalar> forms = expansion::CubicForms<Scalar>::Zero();
     series.torque.add_cubic(middle, body.inertia_inverse(), axes, forms);
-    shape = sum_of_shapes(shape, image(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
+    shape = sum_of_shapes(shape, congruence(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
   }
   return shape;
 }
@@ -449,7 +444,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   Matrix6<Scalar> unknown_push = Matrix6<Scalar>::Zero();
   if (unknown.trace() != zero) {  // of NaN, too, which shows in the norm
     const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
-    unknown_push = image(by_torque, unknown);
+    unknown_push = congruence(by_torque, unknown);
   }
   const Scalar unknown_norm = scalar::sqrt(Scalar(unknown_push.trace()));
   const Matrix6<Scalar> cubic = cubic_push(body, series, middle, linear);
@@ -458,7 +453,8 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
       strength * attitude * attitude * attitude * scalar::constant<Scalar>(0.375L) * degree * degree;
   const Scalar fourth_bound =
       attitude * attitude * attitude * attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
-  const Matrix6<Scalar> fourth = image(linear.from_rate, Matrix3<Scalar>((fourth_bound * fourth_bound) * torque.shape));
+  const Matrix6<Scalar> fourth =
+      congruence(linear.from_rate, Matrix3<Scalar>((fourth_bound * fourth_bound) * torque.shape));
   const Scalar fourth_norm = scalar::sqrt(Scalar(fourth.trace()));
 
   // --- how far u moves (theory, section 17.4) ----------------------------------------------------------------------------
@@ -567,8 +563,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     ball = by_moved * moved;
     ball.diagonal().array() += moved_trace > Scalar(0) ? Scalar(one + share) : one;
   }
-  const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
-  Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
+  Matrix6<Scalar> shape = congruence(set_, ball);
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share =
       detail::tube::moderate_growth(Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))),
@@ -583,9 +578,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }
-  const Matrix6<Scalar> half = frame_.lazyProduct(shape);
-  Matrix6<Scalar> whole = half.lazyProduct(frame_.transpose());
-  whole = (scalar::constant<Scalar>(0.5L) * (whole + whole.transpose())).eval();
+  Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
   // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
   const Vector6<Scalar> magnitude =
       frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();

@@ -478,8 +478,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       return Status::not_finite;
     }
     const Matrix<Scalar, Rows, 3> h = measurement.h.template rightCols<3>();
-    const Matrix<Scalar, Rows, 3> half = h.lazyProduct(known_.vector_bound.shape);
-    const Matrix<Scalar, Rows> added = half.lazyProduct(h.transpose());
+    const Matrix<Scalar, Rows> added = congruence(h, known_.vector_bound.shape);
     if (added.trace() > Scalar(0)) {
       const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
       measurement.bound =

@@ -141,7 +141,7 @@ class GuaranteedRigidBodyFlow {
     }
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
-    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Matrix3<Scalar> momentum_shape = congruence(j, ellipsoid.shape);
     const Scalar gradient = torque_bounds_.by_inertia * error;
     const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + detail::tube::radius(ellipsoid.shape);
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
@@ -330,7 +330,7 @@ class GuaranteedGyroFlow {
     const Vector3<Scalar> turn = h * rate;
     const Matrix3<Scalar> f = exp(turn);
     const Matrix6<Scalar> shape =
-        congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
+        covered_congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
 
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
@@ -369,8 +369,7 @@ class GuaranteedGyroFlow {
     } else {
       ball += h * scale;
       const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
-      const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
-      const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
+      const Matrix3<Scalar> turned = congruence(Matrix3<Scalar>(middle.transpose()), uncertainty_.noise);
       others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
       others[0].diagonal().template head<3>().array() +=
           rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
@@ -420,7 +419,7 @@ class GuaranteedGyroFlow {
                         rounding::share<Scalar>(rounding::turn_by_angle) * scalar::sqrt(Scalar(turn.squaredNorm()));
     const GibbsEllipsoid<State> turned{
         {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias},
-        congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
+        covered_congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
     return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
   }
 

@@ -17,7 +17,7 @@
 ///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
 
 #include "elliptude/dynamics/potential.hpp"
-#include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/sum.hpp"
 
 namespace elliptude {
 

@@ -444,7 +444,7 @@ template <typename Scalar, int N>
   if (!scalar::all_finite(symmetric)) {
     return Status::not_finite;
   }
-  Matrix<Scalar, N> a = scalar::constant<Scalar>(0.5L) * (symmetric + symmetric.transpose());
+  Matrix<Scalar, N> a = symmetrized(symmetric);
   Matrix<Scalar, N> vectors = Matrix<Scalar, N>::Identity();
   constexpr int most_sweeps = 30;
   bool converged = false;

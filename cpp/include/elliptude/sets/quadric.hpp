@@ -120,8 +120,7 @@ template <typename Scalar, int M, int N>
   const Matrix<Scalar, N, M> half = quadric.a.lazyProduct(transform);
   const Matrix<Scalar, M> a = transform.transpose().lazyProduct(half);
   const Vector<Scalar, N> gradient = quadric.a.lazyProduct(shift) + quadric.g;
-  return {scalar::constant<Scalar>(0.5L) * (a + a.transpose()), transform.transpose().lazyProduct(gradient),
-          slack(quadric, shift)};
+  return {symmetrized(a), transform.transpose().lazyProduct(gradient), slack(quadric, shift)};
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.

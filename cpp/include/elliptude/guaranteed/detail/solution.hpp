@@ -113,7 +113,7 @@ class SetSolver {
           const Scalar square = direction.bound.trace();
           const Scalar weight = square < least ? Scalar(Scalar(1) / least)
                                                : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);
-          profile += (weight * scalar::unit(direction.reference)) * scalar::unit(direction.body).transpose();
+          profile += profile_term(weight, scalar::unit(direction.reference), scalar::unit(direction.body));
         }
       }
       Scalar condition;
