@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
+#include <elliptude/sets/sum.hpp>
 #include <random>
 
 #include "module.hpp"
