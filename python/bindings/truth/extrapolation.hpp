@@ -163,7 +163,7 @@ template <typename Scalar, typename Motion>
                              State<Scalar>& state) noexcept {
   constexpr std::size_t columns = 8;
   constexpr std::size_t size = std::tuple_size_v<State<Scalar>>;
-  constexpr Scalar tolerance = std::is_same_v<Scalar, double> ? 1e-13L : 1e-17L;
+  constexpr Scalar tolerance = static_cast<Scalar>(std::is_same_v<Scalar, double> ? 1e-13L : 1e-17L);
   constexpr int most_steps = 1000000;
 
   Scalar time = begin;
