@@ -11,7 +11,7 @@
 #include <elliptude/attitude/wahba_set.hpp>
 #include <elliptude/dynamics/linearization.hpp>
 #include <elliptude/guaranteed/filter.hpp>
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/quadrics.hpp>
 #include <elliptude/sets/intersection.hpp>
 #include <random>
 

@@ -4,7 +4,9 @@
 /// The convergence theorem (paper, §3.4, eq. sufcond), reported for what it is: a sufficient condition that a first update from a
 /// poor prior can meet and no filter can meet at every update, as det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/triangular.hpp"
 
 namespace elliptude {
 

@@ -3,7 +3,7 @@
 /// \file
 /// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of what is predicted and what is measured.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 

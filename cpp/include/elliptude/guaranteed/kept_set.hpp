@@ -3,7 +3,7 @@
 /// \file
 /// Which sets a guaranteed filter keeps: the domain in which all that is computed of them stays finite. (theory, section 16.9)
 
-#include "elliptude/guaranteed/flow.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 
 namespace elliptude {
 

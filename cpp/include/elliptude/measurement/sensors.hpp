@@ -3,7 +3,7 @@
 /// \file
 /// What was measured at one moment, and sets of these measurements.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 
