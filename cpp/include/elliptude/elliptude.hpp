@@ -56,6 +56,7 @@
 #include "elliptude/guaranteed/body_flow.hpp"
 #include "elliptude/guaranteed/gyro_flow.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
+#include "elliptude/guaranteed/policy.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 #include "elliptude/guaranteed/filter.hpp"
 // clang-format on

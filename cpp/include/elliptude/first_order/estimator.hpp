@@ -18,8 +18,4 @@ struct FirstOrderEstimator {
   static constexpr Recentring recentring = Recentring::first_order;
 };
 
-/// Nothing is linearized and nothing dropped: the filter's sets hold the state of the continuous motion whenever what it was told of
-/// errors holds (guaranteed/filter.hpp).
-struct GuaranteedEstimator {};
-
 }  // namespace elliptude
