@@ -43,59 +43,35 @@ template <typename Scalar, int N>
   return l1.diagonal().prod() < l2.diagonal().prod();
 }
 
-/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion; that all is
-/// finite, and the prediction, are tested here.
+/// Constraints in the coordinates of the search, divided by a scale each.
+template <typename Scalar, int N>
+struct Gathered {
+  ManyQuadrics<Scalar, N> problem;
+  typename ManyQuadrics<Scalar, N>::Multipliers scale;
+  bool idle;    ///< whether no quadric makes the prediction smaller
+  bool finite;  ///< whether all could be scaled
+};
+
 template <typename Scalar, int N, typename Given>
-[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
-                          const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
-  using Problem = ManyQuadrics<Scalar, N>;
-  using Fusion = QuadricFusion<Scalar, N>;
-  const Scalar epsilon(scalar::epsilon<Scalar>);
-  Problem problem;
-  problem.with_ball = predicted != nullptr;
+void gather(const Given* quadrics, std::size_t count, const SizeCriterion<Scalar, N>& criterion,
+            const Coordinates<Scalar, N>& at, Gathered<Scalar, N>& gathered) noexcept {
+  ManyQuadrics<Scalar, N>& problem = gathered.problem;
+  problem.with_ball = at.in_ball;
   problem.by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
   const std::size_t first = problem.with_ball ? 1 : 0;
   problem.count = count + first;
-
-  // y = shift + factor u: the predicted ellipsoid is in the unit ball of u; without one each coordinate has a scale in which
-  // the quadrics' diagonals are of the size of their slack.
-  Coordinates<Scalar, N> at;
-  at.shift.setZero();
-  at.reach.setZero();
-  at.factor.setZero();
-  at.in_ball = problem.with_ball;
-  if (problem.with_ball) {
-    if (!scalar::all_finite(predicted->center) || !scalar::all_finite(predicted->shape)) {
-      return Status::not_finite;
-    }
-    if (!is_symmetric(predicted->shape)) {
-      return Status::not_symmetric;
-    }
-    // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
-    Matrix<Scalar, N> raised = predicted->shape;
-    raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * epsilon;
-    if (const Status status = cholesky(raised, at.factor); status != Status::ok) {
-      return status;
-    }
-    at.shift = predicted->center;
-    at.reach = at.shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
-  } else if (const Status status = scale_by_slack(quadrics, count, at.factor); status != Status::ok) {
-    return status;
-  }
   if (!problem.by_volume) {
     problem.weight.noalias() =
         at.factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(at.factor)));
     problem.weight *= Scalar(N) / problem.weight.trace();
   }
-
-  typename Problem::Multipliers scale;
   if (problem.with_ball) {
     problem.constraints[0].rank = N;
     problem.constraints[0].leading = false;
     problem.constraints[0].quadric = {Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)};
-    scale[0] = Scalar(1);
+    gathered.scale[0] = Scalar(1);
   }
-  const Scalar rounding = Scalar(4 * (N + 4) + 2 * static_cast<int>(count)) * epsilon;
+  const Scalar rounding = Scalar(4 * (N + 4) + 2 * static_cast<int>(count)) * Scalar(scalar::epsilon<Scalar>);
   bool idle = problem.with_ball;
   bool finite = true;
   for (std::size_t k = first; k < problem.count; ++k) {
@@ -105,61 +81,22 @@ template <typename Scalar, int N, typename Given>
     constraint.with([&](auto& q) {
       // At μ = (N, 0, ...) F grows with every multiplier if sₖ(0) ≥ tr(W Aₖ)/tr W.
       idle = idle && q.c * Scalar(N) >= trace;
-      scale[k] = slack_scale(q);
-      const Scalar inverse = Scalar(1) / scale[k];
+      gathered.scale[k] = slack_scale(q);
+      const Scalar inverse = Scalar(1) / gathered.scale[k];
       q.a *= inverse;
       q.g *= inverse;
       q.c *= inverse;
       finite = finite && scalar::all_finite(q.a) && scalar::all_finite(q.g) && scalar::isfinite(q.c);
     });
   }
-  if (!finite) {
-    // An input that is not; or one too sharp, too weak or too far away to be scaled to the prediction.
-    for (std::size_t k = 0; k < count; ++k) {
-      if (elliptude::validate(quadrics[k]) == Status::not_finite) {
-        return Status::not_finite;
-      }
-    }
-    return Status::out_of_range;
-  }
-  const auto prediction_alone = [&](const Scalar& margin) {
-    result.set = *predicted;
-    result.multipliers.fill(Scalar(0));
-    result.predicted_multiplier = Scalar(1);
-    result.margin = margin;
-    result.prediction_alone = true;
-    result.contradiction = Fusion::none;
-    return Status::ok;
-  };
-  if (idle) {
-    return prediction_alone(Scalar(1));
-  }
+  gathered.idle = idle;
+  gathered.finite = finite;
+}
 
-  typename Problem::Multipliers multipliers = starting_multipliers(problem);
-  std::array<typename Problem::Iterate, 2> iterates;
-  if (const Status status = find_bounded(problem, multipliers, iterates[0]); status != Status::ok) {
-    return status;
-  }
-  const typename Problem::Iterate* found = nullptr;
-  Scalar margin;
-  const Status status = minimize(problem, scale, iterates, found, margin);
-  const typename Problem::Iterate& best = *found;
-  if (status == Status::empty_intersection) {
-    // The prediction contradicts as much as what it contradicts: who asks wants to know which measurement that is.
-    Scalar worst(0);
-    result.contradiction = problem.with_ball ? Fusion::predicted : Fusion::none;
-    for (std::size_t k = 0; k < count; ++k) {
-      const Scalar violation = -best.multipliers[k + first] * best.slack[k + first];
-      if (violation > worst) {
-        worst = violation;
-        result.contradiction = k;
-      }
-    }
-    result.margin = margin;
-    return status;
-  }
-
-  // P = N A⁻¹ in y, its diagonal raised by what the products may have lost.
+/// P = N A⁻¹ in y, its diagonal raised by what the products may have lost.
+template <typename Scalar, int N>
+[[nodiscard]] Ellipsoid<Scalar, N> set_of(const typename ManyQuadrics<Scalar, N>::Iterate& best,
+                                          const Coordinates<Scalar, N>& at) noexcept {
   const Scalar level = (best.level > Scalar(0) ? best.level : Scalar(0)) + best.rounding;
   const Matrix<Scalar, N> half = scalar::sqrt(level) * at.factor.lazyProduct(best.root.transpose());
   Ellipsoid<Scalar, N> set;
@@ -172,27 +109,110 @@ template <typename Scalar, int N, typename Given>
                         scalar::sqrt(Scalar(set.shape(i, i)));
     loss = lost > loss ? lost : loss;
   }
-  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * epsilon * (Scalar(1) + loss);
-  if (!scalar::all_finite(set.center) || !scalar::all_finite(set.shape)) {
-    return problem.with_ball ? prediction_alone(margin) : Status::not_finite;
+  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + loss);
+  return set;
+}
+
+/// Which quadric weighs most against the rest. The prediction contradicts as much as what it contradicts, but what a caller wants
+/// to know is the measurement.
+template <typename Scalar, int N>
+[[nodiscard]] std::size_t contradiction_of(const ManyQuadrics<Scalar, N>& problem,
+                                           const typename ManyQuadrics<Scalar, N>::Iterate& best) noexcept {
+  using Fusion = QuadricFusion<Scalar, N>;
+  const std::size_t first = problem.with_ball ? 1 : 0;
+  Scalar worst(0);
+  std::size_t contradiction = problem.with_ball ? Fusion::predicted : Fusion::none;
+  for (std::size_t k = 0; k + first < problem.count; ++k) {
+    const Scalar violation = -best.multipliers[k + first] * best.slack[k + first];
+    if (violation > worst) {
+      worst = violation;
+      contradiction = k;
+    }
   }
-  if (problem.with_ball && !is_smaller_set(set, *predicted, criterion)) {
-    return prediction_alone(margin);
-  }
-  const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / scale[k]); };
+  return contradiction;
+}
+
+/// The prediction itself, where nothing makes it smaller.
+template <typename Scalar, int N>
+void report_prediction(const Ellipsoid<Scalar, N>& predicted, const Scalar& margin,
+                       QuadricFusion<Scalar, N>& result) noexcept {
+  result.set = predicted;
+  result.multipliers.fill(Scalar(0));
+  result.predicted_multiplier = Scalar(1);
+  result.margin = margin;
+  result.prediction_alone = true;
+  result.contradiction = QuadricFusion<Scalar, N>::none;
+}
+
+template <typename Scalar, int N>
+void report_set(const Ellipsoid<Scalar, N>& set, const Gathered<Scalar, N>& gathered,
+                const typename ManyQuadrics<Scalar, N>::Iterate& best, const Scalar& margin,
+                QuadricFusion<Scalar, N>& result) noexcept {
+  const std::size_t first = gathered.problem.with_ball ? 1 : 0;
+  const auto as_given = [&](std::size_t k) { return Scalar(best.multipliers[k] / gathered.scale[k]); };
   Scalar sum(0);
-  for (std::size_t k = 0; k < problem.count; ++k) {
+  for (std::size_t k = 0; k < gathered.problem.count; ++k) {
     sum += as_given(k);
   }
   result.set = set;
   result.multipliers.fill(Scalar(0));
-  result.predicted_multiplier = problem.with_ball ? Scalar(as_given(0) / sum) : Scalar(0);
-  for (std::size_t k = 0; k < count; ++k) {
+  result.predicted_multiplier = first == 1 ? Scalar(as_given(0) / sum) : Scalar(0);
+  for (std::size_t k = 0; k + first < gathered.problem.count; ++k) {
     result.multipliers[k] = as_given(k + first) / sum;
   }
   result.margin = margin;
   result.prediction_alone = false;
-  result.contradiction = Fusion::none;
+  result.contradiction = QuadricFusion<Scalar, N>::none;
+}
+
+/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion; that all is
+/// finite, and the prediction, are tested here.
+template <typename Scalar, int N, typename Given>
+[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
+                          const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
+  using Problem = ManyQuadrics<Scalar, N>;
+  Coordinates<Scalar, N> at;
+  if (const Status status =
+          predicted != nullptr ? coordinates_of(*predicted, at) : coordinates_without_prediction(quadrics, count, at);
+      status != Status::ok) {
+    return status;
+  }
+  Gathered<Scalar, N> gathered;
+  gather(quadrics, count, criterion, at, gathered);
+  if (!gathered.finite) {
+    // An input that is not; or one too sharp, too weak or too far away to be scaled to the prediction.
+    for (std::size_t k = 0; k < count; ++k) {
+      if (elliptude::validate(quadrics[k]) == Status::not_finite) {
+        return Status::not_finite;
+      }
+    }
+    return Status::out_of_range;
+  }
+  if (gathered.idle) {
+    report_prediction(*predicted, Scalar(1), result);
+    return Status::ok;
+  }
+  typename Problem::Multipliers multipliers = starting_multipliers(gathered.problem);
+  std::array<typename Problem::Iterate, 2> iterates;
+  if (const Status status = find_bounded(gathered.problem, multipliers, iterates[0]); status != Status::ok) {
+    return status;
+  }
+  MultiplierSearch<Scalar, N> search(gathered.problem, gathered.scale, iterates);
+  if (const Status status = search.run(); status == Status::empty_intersection) {
+    result.contradiction = contradiction_of(gathered.problem, search.best());
+    result.margin = search.margin();
+    return status;
+  }
+  const Ellipsoid<Scalar, N> set = set_of(search.best(), at);
+  const bool is_finite = scalar::all_finite(set.center) && scalar::all_finite(set.shape);
+  if (predicted == nullptr && !is_finite) {
+    return Status::not_finite;
+  }
+  if (predicted != nullptr && !(is_finite && is_smaller_set(set, *predicted, criterion))) {
+    report_prediction(*predicted, search.margin(), result);
+    return Status::ok;
+  }
+  report_set(set, gathered, search.best(), search.margin(), result);
   return Status::ok;
 }
 

@@ -127,142 +127,187 @@ template <typename Scalar, int N>
 /// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
 /// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
 /// the best is kept.
-/// \param iterates the first one with A ≻ 0 and multipliers that are positive: where the search begins. The best iterate is one
-/// of the two in the end.
-/// \param margin the least N/Σμ/scale met.
-/// \return `empty_intersection` with `best` the proof.
 template <typename Scalar, int N>
-[[nodiscard]] Status minimize(const ManyQuadrics<Scalar, N>& problem,
-                              const typename ManyQuadrics<Scalar, N>::Multipliers& scale,
-                              std::array<typename ManyQuadrics<Scalar, N>::Iterate, 2>& iterates,
-                              const typename ManyQuadrics<Scalar, N>::Iterate*& best, Scalar& margin) noexcept {
+class MultiplierSearch {
+ public:
   using Problem = ManyQuadrics<Scalar, N>;
+  using Iterate = typename Problem::Iterate;
   using Multipliers = typename Problem::Multipliers;
-  constexpr int most_steps = 20;
-  const Scalar log_dimension = Scalar(N) * scalar::log(Scalar(N));
-  // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
-  const Scalar tolerance = scalar::constant<Scalar>(1e-3L);
-  const Scalar half = scalar::constant<Scalar>(0.5L);
-  const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  const std::size_t count = problem.count;
-  typename Problem::Iterate* now = &iterates[0];
-  best = now;
-  Multipliers z{};
-  Multipliers gradient;
-  Matrix<Scalar, N> v;
-  std::array<Scalar, Problem::most * Problem::most> hessian;
-  for (int step = 0; step <= most_steps; ++step) {
-    typename Problem::Iterate& it = *now;
+
+  /// \param scale what the multipliers are divided by to be those of the constraints as given.
+  /// \param iterates the first one with A ≻ 0 and multipliers that are positive: where the search begins. The other is room to
+  /// work in.
+  MultiplierSearch(const Problem& problem, const Multipliers& scale, std::array<Iterate, 2>& iterates) noexcept
+      : problem_(problem),
+        scale_(scale),
+        iterates_(iterates),
+        count_(problem.count),
+        now_(&iterates[0]),
+        best_(&iterates[0]) {}
+
+  /// \return `empty_intersection` with `best()` the proof.
+  [[nodiscard]] Status run() noexcept {
+    constexpr int most_steps = 20;
+    for (int step = 0; step <= most_steps; ++step) {
+      note_margin(step == 0);
+      if (now_->level + now_->rounding < Scalar(0)) {
+        best_ = now_;
+        return Status::empty_intersection;
+      }
+      best_ = now_->size < best_->size ? now_ : best_;
+      if (!(now_->level > now_->rounding) || step == most_steps) {
+        break;
+      }
+      bring_to_best_scale();
+      problem_.gradient(*now_, v_, gradient_);
+      if (step == 0) {
+        start_duals();
+      }
+      if (!take_step()) {
+        break;
+      }
+    }
+    return Status::ok;
+  }
+
+  [[nodiscard]] const Iterate& best() const noexcept { return *best_; }
+  /// The least N/Σμ that was met, with the multipliers of the constraints as given.
+  [[nodiscard]] const Scalar& margin() const noexcept { return margin_; }
+
+ private:
+  void note_margin(bool is_first) noexcept {
+    const Iterate& it = *now_;
     Scalar sum(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      sum += it.multipliers[k] / scale[k];  // as given
+    for (std::size_t k = 0; k < count_; ++k) {
+      sum += it.multipliers[k] / scale_[k];  // as given
     }
-    margin = step == 0 || it.level / sum < margin ? Scalar(it.level / sum) : margin;
-    if (it.level + it.rounding < Scalar(0)) {
-      best = now;
-      return Status::empty_intersection;
-    }
-    best = it.size < best->size ? now : best;
-    if (!(it.level > it.rounding) || step == most_steps) {
-      break;
-    }
-    // The same ellipsoid, `best` or not, with the multipliers at their best scale.
+    margin_ = is_first || it.level / sum < margin_ ? Scalar(it.level / sum) : margin_;
+  }
+
+  /// The same ellipsoid, the best or not, with the multipliers at their best scale.
+  void bring_to_best_scale() noexcept {
+    Iterate& it = *now_;
     const Scalar t = Scalar(N) / it.level;
-    for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t k = 0; k < count_; ++k) {
       it.multipliers[k] *= t;
-      z[k] /= t;
+      z_[k] /= t;
     }
     it.level *= t;
     it.rounding *= t;
     it.inverse *= Scalar(1) / t;
     it.root *= Scalar(1) / scalar::sqrt(t);
-    it.barrier = it.size - log_dimension;
+    it.barrier = it.size - log_dimension_;
+  }
 
-    problem.gradient(it, v, gradient);
-    Scalar gap(0);
-    Scalar defect(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      if (step == 0) {
-        const Scalar least = scalar::constant<Scalar>(0.002L) * Scalar(N) / (Scalar(count) * it.multipliers[k]);
-        z[k] = gradient[k] > least ? gradient[k] : least;
-      }
-      gap += it.multipliers[k] * z[k];
-      defect += it.multipliers[k] * scalar::abs(Scalar(gradient[k] - z[k]));
+  void start_duals() noexcept {
+    for (std::size_t k = 0; k < count_; ++k) {
+      const Scalar least = scalar::constant<Scalar>(0.002L) * Scalar(N) / (Scalar(count_) * now_->multipliers[k]);
+      z_[k] = gradient_[k] > least ? gradient_[k] : least;
     }
-    // What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has beside the
-    // direction of μ itself; but no more than μg of one that can only fall to zero. Exchanges of constraints that are alike gain
-    // more: for these Σμg of those that would fall, as ∇Fᵀμ = 0.
-    const Scalar accuracy = tolerance + it.rounding;
-    Scalar exchange(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      exchange += gradient[k] > Scalar(0) ? Scalar(it.multipliers[k] * gradient[k]) : Scalar(0);
+  }
+
+  /// A step of Mehrotra's predictor and corrector.
+  /// \return whether there was one worth it, and it could be taken.
+  [[nodiscard]] bool take_step() noexcept {
+    const Iterate& it = *now_;
+    const Scalar accuracy = tolerance_ + it.rounding;
+    const bool exchange = may_exchange(accuracy);
+    if (!exchange &&
+        !may_gain(accuracy, [&](std::size_t k) { return problem_.least_curvature(k, it, v_, gradient_); })) {
+      return false;
     }
-    const bool may_exchange = exchange > Scalar(2) * accuracy;
-    const auto may_gain = [&](const auto& curvature) {
-      Scalar gain(0);
-      for (std::size_t k = 0; k < count; ++k) {
-        const Scalar& g = gradient[k];
-        const Scalar raise = half * g * g;
-        const Scalar removal = it.multipliers[k] * g;
-        const Scalar second = curvature(k);
-        const Scalar change = second > Scalar(0) ? Scalar(raise / second) : infinite;
-        gain += g > Scalar(0) && removal < change ? removal : change;
-      }
-      return !(gain <= accuracy);
-    };
-    if (!may_exchange && !may_gain([&](std::size_t k) { return problem.least_curvature(k, it, v, gradient); })) {
-      break;
-    }
-    problem.hessian(it, v, gradient, hessian.data());
-    const bool worth_it = may_exchange || may_gain([&](std::size_t k) {
-                            const Scalar trace = it.slack[k] - gradient[k];
-                            return Scalar(hessian[k * Problem::most + k] - trace * trace / Scalar(N));
+    problem_.hessian(it, v_, gradient_, hessian_.data());
+    const bool worth_it = exchange || may_gain(accuracy, [&](std::size_t k) {
+                            const Scalar trace = it.slack[k] - gradient_[k];
+                            return Scalar(hessian_[k * Problem::most + k] - trace * trace / Scalar(N));
                           });
-    for (std::size_t k = 0; k < count; ++k) {
-      hessian[k * Problem::most + k] += z[k] / it.multipliers[k];
+    for (std::size_t k = 0; k < count_; ++k) {
+      hessian_[k * Problem::most + k] += z_[k] / it.multipliers[k];
     }
-    if (!factor_in_place(hessian.data(), Problem::most, count)) {
-      break;
+    if (!factor_in_place(hessian_.data(), Problem::most, count_)) {
+      return false;
     }
-    // The step that takes all μₖzₖ to their targets, linearized.
-    Multipliers move;
-    Multipliers dz;
-    const auto aim_at = [&](const Multipliers& target) {
-      for (std::size_t k = 0; k < count; ++k) {
-        move[k] = target[k] / it.multipliers[k] - gradient[k];
-      }
-      solve_in_place(hessian.data(), Problem::most, count, move.data());
-      for (std::size_t k = 0; k < count; ++k) {
-        dz[k] = (target[k] - z[k] * move[k]) / it.multipliers[k] - z[k];
-      }
-    };
-    // How much of a step stays inside, up to a share of the way to the boundary.
-    const auto longest = [count](const Multipliers& from, const Multipliers& along, const Scalar& share) {
-      Scalar length(1);
-      for (std::size_t k = 0; k < count; ++k) {
-        if (length * along[k] < -share * from[k]) {
-          length = -share * from[k] / along[k];
-        }
-      }
-      return length;
-    };
-    // Mehrotra's predictor and corrector: a step straight at the optimum shows how far one gets, and so how much to keep away
-    // from the boundary, and what the products μₖzₖ then miss in second order.
     Multipliers target;
-    std::fill_n(target.begin(), count, Scalar(0));
+    std::fill_n(target.begin(), count_, Scalar(0));
     aim_at(target);
     Scalar fall(0);  // of F along its tangent: no less than what the whole step would gain
-    for (std::size_t k = 0; k < count; ++k) {
-      fall -= gradient[k] * move[k];
+    for (std::size_t k = 0; k < count_; ++k) {
+      fall -= gradient_[k] * move_[k];
     }
     if (fall <= accuracy && !worth_it) {
-      break;
+      return false;
     }
-    const Scalar straight_primal = longest(it.multipliers, move, Scalar(1));
-    const Scalar straight_dual = longest(z, dz, Scalar(1));
+    const Scalar tau = target_product();
+    correct(tau, target);
+    return search_along_step(tau);
+  }
+
+  /// Exchanges of constraints that are alike gain more than each multiplier alone: for these Σμg of those that would fall, as
+  /// ∇Fᵀμ = 0.
+  [[nodiscard]] bool may_exchange(const Scalar& accuracy) const noexcept {
+    Scalar exchange(0);
+    for (std::size_t k = 0; k < count_; ++k) {
+      exchange += gradient_[k] > Scalar(0) ? Scalar(now_->multipliers[k] * gradient_[k]) : Scalar(0);
+    }
+    return exchange > Scalar(2) * accuracy;
+  }
+
+  /// What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has beside the
+  /// direction of μ itself; but no more than μg of one that can only fall to zero.
+  template <typename Curvature>
+  [[nodiscard]] bool may_gain(const Scalar& accuracy, const Curvature& curvature) const noexcept {
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+    Scalar gain(0);
+    for (std::size_t k = 0; k < count_; ++k) {
+      const Scalar& g = gradient_[k];
+      const Scalar raise = half * g * g;
+      const Scalar removal = now_->multipliers[k] * g;
+      const Scalar second = curvature(k);
+      const Scalar change = second > Scalar(0) ? Scalar(raise / second) : infinite;
+      gain += g > Scalar(0) && removal < change ? removal : change;
+    }
+    return !(gain <= accuracy);
+  }
+
+  /// The step that takes all μₖzₖ to their targets, linearized.
+  void aim_at(const Multipliers& target) noexcept {
+    const Iterate& it = *now_;
+    for (std::size_t k = 0; k < count_; ++k) {
+      move_[k] = target[k] / it.multipliers[k] - gradient_[k];
+    }
+    solve_in_place(hessian_.data(), Problem::most, count_, move_.data());
+    for (std::size_t k = 0; k < count_; ++k) {
+      dz_[k] = (target[k] - z_[k] * move_[k]) / it.multipliers[k] - z_[k];
+    }
+  }
+
+  /// How much of a step stays inside, up to a share of the way to the boundary.
+  [[nodiscard]] Scalar longest(const Multipliers& from, const Multipliers& along, const Scalar& share) const noexcept {
+    Scalar length(1);
+    for (std::size_t k = 0; k < count_; ++k) {
+      if (length * along[k] < -share * from[k]) {
+        length = -share * from[k] / along[k];
+      }
+    }
+    return length;
+  }
+
+  /// What all μₖzₖ are to become: a step straight at the optimum shows how far one gets, and so how much to keep away from the
+  /// boundary.
+  [[nodiscard]] Scalar target_product() const noexcept {
+    const Iterate& it = *now_;
+    Scalar gap(0);
+    Scalar defect(0);
+    for (std::size_t k = 0; k < count_; ++k) {
+      gap += it.multipliers[k] * z_[k];
+      defect += it.multipliers[k] * scalar::abs(Scalar(gradient_[k] - z_[k]));
+    }
+    const Scalar straight_primal = longest(it.multipliers, move_, Scalar(1));
+    const Scalar straight_dual = longest(z_, dz_, Scalar(1));
     Scalar left(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      left += (it.multipliers[k] + straight_primal * move[k]) * (z[k] + straight_dual * dz[k]);
+    for (std::size_t k = 0; k < count_; ++k) {
+      left += (it.multipliers[k] + straight_primal * move_[k]) * (z_[k] + straight_dual * dz_[k]);
     }
     const Scalar ratio_left = left / gap;
     const Scalar least_center = scalar::constant<Scalar>(1e-4L);
@@ -270,69 +315,92 @@ template <typename Scalar, int N>
     Scalar center = ratio_left * ratio_left * ratio_left;
     center = center > least_center ? center : least_center;
     center = center < most_center ? center : most_center;
-    const Scalar tau = center * (gap + defect) / Scalar(count);
-    for (std::size_t k = 0; k < count; ++k) {
-      target[k] = tau - move[k] * dz[k];
+    return center * (gap + defect) / Scalar(count_);
+  }
+
+  /// Aims at products τ less what they would miss in second order, or, where that is too much, at τ: the slope is then negative.
+  void correct(const Scalar& tau, Multipliers& target) noexcept {
+    for (std::size_t k = 0; k < count_; ++k) {
+      target[k] = tau - move_[k] * dz_[k];
     }
     aim_at(target);
-    const auto slope_of = [&] {  // of F − τ Σ log μ along the step
-      Scalar along(0);
-      for (std::size_t k = 0; k < count; ++k) {
-        along += (gradient[k] - tau / it.multipliers[k]) * move[k];
-      }
-      return along;
-    };
-    Scalar slope = slope_of();
-    if (!(slope < Scalar(0))) {  // the correction is too large: without it the slope is negative
-      for (std::size_t k = 0; k < count; ++k) {
-        target[k] = tau;
-      }
+    note_slope(tau);
+    if (!(slope_ < Scalar(0))) {
+      std::fill_n(target.begin(), count_, tau);
       aim_at(target);
-      slope = slope_of();
+      note_slope(tau);
     }
+  }
+
+  /// Of F − τ Σ log μ along the step.
+  void note_slope(const Scalar& tau) noexcept {
+    slope_ = Scalar(0);
+    for (std::size_t k = 0; k < count_; ++k) {
+      slope_ += (gradient_[k] - tau / now_->multipliers[k]) * move_[k];
+    }
+  }
+
+  /// F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
+  /// \return whether it falls; the next iterate is then `now_`.
+  [[nodiscard]] bool search_along_step(const Scalar& tau) noexcept {
+    const Iterate& it = *now_;
     const Scalar inside = scalar::constant<Scalar>(0.99L);
-    Scalar primal = longest(it.multipliers, move, inside);
-    const Scalar dual = longest(z, dz, inside);
-    // F − τ Σ log μ must fall; where it does not, to the minimum of the parabola through what is known of it.
+    Scalar primal = longest(it.multipliers, move_, inside);
+    const Scalar dual = longest(z_, dz_, inside);
     const Scalar value = it.level + it.barrier;
     const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     Multipliers from;
-    std::copy_n(it.multipliers.begin(), count, from.begin());
-    now = best == &iterates[0] ? &iterates[1] : &iterates[0];
+    std::copy_n(it.multipliers.begin(), count_, from.begin());
+    now_ = best_ == &iterates_[0] ? &iterates_[1] : &iterates_[0];
     constexpr int most_trials = 12;
     bool accepted = false;
     for (int trial = 0; trial < most_trials && !accepted; ++trial) {
       Multipliers next;
       Scalar ratios(0);
       Scalar ratio(1);
-      for (std::size_t k = 0; k < count; ++k) {
-        next[k] = from[k] + primal * move[k];
+      for (std::size_t k = 0; k < count_; ++k) {
+        next[k] = from[k] + primal * move_[k];
         ratio *= next[k] / from[k];
-        if (k % 8 == 7 || k + 1 == count) {  // the logarithm of a product that neither overflows nor vanishes
+        if (k % 8 == 7 || k + 1 == count_) {  // the logarithm of a product that neither overflows nor vanishes
           ratios += scalar::log(ratio);
           ratio = Scalar(1);
         }
       }
       Scalar shorter = scalar::constant<Scalar>(0.25L) * primal;
-      if (problem.combine(next, *now) == Status::ok) {
-        const Scalar change = now->level + now->barrier - value - tau * ratios;
-        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope + noise;
-        const Scalar parabola = Scalar(-0.5) * slope * primal * primal / (change - slope * primal);
+      if (problem_.combine(next, *now_) == Status::ok) {
+        const Scalar change = now_->level + now_->barrier - value - tau * ratios;
+        accepted = change <= scalar::constant<Scalar>(1e-3L) * primal * slope_ + noise;
+        const Scalar parabola = Scalar(-0.5) * slope_ * primal * primal / (change - slope_ * primal);
         const Scalar least = scalar::constant<Scalar>(0.1L) * primal;
         const Scalar most = scalar::constant<Scalar>(0.5L) * primal;
         shorter = parabola < most ? (parabola > least ? parabola : least) : most;
-        accepted = accepted || now->level + now->rounding < Scalar(0);
+        accepted = accepted || now_->level + now_->rounding < Scalar(0);
       }
       primal = shorter;
     }
-    if (!accepted) {
-      break;
+    for (std::size_t k = 0; accepted && k < count_; ++k) {
+      z_[k] += dual * dz_[k];
     }
-    for (std::size_t k = 0; k < count; ++k) {
-      z[k] += dual * dz[k];
-    }
+    return accepted;
   }
-  return Status::ok;
-}
+
+  const Problem& problem_;
+  const Multipliers& scale_;
+  std::array<Iterate, 2>& iterates_;
+  std::size_t count_;
+  const Scalar log_dimension_ = Scalar(N) * scalar::log(Scalar(N));
+  // What is left of F − min F, and so of the logarithm of the volume, or N times that of the trace.
+  const Scalar tolerance_ = scalar::constant<Scalar>(1e-3L);
+  Iterate* now_;
+  const Iterate* best_;
+  Scalar margin_;
+  Multipliers z_{};
+  Multipliers gradient_;
+  Matrix<Scalar, N> v_;
+  std::array<Scalar, Problem::most * Problem::most> hessian_;
+  Multipliers move_;
+  Multipliers dz_;
+  Scalar slope_;
+};
 
 }  // namespace elliptude::detail

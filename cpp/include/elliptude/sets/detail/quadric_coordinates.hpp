@@ -114,4 +114,38 @@ template <typename Scalar, int N, typename Given>
   return Status::ok;
 }
 
+/// Coordinates u of which the predicted ellipsoid is in the unit ball.
+/// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status coordinates_of(const Ellipsoid<Scalar, N>& predicted, Coordinates<Scalar, N>& at) noexcept {
+  if (!scalar::all_finite(predicted.center) || !scalar::all_finite(predicted.shape)) {
+    return Status::not_finite;
+  }
+  if (!is_symmetric(predicted.shape)) {
+    return Status::not_symmetric;
+  }
+  // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
+  Matrix<Scalar, N> raised = predicted.shape;
+  raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
+  if (const Status status = cholesky(raised, at.factor); status != Status::ok) {
+    return status;
+  }
+  at.shift = predicted.center;
+  at.reach = at.shift.cwiseAbs() + raised.diagonal().cwiseSqrt();
+  at.in_ball = true;
+  return Status::ok;
+}
+
+/// Coordinates without a prediction, in which the quadrics' diagonals are of the size of their slack.
+/// \return `unbounded` if there is a coordinate of which none speaks.
+template <typename Scalar, int N, typename Given>
+[[nodiscard]] Status coordinates_without_prediction(const Given* quadrics, std::size_t count,
+                                                    Coordinates<Scalar, N>& at) noexcept {
+  at.shift.setZero();
+  at.reach.setZero();
+  at.factor.setZero();
+  at.in_ball = false;
+  return scale_by_slack(quadrics, count, at.factor);
+}
+
 }  // namespace elliptude::detail
