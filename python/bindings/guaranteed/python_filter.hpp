@@ -4,6 +4,7 @@
 /// The guaranteed filter as Python has it.
 
 #include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 #include <variant>
 
 #include "attitude/state_ellipsoid.hpp"

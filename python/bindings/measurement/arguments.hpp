@@ -3,7 +3,7 @@
 /// \file
 /// Arguments of the filters: bounds of errors, and measurements.
 
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/types.hpp>
 #include <mutex>
 #include <optional>
 

@@ -3,7 +3,7 @@
 
 #include <doctest/doctest.h>
 
-#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 #include <elliptude/sets/quadric.hpp>
 
 #include "support/random.hpp"

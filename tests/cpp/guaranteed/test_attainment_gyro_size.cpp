@@ -1,7 +1,7 @@
 // What of the gyro flow's bound no truth attains alone, for other terms are as large: the sum as the theory lists it (section 17.6).
 #include <doctest/doctest.h>
 
-#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 using namespace elliptude;
 using Eigen::Matrix3d;

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 #include "support/random.hpp"
 

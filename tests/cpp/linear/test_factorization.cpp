@@ -4,7 +4,10 @@
 #include <array>
 #include <limits>
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/norms.hpp"
+#include "elliptude/linear/svd.hpp"
 #include "support/random.hpp"
 
 using namespace elliptude;

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 #include "support/random.hpp"
 #include "support/search.hpp"

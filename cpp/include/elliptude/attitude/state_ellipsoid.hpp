@@ -22,6 +22,10 @@ struct StateEllipsoid {
   [[nodiscard]] Ellipsoid<Scalar, 6> in_coordinates() const noexcept { return {Vector6<Scalar>::Zero(), shape}; }
 };
 
+/// A set in the Gibbs chart: what the guaranteed filter keeps.
+template <typename State>
+using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
+
 /// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite`.
 template <typename State, typename Chart>
 [[nodiscard]] Status validate(const StateEllipsoid<State, Chart>& ellipsoid) noexcept {
@@ -62,7 +66,7 @@ template <typename State, typename Chart>
   extent.half_widths_body = half_widths(ellipsoid.in_coordinates());
   const Matrix3<Scalar> attitude_shape = ellipsoid.shape.template topLeftCorner<3, 3>();
   const Matrix3<Scalar>& c = ellipsoid.center.attitude;
-  const Matrix3<Scalar> in_reference = congruence(c, attitude_shape);
+  const Matrix3<Scalar> in_reference = c * attitude_shape * c.transpose();
   extent.half_widths_reference = in_reference.diagonal().cwiseMax(Scalar(0)).cwiseSqrt();
   for (int i = 0; i < 3; ++i) {
     extent.half_widths_body(i) = Chart::angle(Scalar(extent.half_widths_body(i)));

@@ -7,7 +7,8 @@
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
 #include "elliptude/base/so3.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/svd.hpp"
 
 namespace elliptude {
 

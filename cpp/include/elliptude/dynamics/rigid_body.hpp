@@ -4,7 +4,8 @@
 /// The rigid body: its inertia and what follows from it (paper, §2.3.1). SI units, body axes.
 
 #include "elliptude/attitude/state.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/inverse.hpp"
 
 namespace elliptude {
 

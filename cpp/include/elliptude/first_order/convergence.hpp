@@ -4,7 +4,9 @@
 /// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update from a
 /// poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/triangular.hpp"
 
 namespace elliptude {
 

@@ -3,7 +3,7 @@
 /// \file
 /// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the measured set.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 

@@ -4,45 +4,16 @@
 /// The guaranteed filter: its set holds the state of the continuous motion whenever what it was told of errors holds. (theory,
 /// sections 16 to 18)
 
-#include "elliptude/first_order/filter.hpp"
-#include "elliptude/guaranteed/detail/solution.hpp"
-#include "elliptude/guaranteed/detail/union_set.hpp"
+#include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 
 namespace elliptude {
-
-/// What to do with measurements that no predicted state can have caused: some bound is then wrong.
-enum class Policy : std::uint8_t {
-  raise,             ///< report `empty_intersection`, and leave the filter as it was
-  drop_measurement,  ///< leave out as few measurements as make the rest agree with the prediction
-  restart,           ///< forget the prediction, and start again from the measurements
-  relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
-};
-
-/// What the truth's being in the set rests on.
-enum class Claim : std::uint8_t {
-  unconditional,  ///< on what the filter was told of errors, for all that it has used
-  conditional,    ///< also on that what was dropped on the way was what was wrong
-  none,           ///< no set: the attitude is not known
-};
-
-/// What a guaranteed update did.
-template <typename Scalar>
-struct GuaranteedUpdate {
-  Claim claim = Claim::none;
-  bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
-  Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
-  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 where that
-  /// has no measure, as of an angular velocity beyond the `FilterDomain`.
-  Scalar margin = Scalar(1);
-  Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
-};
 
 /// The guaranteed filter, in the Gibbs chart throughout. It may know nothing at all of the attitude, at the beginning or when a
 /// prediction has become too large to be of use, and then starts from the next measurements that determine one. A function
 /// that does not return `ok` has changed nothing.
 template <typename FlowType>
-class AttitudeFilter<FlowType, GuaranteedEstimator> {
+class GuaranteedFilter {
  public:
   using Flow = FlowType;
   using State = typename Flow::State;
@@ -70,7 +41,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// A filter that knows nothing at `time`.
   /// \return `not_finite`; `out_of_range` of the settings; what `validate` says of the criterion.
   [[nodiscard]] static Status make(const Flow& flow, const Settings& settings, const Scalar& time,
-                                   AttitudeFilter& filter) noexcept {
+                                   GuaranteedFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
@@ -252,15 +223,16 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     const Sensors all = given & ~beyond;
     GuaranteedUpdate<Scalar> result;
+    const detail::SetSolver<State> solver = solver_of(measurements);
     Solution solution;
     Status status = Status::ok;
     if (may_be_wrong() && given != 0) {
       if (detail::sensors::number_of(given) > 8) {
         return Status::out_of_range;
       }
-      status = relaxed(measurements, all, settings_.most_wrong - detail::sensors::number_of(beyond), solution, result);
+      status = detail::UnionOfChoices<State>(solver, all, settings_.most_wrong - detail::sensors::number_of(beyond))
+                   .find(solution, result);
     } else {
-      const detail::SetSolver<State> solver = solver_of(measurements);
       status = solver.solve(all, Past::used, nullptr, solution);
       if (status == Status::ok) {
         result.margin = solution.fusion.margin;
@@ -272,7 +244,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         const bool empty = status == Status::empty_intersection;
         result.margin = empty ? solution.fusion.margin : Scalar(-1);
         result.contradicting = empty ? detail::sensors::at(all, solution.fusion.contradiction) : 0;
-        if (const Status resolved = resolve(solver, all, solution, result); resolved != Status::empty_intersection) {
+        if (const Status resolved = detail::resolve(solver, settings_.policy, all, solution, result);
+            resolved != Status::empty_intersection) {
           status = resolved;
         }
       }
@@ -319,7 +292,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     } else {
       QuadricFusion<Scalar, 3> found;
       found.margin = Scalar(1);
-      const Ellipsoid<Scalar, 3> predicted = attitude_of(known_.set);
+      const Ellipsoid<Scalar, 3> predicted = detail::attitude_of(known_.set);
       const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
                                            quadric.c};
       status =
@@ -364,13 +337,6 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return !known_.has_attitude ? Claim::none : trust_.rests_on_drops() ? Claim::conditional : Claim::unconditional;
   }
 
-  [[nodiscard]] static Ellipsoid<Scalar, 3> vector_of(const Set& set) noexcept {
-    return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
-  }
-  [[nodiscard]] static Ellipsoid<Scalar, 3> attitude_of(const Set& set) noexcept {
-    return {Vector3<Scalar>::Zero(), set.shape.template topLeftCorner<3, 3>()};
-  }
-
   /// \return what `validate` says of an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
   [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
     if (const Status status = validate(vector); status != Status::ok) {
@@ -413,7 +379,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return status;
       }
     }
-    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
+    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? detail::vector_of(known_.set) : known_.vector;
     bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
     if (has_vector) {
       const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
@@ -503,155 +469,6 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  /// After a contradiction, by the policy.
-  /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
-  [[nodiscard]] Status resolve(const detail::SetSolver<State>& solver, Sensors all, Solution& solution,
-                               GuaranteedUpdate<Scalar>& result) const noexcept {
-    if (settings_.policy != Policy::drop_measurement && settings_.policy != Policy::restart) {
-      return Status::empty_intersection;
-    }
-    if (settings_.policy == Policy::restart && (known_.has_attitude || known_.has_vector)) {
-      Solution alone;
-      if (solver.solve(all, Past::forgotten, nullptr, alone) == Status::ok) {
-        solution = alone;
-        return Status::ok;
-      }
-    }
-    // The fewest that have to go; among as many, those without which the others agree best.
-    const auto attempt = [&](Sensors dropped, Scalar& best) {
-      Solution trial;
-      const Sensors kept = all & ~dropped;
-      if (kept == 0 && !known_.has_attitude) {
-        return;
-      }
-      if (solver.solve(kept, Past::used, nullptr, trial) == Status::ok &&
-          (result.dropped == 0 || trial.fusion.margin > best)) {
-        best = trial.fusion.margin;
-        result.dropped = dropped;
-        solution = trial;
-      }
-    };
-    Scalar best(0);
-    for (Sensors rest = all; rest != 0; rest &= rest - 1) {
-      attempt(detail::sensors::lowest(rest), best);
-    }
-    if (result.dropped == 0) {
-      for (Sensors first = all; first != 0; first &= first - 1) {
-        for (Sensors second = first & (first - 1); second != 0; second &= second - 1) {
-          attempt(detail::sensors::lowest(first) | detail::sensors::lowest(second), best);
-        }
-      }
-    }
-    if (result.dropped == 0) {
-      attempt(all, best);
-    }
-    if (result.dropped != 0) {
-      return Status::ok;
-    }
-    // With none of them to go by: which ones are right is not to be known. Without a prediction what the angular velocity says
-    // does not need them.
-    result.dropped = known_.has_attitude ? all : all & ~angular_velocity_bit;
-    return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
-  }
-
-  /// All states that the prediction allows and that at most `wrong` measurements exclude: the union over what may be left out, in
-  /// one ellipsoid, and that within the prediction, which holds them all. Measurements that every consistent choice leaves out
-  /// are proved wrong. (theory, section 16.10)
-  [[nodiscard]] Status relaxed(const Measurements<Scalar>& measurements, Sensors all, int wrong, Solution& solution,
-                               GuaranteedUpdate<Scalar>& result) const noexcept {
-    if (const Status status = detail::sensors::checked(measurements, Status::ok); status != Status::ok) {
-      return status;
-    }
-    const detail::SetSolver<State> solver = solver_of(measurements);
-    // All choices in the same coordinates. An angular velocity or an attitude that may be wrong had better not choose them.
-    State center = known_.set.center;
-    if (!known_.has_attitude &&
-        solver.measured_center(all & ~angular_velocity_bit & ~attitude_bit, Past::used, center) != Status::ok &&
-        solver.measured_center(all, Past::used, center) != Status::ok) {
-      return Status::unbounded;
-    }
-    bool found = false;
-    bool uses_prediction = true;
-    bool alone = false;  // whether some choice says no more than the prediction
-    Sensors kept_by_some = 0;
-    result.margin = Scalar(-1);
-    Status failure = Status::ok;
-    const auto add = [&](Sensors kept) {
-      if (failure != Status::ok) {
-        return;  // what one choice leaves unbounded, no other bounds
-      }
-      Solution trial;
-      Status status = known_.has_attitude ? Status::ok : Status::unbounded;
-      if (known_.has_attitude || kept != 0) {
-        status = solver.solve(kept, Past::used, &center, trial);
-      }
-      if (status == Status::empty_intersection) {
-        result.contradicting = detail::sensors::at(kept, trial.fusion.contradiction);
-        return;
-      }
-      if (status != Status::ok) {
-        failure = status;
-        return;
-      }
-      kept_by_some |= kept;
-      result.margin = trial.fusion.margin > result.margin ? trial.fusion.margin : result.margin;
-      uses_prediction = uses_prediction && trial.used_prediction;
-      alone = alone || trial.fusion.prediction_alone;
-      if (!found) {
-        solution = trial;
-        found = true;
-      } else if (!alone) {
-        failure = detail::enclosing(solution.fusion.set, trial.fusion.set, solution.fusion.set);
-      }
-    };
-    detail::sensors::for_each_choice(all, wrong, add);
-    if (failure != Status::ok) {
-      result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
-      result.contradicting = 0;
-    }
-    if (failure != Status::ok && !known_.has_attitude) {
-      return Status::unbounded;
-    }
-    if (failure == Status::ok && !found) {
-      return Status::empty_intersection;
-    }
-    if (failure == Status::ok) {
-      if (wrong >= detail::sensors::number_of(all)) {
-        // All may be wrong: one is proved so if it contradicts what is known by itself.
-        for (Sensors rest = all; rest != 0; rest &= rest - 1) {
-          Solution trial;
-          const Sensors one = detail::sensors::lowest(rest);
-          if (solver.solve(one, Past::used, &center, trial) != Status::empty_intersection) {
-            kept_by_some |= one;
-          }
-        }
-      }
-      result.dropped = all & ~kept_by_some;
-    }
-    solution.used_prediction = known_.has_attitude && (uses_prediction || alone || failure != Status::ok);
-    if (known_.has_attitude) {
-      const Ellipsoid<Scalar, 6> predicted = known_.set.in_coordinates();
-      alone = alone || failure != Status::ok;
-      if (!alone && settings_.estimates_vector) {
-        solution.fusion.set = detail::within_prediction(predicted, solution.fusion.set, settings_.criterion, alone);
-      } else if (!alone) {
-        const Ellipsoid<Scalar, 3> joined{solution.fusion.set.center.template head<3>(),
-                                          solution.fusion.set.shape.template topLeftCorner<3, 3>()};
-        const Ellipsoid<Scalar, 3> attitude = detail::within_prediction(
-            attitude_of(known_.set), joined, detail::attitude_criterion(settings_.criterion), alone);
-        solution.fusion.set.center << attitude.center, Vector3<Scalar>::Zero();
-        solution.fusion.set.shape = detail::product_shape(attitude.shape, known_.vector_bound.shape);
-      }
-      if (alone) {
-        solution.center = known_.set.center;
-        solution.fusion.set = predicted;
-        solution.used_prediction = true;
-      }
-    }
-    solution.fusion.prediction_alone = alone;
-    return Status::ok;
-  }
-
   /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up that the
   /// filter may not keep.
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded,
@@ -684,29 +501,12 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     Ellipsoid<Scalar, 3> vector = known_.vector;
     bool has_vector = known_.has_vector;
     if (!bounded && !known_.has_attitude && !may_be_wrong() && (all & angular_velocity_bit & ~result.dropped) != 0) {
-      const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
-      const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
-      const Status status = has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
-      const bool may_drop = settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart;
-      if (status != Status::ok && !may_drop) {
+      if (const Status status = take_up(*measurements.angular_velocity, trust, vector, result); status != Status::ok) {
         if (status == Status::empty_intersection) {
           update.margin = result.margin;
           update.contradicting = angular_velocity_bit;
         }
         return status;
-      }
-      if (status != Status::ok) {
-        trust = trust_;
-        trust.count(true, true);
-      }
-      const bool is_due = trust.past_is_due(settings_.regain_after);
-      if (is_due) {
-        trust.give_up_past(settings_.regain_after);
-      }
-      if (!has_vector || is_due || (status != Status::ok && settings_.policy == Policy::restart)) {
-        vector = measured;
-      } else if (status != Status::ok) {
-        result.dropped |= angular_velocity_bit;
       }
       has_vector = true;
     }
@@ -721,6 +521,33 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     result.claim = claim_;
     result.prediction_used = used_prediction;
     update = result;
+    return Status::ok;
+  }
+
+  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
+  /// \param vector what is known of it, if anything is.
+  /// \return what `fused_vector` says, where nothing may be left out.
+  [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,
+                               GuaranteedUpdate<Scalar>& result) const noexcept {
+    const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
+    const Status status = known_.has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
+    const bool may_drop = settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart;
+    if (status != Status::ok && !may_drop) {
+      return status;
+    }
+    if (status != Status::ok) {
+      trust = trust_;
+      trust.count(true, true);
+    }
+    const bool is_due = trust.past_is_due(settings_.regain_after);
+    if (is_due) {
+      trust.give_up_past(settings_.regain_after);
+    }
+    if (!known_.has_vector || is_due || (status != Status::ok && settings_.policy == Policy::restart)) {
+      vector = measured;
+    } else if (status != Status::ok) {
+      result.dropped |= angular_velocity_bit;
+    }
     return Status::ok;
   }
 
@@ -757,9 +584,5 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   Trust trust_;  // of what is known, of the attitude or of the vector
   Claim claim_;
 };
-
-/// The guaranteed filter of a flow.
-template <typename Flow>
-using GuaranteedFilter = AttitudeFilter<Flow, GuaranteedEstimator>;
 
 }  // namespace elliptude

@@ -3,7 +3,7 @@
 /// \file
 /// Which sets a guaranteed filter keeps: the domain in which everything computed from them stays finite. (theory, section 16.9)
 
-#include "elliptude/guaranteed/flow.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
 
 namespace elliptude {
 

@@ -3,7 +3,7 @@
 /// \file
 /// The measurements of one moment, and sets of them as bits.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 

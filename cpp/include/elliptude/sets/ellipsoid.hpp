@@ -6,7 +6,8 @@
 
 #include "elliptude/base/scalar.hpp"
 #include "elliptude/base/status.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/eigen.hpp"
 
 namespace elliptude {
 

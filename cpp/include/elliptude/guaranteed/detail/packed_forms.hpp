@@ -8,7 +8,7 @@
 /// those with d = 3 stand there twice. Its value is then the inner product with u uᵀ packed in the same way, which has the
 /// length ‖u‖². There are 24 entries, whole SIMD registers of any width.
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/base/scalar.hpp"
 
 namespace elliptude {
 namespace detail::packed {

@@ -7,7 +7,8 @@
 #include <array>
 
 #include "elliptude/base/rounding.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/norms.hpp"
 
 namespace elliptude {
 namespace detail::tube {

@@ -23,6 +23,16 @@ struct Knowledge {
   bool has_vector_bound = false;
 };
 
+/// What a set says of the vector, and of the attitude, alone.
+template <typename State>
+[[nodiscard]] Ellipsoid<StateScalar<State>, 3> vector_of(const GibbsEllipsoid<State>& set) noexcept {
+  return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
+}
+template <typename State>
+[[nodiscard]] Ellipsoid<StateScalar<State>, 3> attitude_of(const GibbsEllipsoid<State>& set) noexcept {
+  return {Vector3<StateScalar<State>>::Zero(), set.shape.template topLeftCorner<3, 3>()};
+}
+
 /// A set of states about a center that is only where its coordinates begin.
 template <typename State>
 struct Solution {
