@@ -7,9 +7,8 @@ import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import tomlkit
 import typer
 from rich import box
@@ -26,10 +25,10 @@ from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
-from elliptude.proposal.proposals import Proposal
+from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
 from elliptude.proposal.starting_configuration import Mode, starting_configuration
-from elliptude.proposal.statistics import Quantiles
+from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -128,23 +127,7 @@ def bounds(
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
-    compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
-    typer.echo(
-        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
-        f"{compared}"
-    )
-    for line in _said(tables):
-        typer.echo(f"  {line}")
-    Console(width=max(Console().width, 100)).print(_table(proposed))
-    for line in _remarks(proposed):
-        typer.echo(line)
-    if up is not None:
-        typer.echo(f"{up}.")
-    for one in implausible:
-        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
-    for one in suspicious:
-        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
-    typer.echo(_NOTE)
+    _say(log, tables, recording, proposed, up, implausible, suspicious)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
         following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
@@ -253,133 +236,34 @@ def _said(tables: Tables) -> list[str]:
 
 # --- what is said -----------------------------------------------------------------------------------------------------
 
-_DEGREES = float(np.rad2deg(1.0))
 
-
-def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]:
-    """Key, what it is, its unit's factor, the numbers."""
-    gyro = proposed.gyro
-    lines: list[tuple[str, str, float, Quantiles | None]] = [
-        ("gyro_speed_deg_per_s", "gyro: rate, °/s", _DEGREES, gyro.speed),
-        ("gyro_noise_deg_per_s", "gyro: noise at rest, °/s", _DEGREES, gyro.noise),
-        ("gyro_bias_spread_deg_per_s", "gyro: bias of 0.5 s at rest, from its mean, °/s", _DEGREES, gyro.bias_spread),
-        ("gyro_sums_rest_deg", "gyro: what noise adds up to in a rest, °", _DEGREES, gyro.sums_rest),
-        (
-            "gyro_rate_error_deg_per_s",
-            "gyro: rate over 0.05 s, from the reference, °/s",
-            _DEGREES,
-            gyro.rate_error,
-        ),
-    ]
-    for duration, angles in gyro.window_angles.items():
-        lines.append(
-            (
-                f"gyro_turn_error_{duration:g}s_deg",
-                f"gyro: turn over {duration:g} s, from the reference, °",
-                _DEGREES,
-                angles,
-            )
-        )
-    lines.append(
-        (
-            "gyro_unexplained_deg",
-            "gyro: turns over 1 to 16 s, bias and scale taken out, °",
-            _DEGREES,
-            gyro.unexplained,
-        )
+def _say(
+    log: Path,
+    tables: Tables,
+    recording: Recording,
+    proposed: Proposal,
+    up: body_at_rest.UpAtRest | None,
+    implausible: list[str],
+    suspicious: list[str],
+) -> None:
+    """What was read, what it shows, and what is odd in it."""
+    compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
+    typer.echo(
+        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
+        f"{compared}"
     )
-    for key, unit, name, vector in (
-        ("accelerometer", "m_per_s2", "accelerometer", proposed.accelerometer),
-        ("magnetometer", "ut", "magnetometer", proposed.magnetometer),
-    ):
-        if vector is None:
-            continue
-        shown = "m/s²" if unit == "m_per_s2" else "µT"
-        for state in ("rest", "moving"):
-            about = "at rest" if state == "rest" else "moving"
-            lines += [
-                (
-                    f"{key}_norm_{state}_{unit}",
-                    f"{name}: length off, {about}, {shown}",
-                    1.0,
-                    getattr(vector, f"norm_{state}"),
-                ),
-                (
-                    f"{key}_vector_{state}_{unit}",
-                    f"{name}: vector off, {about}, {shown}",
-                    1.0,
-                    getattr(vector, f"vector_{state}"),
-                ),
-                (
-                    f"{key}_angle_{state}_deg",
-                    f"{name}: angle off, {about}, °",
-                    _DEGREES,
-                    getattr(vector, f"angle_{state}"),
-                ),
-            ]
-        lines += [
-            (
-                f"{key}_aligned_rest_deg",
-                f"{name}: the same at rest, best turn removed, °",
-                _DEGREES,
-                vector.aligned_rest,
-            ),
-            (
-                f"{key}_averaged_rest_{unit}",
-                f"{name}: mean over 0.5 s off, at rest, {shown}",
-                1.0,
-                vector.averaged_rest,
-            ),
-            (
-                f"{key}_scatter_rest_{unit}",
-                f"{name}: sample from its mean over 0.5 s, at rest, {shown}",
-                1.0,
-                vector.scatter_rest,
-            ),
-        ]
-    lines.append(
-        ("dip_rest_deg", "angle between field and specific force at rest, from its median, °", _DEGREES, proposed.dip)
-    )
-    if proposed.start is not None:
-        lines += [
-            (
-                "gyro_bias_moved_deg_per_s",
-                "gyro: bias of 0.5 s at rest, from that at the start, °/s",
-                _DEGREES,
-                proposed.start.bias_moved,
-            ),
-            (
-                "magnetometer_field_moved_ut",
-                "magnetometer: off from the start, delay taken out, µT",
-                1.0,
-                proposed.start.field_moved,
-            ),
-        ]
-    return lines
-
-
-def summarize(proposed: Proposal) -> dict[str, Any]:
-    """The proposal for JSON: quantiles by key, delays in s; None where the recording does not show it."""
-    summary: dict[str, Any] = {"duration_s": proposed.duration, "share_at_rest": proposed.rest}
-    bias = proposed.gyro.bias
-    summary["gyro_bias_deg_per_s"] = None if bias is None else np.rad2deg(bias).tolist()
-    summary["gyro_scale_error"] = proposed.gyro.scale_error
-    summary["quantiles"] = {
-        key: None
-        if found is None
-        else {
-            "samples": found.count,
-            "50%": found.half * factor,
-            "90%": found.ninety * factor,
-            "99%": found.ninety_nine * factor,
-            "99.9%": found.ninety_nine_point_nine * factor,
-            "max": found.maximum * factor,
-        }
-        for key, _, factor, found in _lines(proposed)
-    }
-    for key, delay in (("gyro_delay_s", proposed.gyro_delay), ("magnetometer_delay_s", proposed.magnetometer_delay)):
-        summary[key] = None if delay is None else dataclasses.asdict(delay)
-    return summary
+    for line in _said(tables):
+        typer.echo(f"  {line}")
+    Console(width=max(Console().width, 100)).print(_table(proposed))
+    for line in remarks_on(proposed):
+        typer.echo(line)
+    if up is not None:
+        typer.echo(f"{up}.")
+    for one in implausible:
+        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
+    for one in suspicious:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
+    typer.echo(_NOTE)
 
 
 def _table(proposed: Proposal) -> Table:
@@ -387,36 +271,11 @@ def _table(proposed: Proposal) -> Table:
     table.add_column("")
     for heading in ("50 %", "90 %", "99 %", "99.9 %", "max"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for _, name, factor, found in _lines(proposed):
+    for _, name, factor, found in lines_of(proposed):
         if found is not None:
             numbers = (found.half, found.ninety, found.ninety_nine, found.ninety_nine_point_nine, found.maximum)
             table.add_row(name, *(f"{factor * number:.3g}" for number in numbers))
     return table
-
-
-def _remarks(proposed: Proposal) -> list[str]:
-    lines = []
-    if proposed.gyro.bias is not None:
-        bias = ", ".join(f"{value:.3f}" for value in np.rad2deg(proposed.gyro.bias))
-        lines.append(f"Gyro: bias ({bias}) °/s")
-    if proposed.gyro.scale_error is not None:
-        lines.append(f"Gyro: scale and cross-axis error about {100.0 * proposed.gyro.scale_error:.2g} %")
-    for name, against, delay in (
-        ("Gyro", "the reference", proposed.gyro_delay),
-        ("Magnetometer", "the gyro", proposed.magnetometer_delay),
-    ):
-        if delay is not None:
-            lines.append(
-                f"{name}: {1e3 * delay.delay:.2f} ms late against {against}; in {delay.pieces} pieces of the recording "
-                f"at most {1e3 * delay.scatter:.2f} ms from that (a row is {1e3 * delay.step:.3g} ms)"
-            )
-    for name, vector in (("Accelerometer", proposed.accelerometer), ("Magnetometer", proposed.magnetometer)):
-        if vector is not None and vector.misalignment is not None:
-            lines.append(
-                f"{name}: the turn that fits best at rest is {_DEGREES * vector.misalignment:.2g}° "
-                "(about the vector itself a single pose tells nothing)"
-            )
-    return lines
 
 
 # --- what is written --------------------------------------------------------------------------------------------------

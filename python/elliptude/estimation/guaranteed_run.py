@@ -31,7 +31,7 @@ class GuaranteedRun:
     """One pass of the guaranteed filter over a log, with its sets and claims."""
 
     log: Log
-    """What it is of, as measured."""
+    """What it is of."""
     sets: GuaranteedLog
     """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
     rows: DirectionRows

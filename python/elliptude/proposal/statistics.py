@@ -1,4 +1,4 @@
-"""What proposals are made of: quantiles of what was seen, and means over pieces of a recording."""
+"""Quantiles, and means over pieces of a recording, from which proposals are made."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from elliptude.typing import FloatArray
 
 PIECE_S = 0.5
-"""A rest is cut into pieces so long, s, and what is averaged is averaged over one."""
+"""Length of the pieces that a rest is cut into, s; averages are over one piece."""
 
 
 @dataclass(frozen=True)
 class Quantiles:
-    """How large a number was in a recording. Not one of them bounds what another recording holds."""
+    """How large a number was in one recording. None of these bounds it in another."""
 
     count: int
     half: float
@@ -26,7 +26,7 @@ class Quantiles:
 
 
 def quantiles(values: ArrayLike) -> Quantiles | None:
-    """Quantiles of what is finite among the values, shape (N,); None where nothing is."""
+    """Quantiles of the finite values, shape (N,); None if there are none."""
     array = np.asarray(values, dtype=np.float64)
     array = array[np.isfinite(array)]
     if not len(array):

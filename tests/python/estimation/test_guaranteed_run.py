@@ -542,7 +542,7 @@ def test_flows_that_lack_something(flow, message):
 
 @pytest.fixture(scope="module")
 def real_recordings():
-    path = Path(__file__).parents[2] / "benchmarks" / "real_recordings.py"
+    path = Path(__file__).parents[3] / "benchmarks" / "real_recordings.py"
     spec = importlib.util.spec_from_file_location("real_recordings", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

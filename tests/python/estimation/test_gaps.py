@@ -26,7 +26,7 @@ from test_proposals import made
 
 @pytest.fixture(scope="module")
 def simulation():
-    path = Path(__file__).parents[2] / "benchmarks" / "gaps.py"
+    path = Path(__file__).parents[3] / "benchmarks" / "gaps.py"
     spec = importlib.util.spec_from_file_location("gaps_benchmark", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
