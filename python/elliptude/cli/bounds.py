@@ -413,7 +413,7 @@ def _remarks(proposed: Proposal) -> list[str]:
         if vector is not None and vector.misalignment is not None:
             lines.append(
                 f"{name}: the turn that fits best at rest is {_DEGREES * vector.misalignment:.2g}° "
-                "(about the vector itself a single pose tells nothing)"
+                "(a single pose shows nothing about turns around the vector itself)"
             )
     return lines
 
