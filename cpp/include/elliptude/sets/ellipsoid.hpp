@@ -218,9 +218,9 @@ template <typename Scalar, int N>
 /// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
 /// shape of zeros only move the center.
-/// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
+/// \return `out_of_range` for no terms or more than `max_terms`; the status of `validate` for a term or for the criterion; for the
 /// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
-/// `beyond_domain` if the sum is beyond all numbers.
+/// `beyond_domain` if the sum overflows.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
