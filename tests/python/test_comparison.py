@@ -37,7 +37,7 @@ def made():
 
 def write(folder, made, claims=None, suffix="csv"):
     times, estimated, zeta, shapes = made
-    results = tables.Results(
+    results = tables.Result(
         times=times, quaternions=estimated.as_quat(canonical=True, scalar_first=True), vector="bias",
         vectors=np.zeros((10, 3)), shapes=shapes, half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
         largest_angles=np.full(10, np.deg2rad(1.55)), used=["up"] * 10, refused=[""] * 10, shares=np.zeros(10),

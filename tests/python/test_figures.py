@@ -18,7 +18,7 @@ def results():
     scenario = scenarios.load("pendulum")
     simulated = simulation.simulate(scenario, directions="two", bound_deg=7.0)
     configuration = Configuration.model_validate(configuration_tables(scenario, simulated))
-    return estimation.estimate(logs.log_of(simulated.measurements), configuration).results
+    return estimation.estimate(logs.log_of(simulated.measurements), configuration).result
 
 
 def without_truth(results):

@@ -15,6 +15,7 @@
 #include "elliptude/linear/factorization.hpp"
 
 #include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/sum.hpp"
 #include "elliptude/sets/intersection.hpp"
 #include "elliptude/sets/quadric.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"

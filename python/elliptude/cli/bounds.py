@@ -25,10 +25,11 @@ from elliptude.io.toml import load_toml, validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.mapping import PRESETS, Tables
-from elliptude.proposal.proposals import Proposal, Quantiles
+from elliptude.proposal.mapping import Tables, of_preset, presets
+from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
 from elliptude.proposal.starting_configuration import Mode, starting_configuration
+from elliptude.proposal.statistics import Quantiles
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -44,7 +45,7 @@ def bounds(
     ] = None,
     like: Annotated[
         str | None,
-        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(PRESETS)}.", show_default=False),
+        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(presets())}.", show_default=False),
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
     time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
@@ -199,9 +200,9 @@ def _mapping(
     if config is not None:
         return load_toml(config), config
     if like is not None:
-        if like not in PRESETS:
-            raise typer.BadParameter(f"{like!r} is none of {', '.join(PRESETS)}", param_hint="--like")
-        return _present(PRESETS[like], log), log
+        if like not in presets():
+            raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
+        return _present(of_preset(like), log), log
     if not by_name:
         if (found := mapping.of_headers(open_log(log).columns)) is not None:
             return found, log

@@ -158,9 +158,7 @@ def _fermi(folder: Path) -> list[_Line]:
         log = logs.read_log(place / "measurements.csv", configuration)
         estimated = estimation.estimate(log, configuration)
         _write(estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
-        runs.append(
-            (name, estimated.results, *fermi.half_widths_about(estimated.results, measurements.references[:, 0]))
-        )
+        runs.append((name, estimated.result, *fermi.half_widths_about(estimated.result, measurements.references[:, 0])))
         lines.append(_line(f"Fermi, {name}", [estimated], time.perf_counter() - begin))
     from elliptude.report import figures
 
@@ -176,12 +174,12 @@ def _fermi(folder: Path) -> list[_Line]:
 
 
 def _updates(estimated: Estimation) -> NDArray[np.intp]:
-    return np.flatnonzero([bool(names) for names in estimated.results.used])
+    return np.flatnonzero([bool(names) for names in estimated.result.used])
 
 
 def _forms_of_updates(estimated: Estimation) -> FloatArray:
-    assert estimated.results.forms is not None
-    return estimated.results.forms[_updates(estimated)]
+    assert estimated.result.forms is not None
+    return estimated.result.forms[_updates(estimated)]
 
 
 def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at_worst: float | None = None) -> _Line:
@@ -189,10 +187,10 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
     errors: list[FloatArray] = []
     bounds: list[FloatArray] = []
     for estimated in estimations:
-        assert estimated.results.errors is not None
+        assert estimated.result.errors is not None
         settled = _updates(estimated)[SETTLED_UPDATE - 1 :]
-        errors.append(np.linalg.norm(estimated.results.errors[settled, :3], axis=1))
-        bounds.append(estimated.results.largest_angles[settled])
+        errors.append(np.linalg.norm(estimated.result.errors[settled, :3], axis=1))
+        bounds.append(estimated.result.largest_angles[settled])
     inside = np.concatenate([_forms_of_updates(estimated) for estimated in estimations]) <= 1.0
     return _Line(
         case=case,
@@ -201,7 +199,7 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
         updates=len(inside),
         inside=float(inside.mean()),
         inside_at_worst=inside_at_worst,
-        refused=sum(bool(names) for estimated in estimations for names in estimated.results.refused),
+        refused=sum(bool(names) for estimated in estimations for names in estimated.result.refused),
         elapsed_s=elapsed,
     )
 
@@ -209,6 +207,6 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
 def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:
     """Write results, figure and, last, the summary, which says that the folder is complete."""
     (out / SUMMARY).unlink(missing_ok=True)
-    estimated.results.write(out / "results.csv")
+    estimated.result.write(out / "results.csv")
     summary = estimation.summarize(estimated, configuration)
-    return finish(estimated.results, summary, configuration, out, "results.csv", title)
+    return finish(estimated.result, summary, configuration, out, "results.csv", title)

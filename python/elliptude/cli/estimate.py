@@ -17,7 +17,7 @@ from rich.progress import Progress, TaskID
 from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
@@ -167,19 +167,19 @@ def _estimate_pieces(
     summary, thinned = Summary(), Thinned()
     try:
         with writing_columns(out / table, "results", heard.notes) as write:
-            for results in estimator.run(pieces):
-                progress.update(task, advance=0 if at_once else len(results.times), description="Estimating")
-                # It takes a third of a second, while the core works on the next piece.
+            for result in estimator.run(pieces):
+                progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
+                # It takes a third of a second, and the core is at work on the next piece.
                 importlib.import_module("elliptude.report.figures")
-                write(results.columns())
-                summary.add(results)
-                thinned.add(results)
+                write(result.columns())
+                summary.add(result)
+                thinned.add(result)
             progress.update(task, description="Writing")
             (out / SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # also sets that do not meet
         raise FileError(f"{log}: {error}") from error
     if estimator.guaranteed is not None:
-        write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimator.guaranteed))
+        write_columns(out / _DROPPED, "dropped", guaranteed_result.dropped_columns(estimator.guaranteed))
     figures_of = summary.to_dict(
         configuration,
         vector_is_compared=estimator.vector_is_compared,
@@ -188,7 +188,7 @@ def _estimate_pieces(
         heard=heard,
         bridged=estimator.bridged,
     )
-    return finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
+    return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
 
 
 def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:

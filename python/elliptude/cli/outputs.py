@@ -8,13 +8,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import write_json
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 
 FIGURE, SUMMARY = "estimate.png", "summary.json"
 
 
 def finish(
-    drawn: Results,
+    drawn: Result,
     summary: dict[str, Any],
     configuration: Configuration,
     out: Path,

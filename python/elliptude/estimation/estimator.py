@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.configuration.configuration import Configuration, GivenStart, GyroFlow
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.estimation.summary import Summary
 from elliptude.io import tables
 from elliptude.io.background import ahead
-from elliptude.io.tables import Results, names_of_chosen
+from elliptude.io.tables import Result, names_of_chosen
 from elliptude.logs import log as logs
 from elliptude.logs.log import Log, interval_rates
 from elliptude.results import FilterLog
@@ -33,7 +33,7 @@ _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 class Estimation:
     """The results of a log, and how they were found."""
 
-    results: Results
+    result: Result
     vector_is_compared: bool
     """Whether the form is that of [ζ; δω], or of ζ alone in the projection of the set, as nothing else is known."""
     elapsed: float
@@ -65,9 +65,9 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         finite.
     """
     estimator = PieceEstimator(configuration)
-    (results,) = estimator.run([log])
+    (result,) = estimator.run([log])
     return Estimation(
-        results=results,
+        result=result,
         vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
@@ -96,7 +96,7 @@ class PieceEstimator:
         self.bridged = Bridged(configuration)
         """Gaps of the gyro so far, in the modes of first order."""
 
-    def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
+    def run(self, pieces: Iterable[Log]) -> Iterator[Result]:
         """Go through the pieces of a log.
 
         Parameters
@@ -106,8 +106,8 @@ class PieceEstimator:
 
         Yields
         ------
-        Results
-            The result of a piece's rows, from the start on.
+        Result
+            Of a piece's rows, from the start on.
 
         Raises
         ------
@@ -119,21 +119,21 @@ class PieceEstimator:
             return
         for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
-            results = _results(self._configuration, *filtered)
+            result = _results(self._configuration, *filtered)
             self.elapsed += time.perf_counter() - begin
-            yield results
+            yield result
         if self._filter is None:
             raise _no_start(self._configuration)
 
-    def _take_whole(self, log: Log) -> Results:
+    def _take_whole(self, log: Log) -> Result:
         """The results of all rows, in the guaranteed mode."""
         begin = time.perf_counter()
         with _placed(log):
             self.guaranteed = run_guaranteed(log, self._configuration)
-        results = guaranteed_results.results_of(self.guaranteed, self._configuration)
+        result = guaranteed_result.result_of(self.guaranteed, self._configuration)
         self.elapsed += time.perf_counter() - begin
         self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
-        return results
+        return result
 
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
         """Rows, the filter's log of them, and whether the first is the start."""
@@ -275,7 +275,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Results:
+def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Result:
     names = [sensor.name for sensor in configuration.directions]
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
@@ -286,7 +286,7 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
     if starts_here:
         shares[0] = 0.0
     errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, configuration.truth_error)
-    return Results(
+    return Result(
         times=filtered.times,
         quaternions=tables.quaternions_from_attitudes(filtered.attitudes),
         vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
@@ -306,7 +306,7 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
     """Figures of an estimation for ``summary.json``: see `elliptude.estimation.summary`."""
     summary = Summary()
-    summary.add(estimation.results)
+    summary.add(estimation.result)
     return summary.to_dict(
         configuration,
         vector_is_compared=estimation.vector_is_compared,

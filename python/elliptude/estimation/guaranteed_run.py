@@ -30,10 +30,10 @@ _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 class GuaranteedRun:
     """One pass of the guaranteed filter over a log, with its sets and claims."""
 
-    measured: Log
-    """What it is of."""
-    log: GuaranteedLog
-    """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
+    log: Log
+    """What it is of, as measured."""
+    sets: GuaranteedLog
+    """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
     """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.
@@ -51,7 +51,7 @@ class GuaranteedRun:
         return self.rows.contradictions
 
     def sensors(self) -> tuple[str, ...]:
-        """Names of the columns of ``log.dropped``."""
+        """Names of the columns of ``sets.dropped``."""
         return (*self.rows.names, "rate", "attitude")
 
 
@@ -100,8 +100,8 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
     return GuaranteedRun(
-        measured=measured,
-        log=guaranteed,
+        log=measured,
+        sets=guaranteed,
         rows=rows,
         tilt_bounds=_tilt_bounds(guaranteed, rows),
         starts_heading=starts_heading,
@@ -168,8 +168,8 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
-    """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
-    up, estimated = run.rows.directions[0, 0], run.log.attitudes[0]
+    """True attitudes (N, 3, 3), their heading counted from the first row as the run's is; NaN if that is not known."""
+    up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
     sine = float(np.linalg.norm(axis))

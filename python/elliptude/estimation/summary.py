@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.io import tables
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.logs.plausibility import Heard
 from elliptude.typing import FloatArray
 
@@ -47,29 +47,29 @@ class Summary:
         """The share of all rows whose truth is known that have it inside."""
         return self._inside_rows.value()
 
-    def add(self, results: Results) -> None:
+    def add(self, result: Result) -> None:
         """Take the next rows into account."""
-        updated = np.array([bool(names) for names in results.used], dtype=np.bool_)
-        rows = np.flatnonzero(updated & np.isfinite(results.largest_angles))
+        updated = np.array([bool(names) for names in result.used], dtype=np.bool_)
+        rows = np.flatnonzero(updated & np.isfinite(result.largest_angles))
         settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
-        self._vector = results.vector
-        self._rows += len(results.times)
+        self._vector = result.vector
+        self._rows += len(result.times)
         self._updates += len(rows)
-        self._refused += sum(bool(names) for names in results.refused)
-        self._half_widths += np.rad2deg(results.half_widths[rows]).sum(axis=0)
-        self._largest.add(np.rad2deg(results.largest_angles), rows, settled)
-        if results.errors is None or results.forms is None:
+        self._refused += sum(bool(names) for names in result.refused)
+        self._half_widths += np.rad2deg(result.half_widths[rows]).sum(axis=0)
+        self._largest.add(np.rad2deg(result.largest_angles), rows, settled)
+        if result.errors is None or result.forms is None:
             return
         self._is_compared = True
-        # The center's error at every row that has a set, as in `elliptude compare`.
-        has_set = np.flatnonzero(np.isfinite(results.largest_angles))
-        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), has_set, settled)
-        self._rates.add(np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1)), rows, settled)
-        self._inside_updates.add(results.forms[rows])
-        self._inside_rows.add(results.forms)
-        self._largest_form = float(np.fmax.reduce(results.forms, initial=self._largest_form))
-        if results.claims is not None:
-            self._inside_unconditional.add(results.forms[np.array(results.claims) == "unconditional"])
+        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        has_set = np.flatnonzero(np.isfinite(result.largest_angles))
+        self._angles.add(np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1)), has_set, settled)
+        self._rates.add(np.rad2deg(np.linalg.norm(result.errors[:, 3:], axis=1)), rows, settled)
+        self._inside_updates.add(result.forms[rows])
+        self._inside_rows.add(result.forms)
+        self._largest_form = float(np.fmax.reduce(result.forms, initial=self._largest_form))
+        if result.claims is not None:
+            self._inside_unconditional.add(result.forms[np.array(result.claims) == "unconditional"])
 
     def to_dict(
         self,
@@ -140,7 +140,7 @@ class Summary:
         if bridged is not None:
             summary["gaps"] = bridged.summarize()
         if guaranteed is not None:
-            summary |= guaranteed_results.summarize(guaranteed, configuration)
+            summary |= guaranteed_result.summarize(guaranteed, configuration)
             if self._is_compared:
                 summary |= {
                     "inside_share_of_unconditional_rows": self._inside_unconditional.value(),

@@ -23,9 +23,9 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
     list of str
         Empty where any row has a claim.
     """
-    if (run.log.claims != CLAIMS.index("none")).any():
+    if (run.sets.claims != CLAIMS.index("none")).any():
         return []
-    rows, log = run.rows, run.measured
+    rows, log = run.rows, run.log
     hints: list[str] = []
     says = rows.angles < np.pi
     for i, name in enumerate(rows.names):

@@ -138,7 +138,7 @@ class Measurements:
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
+class Result:
     """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side.
 
     The guaranteed mode says more of each row; there numbers are NaN where no set is known.
@@ -236,7 +236,7 @@ class Results:
 
         Returns
         -------
-        Results
+        Result
 
         Raises
         ------

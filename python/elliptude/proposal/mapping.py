@@ -9,6 +9,7 @@ import copy
 import os
 import re
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,37 +18,14 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
-from elliptude.io.toml import validate
+from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
 Tables: TypeAlias = dict[str, Any]
 
-PRESETS: Mapping[str, Tables] = {
-    # The excerpts of BROAD as NPZ: s, rad/s, m/s², µT, and the optical attitude.
-    "broad": {
-        "time_column": "t",
-        "reference_frame": "ENU",
-        "flow": {"kind": "gyro", "columns": ["gyr[0]", "gyr[1]", "gyr[2]"], "unit": "rad/s"},
-        "directions": [
-            {"name": "up", "kind": "accelerometer", "columns": ["acc[0]", "acc[1]", "acc[2]"], "unit": "m/s^2"},
-            {"name": "field", "kind": "magnetometer", "columns": ["mag[0]", "mag[1]", "mag[2]"], "unit": "uT"},
-        ],
-        "truth": {
-            "attitude_columns": ["q_ref[0]", "q_ref[1]", "q_ref[2]", "q_ref[3]"],
-            "label": "the optical attitude",
-            "error_deg": 0.5,
-        },
-    },
-    # A table of a spacecraft's attitudes and rates.
-    "fermi": {
-        "time_column": "met_s",
-        "flow": {"kind": "gyro", "columns": ["wx", "wy", "wz"], "unit": "rad/s"},
-        "truth": {"attitude_columns": ["qw", "qx", "qy", "qz"], "label": "the recorded attitude"},
-    },
-}
-"""Tables for formats that do not say their units in the file; their documentation does."""
+_PRESETS = resources.files("elliptude") / "data" / "presets"
 
 _HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
 _TIME = re.compile(r"time(stamp)?\s*[(\[](?P<unit>s|ms|us|ns)[)\]]", re.IGNORECASE)
@@ -61,6 +39,17 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
 _NAMES = {"accelerometer": "up", "magnetometer": "field"}
 # A gap of up to this many of the sensor's own steps is bridged.
 _LARGEST_GAP = 3.0
+
+
+def presets() -> tuple[str, ...]:
+    """The names of formats that do not say their units in the file; their documentation does."""
+    return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
+
+
+def of_preset(name: str) -> Tables:
+    """The tables for a format of `presets`."""
+    with resources.as_file(_PRESETS / f"{name}.toml") as file:
+        return load_toml(file)
 
 
 def of_sensors(

@@ -13,7 +13,9 @@ from typing import Any, TypeAlias
 import tomlkit
 
 from elliptude.configuration import rules
-from elliptude.proposal.proposals import DelayProposal, Proposal, Quantiles, StartProposal
+from elliptude.proposal.delays import DelayProposal
+from elliptude.proposal.proposals import Proposal, StartProposal
+from elliptude.proposal.statistics import Quantiles
 
 _DEGREES = math.degrees(1.0)
 # An increment with a reference is compared with the noise over this window, s.

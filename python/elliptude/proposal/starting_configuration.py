@@ -18,8 +18,10 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
 from elliptude.proposal.mapping import Tables
-from elliptude.proposal.proposals import Proposal, Quantiles, VectorProposal
+from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
+from elliptude.proposal.statistics import Quantiles
+from elliptude.proposal.vectors import VectorProposal
 
 Mode: TypeAlias = Literal["guaranteed", "first_order"]
 Place: TypeAlias = tuple[str, ...]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 from elliptude.io.files import replacing
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.typing import FloatArray
 
 # Okabe and Ito's colours, which the colour-blind can distinguish.
@@ -48,17 +48,17 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
 
 
-def estimate_figure(results: Results, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
+def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
     """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
 
     Parameters
     ----------
-    results : Results
+    result : Result
     title : str
     label : str
         What the estimates are compared with.
     inside_share : float, optional
-        The share of all rows, if ``results`` has only some of them.
+        Of all rows, where ``result`` are only some of them.
 
     Returns
     -------
@@ -67,22 +67,22 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
     figure = new_figure(8.4)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(4, 2)
-    time = results.times
-    marks = _marks(results)
-    is_bias = results.vector == "bias"
-    errors = results.errors
+    time = result.times
+    marks = _marks(result)
+    is_bias = result.vector == "bias"
+    errors = result.errors
     columns = (
         ("attitude error", r"$\zeta_{}$ (deg)", slice(0, 3)),
         ("gyro bias error", r"$\delta\beta_{}$ (deg/s)", slice(3, 6))
         if is_bias
         else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
     )
-    # A bias that is not estimated has nothing to show.
-    is_alone = not np.isfinite(results.half_widths[:, 3:]).any()
+    # A bias that is an error of the gyro and not estimated has nothing to show.
+    is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
     for j, (name, unit, part) in enumerate(columns):
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
-        bounds = np.rad2deg(results.half_widths[:, part])
+        bounds = np.rad2deg(result.half_widths[:, part])
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
         limit = error_limit(bounds, deviations)
         heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
@@ -91,7 +91,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         for i in range(3):
             axes = figure.add_subplot(grid[i, :] if is_alone else grid[i, j], sharex=first)
             first = first or axes
-            _shade_gaps(axes, results)
+            _shade_gaps(axes, result)
             axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
             if deviations is not None:
                 axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
@@ -103,12 +103,12 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
             if i == 0:
                 axes.set_title(heading, fontsize=9.5)
     below = figure.add_subplot(grid[3, 0], sharex=first)
-    _shade_gaps(below, results)
-    _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
+    _shade_gaps(below, result)
+    _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
-    _shade_gaps(size, results)
+    _shade_gaps(size, result)
     size.plot(
-        time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+        time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
     )
     if errors is not None:
         size.plot(
@@ -130,7 +130,7 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
 
 def about_line_figure(
     time: FloatArray,
-    runs: Sequence[tuple[str, Results, FloatArray, FloatArray]],
+    runs: Sequence[tuple[str, Result, FloatArray, FloatArray]],
     title: str,
     *,
     line: str,
@@ -157,12 +157,12 @@ def about_line_figure(
     figure = new_figure(7.2)
     figure.suptitle(title, fontsize=11)
     widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
-    for (name, results, about, across), (strong, light) in zip(runs, _TONES, strict=False):
+    for (name, result, about, across), (strong, light) in zip(runs, _TONES, strict=False):
         widths.plot(time, np.rad2deg(about), color=strong, linewidth=1.5, label=f"{name}:\nabout the {line}")
         widths.plot(time, np.rad2deg(across), color=light, linewidth=1.5, label="across it")
-        errors.plot(time, np.rad2deg(results.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
-        if results.errors is not None:
-            angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
+        errors.plot(time, np.rad2deg(result.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
+        if result.errors is not None:
+            angles = np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1))
             errors.plot(time, angles, color=strong, linewidth=0.8, label="error")
     widths.set_title("half-widths of the set", fontsize=9.5)
     widths.set_ylabel("half-width (deg)")
@@ -253,13 +253,13 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
-def _shade_gaps(axes: Axes, results: Results) -> None:
+def _shade_gaps(axes: Axes, result: Result) -> None:
     """Grey where no set is known, from the last row that has one to the next."""
-    is_gap = ~np.isfinite(results.largest_angles)
+    is_gap = ~np.isfinite(result.largest_angles)
     if is_gap.any():
         beside = is_gap | np.append(is_gap[1:], False) | np.append(False, is_gap[:-1])
         axes.fill_between(
-            results.times,
+            result.times,
             0.0,
             1.0,
             where=beside.tolist(),
@@ -271,8 +271,8 @@ def _shade_gaps(axes: Axes, results: Results) -> None:
         )
 
 
-def _marks(results: Results) -> Style:
-    return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
+def _marks(result: Result) -> Style:
+    return {"marker": "o", "markersize": 2.5} if len(result.times) < _MARK_BELOW else {}
 
 
 def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
@@ -30,14 +30,14 @@ class Thinned:
         self._stride = 1
         self._rows = 0
         self._numbers: NDArray[np.intp] = np.empty(0, dtype=np.intp)
-        self._kept: Results | None = None
+        self._kept: Result | None = None
 
-    def add(self, results: Results) -> None:
+    def add(self, result: Result) -> None:
         """Take the next rows."""
-        numbers = np.arange(self._rows, self._rows + len(results.times))
+        numbers = np.arange(self._rows, self._rows + len(result.times))
         self._rows += len(numbers)
-        worst = _worst(results, numbers // self._stride)
-        part = chosen(results, worst)
+        worst = _worst(result, numbers // self._stride)
+        part = chosen(result, worst)
         self._kept = part if self._kept is None else _joined(self._kept, part)
         self._numbers = np.concatenate([self._numbers, numbers[worst]])
         while len(self._numbers) > LIMIT:
@@ -45,8 +45,8 @@ class Thinned:
             worst = _worst(self._kept, self._numbers // self._stride)
             self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
 
-    def results(self) -> Results:
-        """The rows that were kept.
+    def result(self) -> Result:
+        """What is left.
 
         Raises
         ------
@@ -58,13 +58,13 @@ class Thinned:
         return self._kept
 
 
-def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
+def _worst(result: Result, bins: NDArray[np.intp]) -> NDArray[np.intp]:
     """The worst row of each bin, in order."""
-    size: FloatArray = np.where(np.isnan(results.largest_angles), np.inf, results.largest_angles)
+    size: FloatArray = np.where(np.isnan(result.largest_angles), np.inf, result.largest_angles)
     known = np.zeros(len(size), dtype=np.bool_)
-    if results.forms is not None:
-        known = np.isfinite(results.forms)
-        size = np.where(known, results.forms, size)
+    if result.forms is not None:
+        known = np.isfinite(result.forms)
+        size = np.where(known, result.forms, size)
     return largest_of_each(bins, known, size)
 
 
@@ -83,7 +83,7 @@ def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np
     return rows[np.diff(bins[rows], prepend=bins[0] - 1) > 0]
 
 
-def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
+def chosen(result: Result, rows: NDArray[np.intp]) -> Result:
     """Some rows of results."""
 
     def of(value: Any) -> Any:
@@ -91,17 +91,17 @@ def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
             return value
         return value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
 
-    return Results(**{field.name: of(getattr(results, field.name)) for field in fields(Results)})
+    return Result(**{field.name: of(getattr(result, field.name)) for field in fields(Result)})
 
 
-def _joined(first: Results, second: Results) -> Results:
+def _joined(first: Result, second: Result) -> Result:
     def of(one: Any, other: Any) -> Any:
         if one is None or isinstance(one, str):
             return one
         return np.concatenate([one, other]) if isinstance(one, np.ndarray) else [*one, *other]
 
-    return Results(
-        **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Results)}
+    return Result(
+        **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Result)}
     )
 
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.io import tables
-from elliptude.io.tables import Measurements, Results
+from elliptude.io.tables import Measurements, Result
 from elliptude.typing import FloatArray
 
 _FOLDER = resources.files("elliptude") / "data" / "fermi"
@@ -121,12 +121,12 @@ def _in_unit_ball(draws: np.random.Generator, count: int) -> FloatArray:
     return vectors
 
 
-def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far the attitude is bounded about a line and across it.
+def half_widths_about(result: Result, line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far attitude is bounded about a line and across it.
 
     Parameters
     ----------
-    results : Results
+    result : Result
         N rows.
     line : (N, 3) array
         Unit vectors in reference axes.
@@ -138,13 +138,13 @@ def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, F
     across : (N,) array
         The largest one perpendicular to it, rad.
     """
-    about, across = np.full((2, len(results.times)), np.nan)
-    known = np.isfinite(results.shapes[:, 0, 0])
-    shapes = results.shapes[known, :3, :3]
-    in_body = np.einsum("nji,nj->ni", results.attitudes[known], line[known])
+    about, across = np.full((2, len(result.times)), np.nan)
+    known = np.isfinite(result.shapes[:, 0, 0])
+    shapes = result.shapes[known, :3, :3]
+    in_body = np.einsum("nji,nj->ni", result.attitudes[known], line[known])
     about[known] = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
     projectors = np.eye(3) - in_body[:, :, None] * in_body[:, None, :]
     across[known] = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
-    if results.chart == "gibbs":
+    if result.chart == "gibbs":
         about, across = 2.0 * np.arctan(0.5 * about), 2.0 * np.arctan(0.5 * across)
     return about, across

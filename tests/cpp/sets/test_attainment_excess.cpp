@@ -33,7 +33,7 @@ struct Combination {
     Matrix3d factor = std::sqrt(1 + 24 * epsilon) * Matrix3d::Identity();
     const double rounding = (4 * (3 + 4) + 2) * epsilon;
     const auto seen =
-        fusion::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
+        detail::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
     const auto first = static_cast<Real>(fused.predicted_multiplier);
     const auto second = static_cast<Real>(fused.multipliers[0]);
     a = second * seen.a.cast<Real>() + first * RealMatrix::Identity();

@@ -28,6 +28,8 @@ struct WahbaSet {
 /// Which ellipsoid the weights are chosen for.
 enum class WahbaCriterion : std::uint8_t { trace, volume };
 
+namespace detail {
+
 /// The squared length of the coordinates of a turn by θ, from sin²(θ/2) and cos²(θ/2).
 template <typename Scalar>
 [[nodiscard]] Scalar squared_length(ExponentialChart, const Scalar& sine_square, const Scalar& cosine_square) noexcept {
@@ -38,6 +40,8 @@ template <typename Scalar>
 [[nodiscard]] Scalar squared_length(GibbsChart, const Scalar& sine_square, const Scalar& cosine_square) noexcept {
   return Scalar(4) * sine_square / cosine_square;
 }
+
+}  // namespace detail
 
 /// Cones added up with weights, the largest of which counts as one: the attitudes Ĉ C(q), q = (w, x), with xᵀNx − 2w Dᵀx ≤ R. (eq. 15.4)
 template <typename Scalar>
@@ -89,7 +93,7 @@ template <typename Chart, typename Scalar>
   Vector3<Scalar> lengths;
   for (int j = 0; j < 3; ++j) {
     const Scalar value = eigen.values(j);
-    lengths(j) = squared_length(Chart(), Scalar(level / value), Scalar((value - level) / value));
+    lengths(j) = detail::squared_length(Chart(), Scalar(level / value), Scalar((value - level) / value));
   }
   if (!scalar::all_finite(lengths)) {
     return Status::unbounded;
@@ -98,7 +102,7 @@ template <typename Chart, typename Scalar>
   lengths.array() += Scalar(64) * epsilon * lengths(2);
   const Matrix3<Scalar> shape = eigen.vectors * lengths.asDiagonal() * eigen.vectors.transpose();
   ellipsoid.center = Vector3<Scalar>::Zero();
-  ellipsoid.shape = scalar::constant<Scalar>(0.5L) * (shape + shape.transpose());
+  ellipsoid.shape = symmetrized(shape);
   return Status::ok;
 }
 
@@ -132,7 +136,7 @@ class DirectionCones {
       if (!scalar::all_finite(e) || !scalar::all_finite(b) || !scalar::isfinite(r)) {
         return Status::not_finite;
       }
-      if (!(r > Scalar(0)) || !(r < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
+      if (!(r > Scalar(0)) || !(r < scalar::pi<Scalar>())) {
         return Status::out_of_range;
       }
       result.reference_[i] = scalar::unit(e);
@@ -188,7 +192,7 @@ class DirectionCones {
     for (std::size_t i = 0; i < count_; ++i) {
       share[i] = weights[i] / largest;
       total += share[i];
-      profile += (share[i] * reference_[i]) * body_[i].transpose();
+      profile += profile_term(share[i], reference_[i], body_[i]);
     }
     ConeSum<Scalar> result;
     result.attitude = Matrix3<Scalar>::Identity();
@@ -252,7 +256,7 @@ class DirectionCones {
   std::size_t count_ = 0;
 };
 
-namespace cones {
+namespace detail {
 
 /// The cones as quadrics in γ about a fixed attitude, and their combinations A, g, c with weights μ: as in fusion, centre −A⁻¹g and
 /// shape N A⁻¹. The search minimises N + τ, where τ is tr A⁻¹ or 3 det(A)^(−1/3): convex in μ, and at the best scale of μ twice the
@@ -461,14 +465,14 @@ class WeightSearch {
   }
 };
 
-}  // namespace cones
+}  // namespace detail
 
 template <typename Scalar>
 typename DirectionCones<Scalar>::Weights DirectionCones<Scalar>::minimal_weights(
     const Matrix3<Scalar>& attitude, WahbaCriterion criterion) const noexcept {
   const Scalar half = scalar::constant<Scalar>(0.5L);
   const Scalar quarter = scalar::constant<Scalar>(0.25L);
-  cones::WeightSearch<Scalar, most_directions> search;
+  detail::WeightSearch<Scalar, most_directions> search;
   search.count = count_;
   search.criterion = criterion;
   for (std::size_t i = 0; i < count_; ++i) {

@@ -18,7 +18,7 @@ inline constexpr int center = 24;
 /// Norm of the errors of `exp` and `right_jacobian` of a computed turn θ: this many ε, and this many ε θ more.
 inline constexpr int turn = 32;
 inline constexpr int turn_by_angle = 12;
-/// Entries of T P Tᵀ in the norms of T's rows in P (`congruence`), and what a Cholesky factorisation after it needs.
+/// Entries of T P Tᵀ in the norms of T's rows in P (`covered_congruence`), and what a Cholesky factorisation after it needs.
 inline constexpr int congruence = 48;
 /// Entries of a sum of a few shapes with factors in the roots of its own diagonal, the factors themselves, and a Cholesky
 /// factorisation after it.
@@ -57,8 +57,8 @@ namespace elliptude {
 /// mᵢ = Σⱼ |Tᵢⱼ| √Pⱼⱼ an entry of the attitude's block errs by at most 4.5 ε mᵢ mⱼ, one of the mixed block by 2 ε mᵢ √Pⱼⱼ, and
 /// the vector's block is exact; |Σ Eᵢⱼ vᵢ vⱼ| is then at most 19.5 ε Σ mᵢ² vᵢ² + 6 ε Σ Pⱼⱼ vⱼ². (theory, section 17.8)
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> congruence(const Matrix3<Scalar>& x, const Matrix3<Scalar>& y,
-                                         const Matrix6<Scalar>& shape) noexcept {
+[[nodiscard]] Matrix6<Scalar> covered_congruence(const Matrix3<Scalar>& x, const Matrix3<Scalar>& y,
+                                                 const Matrix6<Scalar>& shape) noexcept {
   const Matrix3<Scalar> mixed = shape.template topRightCorner<3, 3>();
   const Matrix3<Scalar> vector = shape.template bottomRightCorner<3, 3>();
   const Matrix3<Scalar> to_attitude =
@@ -66,7 +66,7 @@ template <typename Scalar>
   const Matrix3<Scalar> to_vector = x.lazyProduct(mixed) + y.lazyProduct(vector);
   const Matrix3<Scalar> attitude = to_attitude.lazyProduct(x.transpose()) + to_vector.lazyProduct(y.transpose());
   Matrix6<Scalar> result;
-  result.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (attitude + attitude.transpose());
+  result.template topLeftCorner<3, 3>() = symmetrized(attitude);
   result.template topRightCorner<3, 3>() = to_vector;
   result.template bottomLeftCorner<3, 3>() = to_vector.transpose();
   result.template bottomRightCorner<3, 3>() = vector;
@@ -81,12 +81,12 @@ template <typename Scalar>
 
 /// The same for y = 0: the attitude alone is turned or stretched.
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> congruence(const Matrix3<Scalar>& x, const Matrix6<Scalar>& shape) noexcept {
+[[nodiscard]] Matrix6<Scalar> covered_congruence(const Matrix3<Scalar>& x, const Matrix6<Scalar>& shape) noexcept {
   const Matrix3<Scalar> to_attitude = x.lazyProduct(shape.template topLeftCorner<3, 3>());
   const Matrix3<Scalar> to_vector = x.lazyProduct(shape.template topRightCorner<3, 3>());
   const Matrix3<Scalar> attitude = to_attitude.lazyProduct(x.transpose());
   Matrix6<Scalar> result = shape;
-  result.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (attitude + attitude.transpose());
+  result.template topLeftCorner<3, 3>() = symmetrized(attitude);
   result.template topRightCorner<3, 3>() = to_vector;
   result.template bottomLeftCorner<3, 3>() = to_vector.transpose();
   const Vector3<Scalar> rows =

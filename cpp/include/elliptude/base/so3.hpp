@@ -16,7 +16,7 @@
 
 namespace elliptude {
 
-namespace angle {
+namespace detail::angle {
 
 // The remainders of the series at x = 1 are below 1e-19 of the sum.
 
@@ -147,7 +147,7 @@ template <typename Scalar>
   return scalar::polynomial(x, coefficients);
 }
 
-}  // namespace angle
+}  // namespace detail::angle
 
 /// S(x), the skew-symmetric matrix with S(x) y = x × y (paper, §2.3.1).
 template <typename Derived>
@@ -202,7 +202,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::exponential>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::exponential>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, f.sine, f.versine);
 }
 
@@ -213,7 +213,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::jacobian>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::jacobian>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, Scalar(-f.versine), f.sine_tail);
 }
 
@@ -225,7 +225,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::inverse_jacobian>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::inverse_jacobian>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, scalar::constant<Scalar>(0.5L), f.cotangent);
 }
 
@@ -306,7 +306,7 @@ template <typename Derived>
   const Scalar square = q.vector.squaredNorm();
   const auto small = square < scalar::constant<Scalar>(1e-3L) * q.w * q.w;
   const Scalar w = scalar::select(small, q.w, Scalar(1));
-  Scalar half_angle_over_sine = angle::arctangent_series(Scalar(square / (w * w))) / w;
+  Scalar half_angle_over_sine = detail::angle::arctangent_series(Scalar(square / (w * w))) / w;
   if (!scalar::all(small)) {
     const Scalar sine = scalar::sqrt(scalar::select(small, Scalar(1), square));
     half_angle_over_sine = scalar::select(small, half_angle_over_sine, Scalar(scalar::atan2(sine, q.w) / sine));

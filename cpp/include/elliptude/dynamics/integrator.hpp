@@ -121,13 +121,13 @@ template <typename Scalar>
   const Vector3<Scalar> ha = h * a;
   const Matrix3<Scalar>& inertia = body.inertia();
   const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
-  const Scalar right_angle = scalar::constant<Scalar>(1.57079632679489661923132169163975144L);
+  const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
   Vector3<Scalar> x = body.inertia_inverse() * ha;
   constexpr int most_steps = 40;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar square = x.squaredNorm();
-    const Scalar sine = angle::functions<angle::Want::exponential>(square).sine;
-    const angle::Functions<Scalar> functions = angle::functions<angle::Want::jacobian>(square);
+    const Scalar sine = detail::angle::functions<detail::angle::Want::exponential>(square).sine;
+    const detail::angle::Functions<Scalar> functions = detail::angle::functions<detail::angle::Want::jacobian>(square);
     // Derivatives of the two factors are these times xᵀ.
     const Scalar sine_slope = functions.sine_tail - functions.versine;
     const auto tiny = square < Scalar(rotation_tolerance<Scalar>());

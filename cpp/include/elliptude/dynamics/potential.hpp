@@ -24,7 +24,7 @@
 
 namespace elliptude {
 
-namespace concepts {
+namespace detail {
 
 template <typename Potential, typename Scalar, typename = void>
 struct IsPotential : std::false_type {};
@@ -46,12 +46,12 @@ template <typename Potential>
 struct HasCurvatureBound<Potential, std::void_t<decltype(std::declval<const Potential&>().torque_curvature_bound())>>
     : std::true_type {};
 
-}  // namespace concepts
+}  // namespace detail
 
 template <typename Potential, typename Scalar>
-constexpr bool is_potential = concepts::IsPotential<Potential, Scalar>::value;
+constexpr bool is_potential = detail::IsPotential<Potential, Scalar>::value;
 template <typename Potential>
-constexpr bool has_curvature_bound = concepts::HasCurvatureBound<Potential>::value;
+constexpr bool has_curvature_bound = detail::HasCurvatureBound<Potential>::value;
 
 /// No potential: a free body.
 template <typename Scalar>

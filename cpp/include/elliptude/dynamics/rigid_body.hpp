@@ -30,7 +30,7 @@ class RigidBody {
       return Status::not_symmetric;
     }
     RigidBody result;
-    result.inertia_ = scalar::constant<Scalar>(0.5L) * (inertia + inertia.transpose());
+    result.inertia_ = symmetrized(inertia);
     if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_);
         status != Status::ok) {
       return status;

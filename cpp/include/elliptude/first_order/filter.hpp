@@ -77,7 +77,7 @@ class AttitudeFilter {
         status != Status::ok) {
       return status;
     }
-    if (!fusion::is_kept(prediction.ellipsoid) || !scalar::all_finite(prediction.transition)) {
+    if (!detail::is_kept(prediction.ellipsoid) || !scalar::all_finite(prediction.transition)) {
       return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;

@@ -126,11 +126,9 @@ class RigidBodyFlow {
           status != Status::ok) {
         return status;
       }
-      const Matrix<Scalar, 6, 3> half = linearization.control.lazyProduct(unknown_torque_);
       const std::array<Ellipsoid<Scalar, 6>, 2> terms{
           Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), transformed_shape(linearization.state, result.ellipsoid.shape)},
-          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(),
-                               Matrix6<Scalar>(half.lazyProduct(linearization.control.transpose()))}};
+          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), congruence(linearization.control, unknown_torque_)}};
       Ellipsoid<Scalar, 6> sum;
       if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
         return status;
@@ -209,15 +207,12 @@ class GyroFlow {
       term = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
     }
     terms[0].shape = transformed_shape(result.transition, ellipsoid.shape);
-    const Matrix3<Scalar> noise = by_rate.lazyProduct(noise_).lazyProduct(by_rate.transpose());
-    terms[1].shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (noise + noise.transpose());
+    terms[1].shape.template topLeftCorner<3, 3>() = symmetrized(congruence(by_rate, noise_));
     // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
     Matrix<Scalar, 6, 3> by_drift;
     by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
     by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
-    const Matrix<Scalar, 6, 3> half = by_drift.lazyProduct(drift_);
-    const Matrix6<Scalar> drift = half.lazyProduct(by_drift.transpose());
-    terms[2].shape = scalar::constant<Scalar>(0.5L) * (drift + drift.transpose());
+    terms[2].shape = symmetrized(congruence(by_drift, drift_));
     Ellipsoid<Scalar, 6> sum;
     if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
       return status;

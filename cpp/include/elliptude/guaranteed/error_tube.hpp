@@ -82,8 +82,8 @@ class ErrorTube {
 
   // What is known of every motion that began at y = Y(0) u₀ with ‖u₀‖ ≤ 1: by now y = Y (u₀ + q(u₀) + p + r),
 
-  [[nodiscard]] const Matrix6<Scalar>& frame() const noexcept { return frame_; }                      ///< Y
-  [[nodiscard]] const packed::Forms<Scalar>& second_order() const noexcept { return second_order_; }  ///< q
+  [[nodiscard]] const Matrix6<Scalar>& frame() const noexcept { return frame_; }                              ///< Y
+  [[nodiscard]] const detail::packed::Forms<Scalar>& second_order() const noexcept { return second_order_; }  ///< q
   [[nodiscard]] const Matrix6<Scalar>& pushed() const noexcept { return pushed_; }  ///< shape of p's ellipsoid
   [[nodiscard]] const Scalar& rest() const noexcept { return rest_; }               ///< bound of ‖r‖
 
@@ -119,10 +119,10 @@ class ErrorTube {
 
   [[nodiscard]] Status expand_linear(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
                                      LinearPart& linear) const noexcept;
-  [[nodiscard]] static packed::Forms<Scalar> second_order_forms(const RigidBody<Scalar>& body,
-                                                                const MotionSeries<Scalar, Potential>& series,
-                                                                const Scalar& middle,
-                                                                const LinearPart& linear) noexcept;
+  [[nodiscard]] static detail::packed::Forms<Scalar> second_order_forms(const RigidBody<Scalar>& body,
+                                                                        const MotionSeries<Scalar, Potential>& series,
+                                                                        const Scalar& middle,
+                                                                        const LinearPart& linear) noexcept;
   [[nodiscard]] static Status unknown_torque(const RigidBody<Scalar>& body,
                                              const MotionSeries<Scalar, Potential>& series,
                                              const BodyUncertainty<Scalar>& uncertainty,
@@ -131,11 +131,6 @@ class ErrorTube {
                                                   const MotionSeries<Scalar, Potential>& series, const Scalar& middle,
                                                   const LinearPart& linear) noexcept;
 
-  /// The image of a shape under three columns.
-  [[nodiscard]] static Matrix6<Scalar> image(const Columns& columns, const Matrix3<Scalar>& shape) noexcept {
-    const Columns half = columns.lazyProduct(shape);
-    return half.lazyProduct(columns.transpose());
-  }
   [[nodiscard]] static Scalar block_norm(const Block& block) noexcept {
     return norm_of_gram(Matrix3<Scalar>(block.transpose().lazyProduct(block)));
   }
@@ -145,7 +140,7 @@ class ErrorTube {
 
   Matrix6<Scalar> frame_;
   Matrix6<Scalar> set_;  // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
-  packed::Forms<Scalar> second_order_;
+  detail::packed::Forms<Scalar> second_order_;
   Scalar second_order_norm_;  // of q(u) for ‖u‖ ≤ 1
   Matrix6<Scalar> pushed_;
   Scalar pushed_norm_;  // of p
@@ -302,44 +297,43 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
 
 /// The terms of second order of u' in the middle of the step, as forms of u.
 template <typename Scalar, typename Potential>
-packed::Forms<Scalar> ErrorTube<Scalar, Potential>::second_order_forms(const RigidBody<Scalar>& body,
-                                                                       const MotionSeries<Scalar, Potential>& series,
-                                                                       const Scalar& middle,
-                                                                       const LinearPart& linear) noexcept {
-  using Factor = packed::Factor<Scalar>;
+detail::packed::Forms<Scalar> ErrorTube<Scalar, Potential>::second_order_forms(
+    const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series, const Scalar& middle,
+    const LinearPart& linear) noexcept {
+  using Factor = detail::packed::Factor<Scalar>;
   const Matrix6<Scalar>& y = linear.middle;
   const std::array<Factor, 3> attitude{Factor(y.row(0)), Factor(y.row(1)), Factor(y.row(2))};
   const std::array<Factor, 3> difference{Factor(y.row(3)), Factor(y.row(4)), Factor(y.row(5))};
   // The six products of three linear forms, as `expansion::RowForms` counts them.
   const auto squares_of = [](const std::array<Factor, 3>& factors) {
     const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
-    packed::Forms<Scalar> squares;
+    detail::packed::Forms<Scalar> squares;
     for (int a = 0; a < 3; ++a) {
       const auto at = static_cast<std::size_t>(a);
-      squares.col(a) = packed::product(factors[at], factors[at]);
-      squares.col(3 + a) = root * packed::product(factors[(at + 1) % 3], factors[(at + 2) % 3]);
+      squares.col(a) = detail::packed::product(factors[at], factors[at]);
+      squares.col(3 + a) = root * detail::packed::product(factors[(at + 1) % 3], factors[(at + 2) % 3]);
     }
     return squares;
   };
 
-  Matrix<Scalar, packed::size, 3> by_attitude;
+  Matrix<Scalar, detail::packed::size, 3> by_attitude;
   for (int a = 0; a < 3; ++a) {  // ½ γ × δω
     const auto next = static_cast<std::size_t>((a + 1) % 3);
     const auto last = static_cast<std::size_t>((a + 2) % 3);
-    by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (packed::product(attitude[next], difference[last]) -
-                                                           packed::product(attitude[last], difference[next]));
+    by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (detail::packed::product(attitude[next], difference[last]) -
+                                                           detail::packed::product(attitude[last], difference[next]));
   }
   // −J⁻¹ (δω × Jδω)
   const expansion::RowForms<Scalar> gyroscopic =
       -body.inertia_inverse().lazyProduct(expansion::gyroscopic_forms(body.inertia()));
-  Matrix<Scalar, packed::size, 3> by_rate = squares_of(difference).lazyProduct(gyroscopic.transpose());
+  Matrix<Scalar, detail::packed::size, 3> by_rate = squares_of(difference).lazyProduct(gyroscopic.transpose());
   if (series.acceleration.largest > Scalar(0)) {
     expansion::Forms<Scalar> torque_forms{Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero()};
     series.torque.add_curvature(middle, body.inertia_inverse(), torque_forms);
     const expansion::RowForms<Scalar> curvature = expansion::rows_of(torque_forms);
     by_rate += squares_of(attitude).lazyProduct(curvature.transpose());
   }
-  packed::Forms<Scalar> forms = by_attitude.lazyProduct(linear.from_attitude.transpose());
+  detail::packed::Forms<Scalar> forms = by_attitude.lazyProduct(linear.from_attitude.transpose());
   forms += by_rate.lazyProduct(linear.from_rate.transpose());
   return forms;
 }
@@ -385,7 +379,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>
   const Matrix6<Scalar> inner = top.transpose().lazyProduct(bottom);
   const Matrix6<Scalar> symmetric = inner + inner.transpose();
   const Scalar eighth = scalar::constant<Scalar>(0.125L) * spectral_norm(symmetric);
-  Matrix6<Scalar> shape = image(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
+  Matrix6<Scalar> shape = congruence(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
   if (series.acceleration.largest > Scalar(0)) {
     Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
     if (cholesky(attitudes, axes) != Status::ok) {
@@ -393,7 +387,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::cubic_push(const RigidBody<Scalar>
     }
     expansion::CubicForms<Scalar> forms = expansion::CubicForms<Scalar>::Zero();
     series.torque.add_cubic(middle, body.inertia_inverse(), axes, forms);
-    shape = sum_of_shapes(shape, image(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
+    shape = sum_of_shapes(shape, congruence(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
   }
   return shape;
 }
@@ -412,7 +406,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   if (const Status status = expand_linear(body, series, linear); status != Status::ok) {
     return status;
   }
-  const step_means::LinearChange<Scalar> change{linear.change_odd, linear.change};
+  const detail::step_means::LinearChange<Scalar> change{linear.change_odd, linear.change};
   const Scalar stretch = change.stretch();
   const Scalar shrink = change.shrink();
   const Scalar attitude = linear.largest_attitude;
@@ -430,15 +424,15 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar truncated =
       torque.largest > zero ? Scalar(series.tail(8, one, torque.turn_rate, h) * scalar::constant<Scalar>(1.0L / 256.0L))
                             : zero;
-  const step_means::FormChange<Scalar> of_forms = step_means::FormChange<Scalar>::within(
+  const detail::step_means::FormChange<Scalar> of_forms = detail::step_means::FormChange<Scalar>::within(
       degree, Scalar(series.largest_rate + torque.turn_rate), turn_acceleration, middle, truncated);
 
   // --- second order (theory, eq. 17.7) -----------------------------------------------------------------------------------
-  const packed::Forms<Scalar> forms = second_order_forms(body, series, middle, linear);
+  const detail::packed::Forms<Scalar> forms = second_order_forms(body, series, middle, linear);
   const Scalar largest_form = spectral_norm(forms);  // ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ this times ‖u‖² in the middle
   const Scalar form_bound = strength * attitude * attitude * half * degree * degree;
-  const step_means::SecondOrder<Scalar> second_order =
-      step_means::SecondOrder<Scalar>::of(largest_form, form_bound, change, of_forms, h);
+  const detail::step_means::SecondOrder<Scalar> second_order =
+      detail::step_means::SecondOrder<Scalar>::of(largest_form, form_bound, change, of_forms, h);
 
   // --- pushes: the unknown torque, and what is of third and of fourth order ----------------------------------------------
   Matrix3<Scalar> unknown;
@@ -450,7 +444,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   Matrix6<Scalar> unknown_push = Matrix6<Scalar>::Zero();
   if (unknown.trace() != zero) {  // of NaN, too, which shows in the norm
     const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
-    unknown_push = image(by_torque, unknown);
+    unknown_push = congruence(by_torque, unknown);
   }
   const Scalar unknown_norm = scalar::sqrt(Scalar(unknown_push.trace()));
   const Matrix6<Scalar> cubic = cubic_push(body, series, middle, linear);
@@ -459,14 +453,15 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
       strength * attitude * attitude * attitude * scalar::constant<Scalar>(0.375L) * degree * degree;
   const Scalar fourth_bound =
       attitude * attitude * attitude * attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
-  const Matrix6<Scalar> fourth = image(linear.from_rate, Matrix3<Scalar>((fourth_bound * fourth_bound) * torque.shape));
+  const Matrix6<Scalar> fourth =
+      congruence(linear.from_rate, Matrix3<Scalar>((fourth_bound * fourth_bound) * torque.shape));
   const Scalar fourth_norm = scalar::sqrt(Scalar(fourth.trace()));
 
   // --- how far u moves (theory, section 17.4) ----------------------------------------------------------------------------
   const Scalar before = displacement();
   const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  const Scalar stretch3 = step_means::cube_of(stretch);
-  const Scalar stretch4 = step_means::fourth_of(stretch);
+  const Scalar stretch3 = detail::step_means::cube_of(stretch);
+  const Scalar stretch4 = detail::step_means::fourth_of(stretch);
   // If u stays within eta of where it began.
   const auto displacement_within = [&](const Scalar& eta) {
     const Scalar most = one + eta;
@@ -483,17 +478,17 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     const Scalar moved =
         h * (second_order.largest * most * most +
              shrink * (unknown_norm +
-                       stretch3 * step_means::cube_of(most) *
+                       stretch3 * detail::step_means::cube_of(most) *
                            (cubic_norm + cubic_bound * (of_forms.drift + of_forms.rest + of_forms.missing)) +
-                       stretch4 * step_means::fourth_of(most) * fifth * fourth_norm));
+                       stretch4 * detail::step_means::fourth_of(most) * fifth * fourth_norm));
     // ‖u‖ is at most this where the step begins and ends, and at most on a line between.
     const Scalar first = one + before + jumps;
-    const step_means::Line<Scalar> line{first, Scalar(first + moved)};
+    const detail::step_means::Line<Scalar> line{first, Scalar(first + moved)};
     const Scalar cube_at_ends = line.cube_at_ends(stretch);
     const Scalar fourth_at_ends = line.fourth_at_ends(stretch);
     Scalar rest = second_order.quadrature + jumps;
     rest += second_order.displaced(line.mean(), moved, h);
-    rest += h * cubic_bound * step_means::changing_cubes(of_forms, change, cube_at_ends);
+    rest += h * cubic_bound * detail::step_means::changing_cubes(of_forms, change, cube_at_ends);
     rest += h * half * linear.change * shrink *
             (unknown_norm + cubic_norm * cube_at_ends + fourth_norm * fifth * fourth_at_ends);
     return Displacement{Scalar(rest_ + rest), Scalar(line.last - one), line.mean_cube(stretch),
@@ -528,7 +523,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Scalar one(1);
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
   // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
-  const packed::Slices<Scalar> forms = packed::seen_from(second_order_, set_, set_inverse);
+  const detail::packed::Slices<Scalar> forms = detail::packed::seen_from(second_order_, set_, set_inverse);
   const Matrix6<Scalar> moved = gram_of(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
   // A sum holds with any positive share; where rounding leaves none to be had, with one.
   const auto share_of = [](const Scalar& trace) {
@@ -541,14 +536,14 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   // where the widest axes count.
   const Scalar moved_trace = moved.trace();
   const Scalar moved_width = widths.dot(moved.diagonal());
-  const Scalar share = tube::moderate_growth(share_of(moved_trace), moved_width, width);
+  const Scalar share = detail::tube::moderate_growth(share_of(moved_trace), moved_width, width);
   const Scalar by_moved = one + one / share;
   Matrix6<Scalar> ball;
   bool is_enlarged = false;
   if (share > scalar::constant<Scalar>(0.002L) && moved_trace > Scalar(0)) {
     // ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw + 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
     const Scalar norm = norm_of_gram(moved);
-    const Matrix6<Scalar> cubic = gram_of(packed::symmetric_part(forms));  // KKᵀ
+    const Matrix6<Scalar> cubic = gram_of(detail::packed::symmetric_part(forms));  // KKᵀ
     const Scalar lambda = scalar::sqrt(Scalar(cubic.trace() / Scalar(6)));
     const Scalar square = norm * norm;
     const Scalar spread = norm_of_gram(cubic);
@@ -568,25 +563,22 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     ball = by_moved * moved;
     ball.diagonal().array() += moved_trace > Scalar(0) ? Scalar(one + share) : one;
   }
-  const Matrix6<Scalar> half_ball = set_.lazyProduct(ball);
-  Matrix6<Scalar> shape = half_ball.lazyProduct(set_.transpose());
+  Matrix6<Scalar> shape = congruence(set_, ball);
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share =
-      tube::moderate_growth(Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))),
-                            Scalar(Scalar(6) * rest_ * rest_), width);
+      detail::tube::moderate_growth(Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))),
+                                    Scalar(Scalar(6) * rest_ * rest_), width);
   if (rest_share > Scalar(0)) {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
   const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
-  const Scalar pushed_share =
-      tube::moderate_growth(share_of(Scalar(beside.cwiseProduct(set_inverse).sum())), Scalar(pushed_.trace()), width);
+  const Scalar pushed_share = detail::tube::moderate_growth(share_of(Scalar(beside.cwiseProduct(set_inverse).sum())),
+                                                            Scalar(pushed_.trace()), width);
   if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }
-  const Matrix6<Scalar> half = frame_.lazyProduct(shape);
-  Matrix6<Scalar> whole = half.lazyProduct(frame_.transpose());
-  whole = (scalar::constant<Scalar>(0.5L) * (whole + whole.transpose())).eval();
+  Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
   // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
   const Vector6<Scalar> magnitude =
       frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();

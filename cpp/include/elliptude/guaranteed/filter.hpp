@@ -111,7 +111,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     if (!is_rotation(begin.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
       begin.center.attitude = renormalized(begin.center.attitude);  // about the nearest rotation, which rounding turns
-      begin.shape = with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+      begin.shape =
+          detail::with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
     }
     confine(begin);
     if (!can_be_kept(begin)) {
@@ -235,7 +236,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         (!measures_rate && measurements.angular_velocity != nullptr)) {
       return Status::out_of_range;
     }
-    const Sensors given = sensors::present(measurements);
+    const Sensors given = detail::sensors::present(measurements);
     Sensors beyond = 0;  // what cannot be, and is left out
     if (measurements.angular_velocity != nullptr) {
       const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
@@ -254,23 +255,23 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     Solution solution;
     Status status = Status::ok;
     if (may_be_wrong() && given != 0) {
-      if (sensors::number_of(given) > 8) {
+      if (detail::sensors::number_of(given) > 8) {
         return Status::out_of_range;
       }
-      status = relaxed(measurements, all, settings_.most_wrong - sensors::number_of(beyond), solution, result);
+      status = relaxed(measurements, all, settings_.most_wrong - detail::sensors::number_of(beyond), solution, result);
     } else {
-      const SetSolver<State> solver = solver_of(measurements);
+      const detail::SetSolver<State> solver = solver_of(measurements);
       status = solver.solve(all, Past::used, nullptr, solution);
       if (status == Status::ok) {
         result.margin = solution.fusion.margin;
       } else if (status != Status::unbounded) {
-        if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
+        if (const Status invalid = detail::sensors::checked(measurements, Status::ok); invalid != Status::ok) {
           return invalid;
         }
         // What is right by itself and cannot be put together is as good as a contradiction, but is not called one.
         const bool empty = status == Status::empty_intersection;
         result.margin = empty ? solution.fusion.margin : Scalar(-1);
-        result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
+        result.contradicting = empty ? detail::sensors::at(all, solution.fusion.contradiction) : 0;
         if (const Status resolved = resolve(solver, all, solution, result); resolved != Status::empty_intersection) {
           status = resolved;
         }
@@ -321,12 +322,13 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       const Ellipsoid<Scalar, 3> predicted = attitude_of(known_.set);
       const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
                                            quadric.c};
-      status = minimal_intersection(&predicted, &of_attitude, 1, attitude_criterion(settings_.criterion), found);
+      status =
+          minimal_intersection(&predicted, &of_attitude, 1, detail::attitude_criterion(settings_.criterion), found);
       fusion.margin = found.margin;
       if (status == Status::ok) {
         fusion.prediction_alone = found.prediction_alone;
         fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
-        fusion.set.shape = product_shape(found.set.shape, known_.vector_bound.shape);
+        fusion.set.shape = detail::product_shape(found.set.shape, known_.vector_bound.shape);
       }
     }
     if (status != Status::ok) {
@@ -347,10 +349,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   }
 
  private:
-  using Solution = elliptude::Solution<State>;
-  using Past = typename SetSolver<State>::Past;
+  using Solution = detail::Solution<State>;
+  using Past = typename detail::SetSolver<State>::Past;
 
-  [[nodiscard]] SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
+  [[nodiscard]] detail::SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
     return {known_, settings_.criterion, settings_.estimates_vector, measurements};
   }
 
@@ -386,7 +388,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     if constexpr (!measures_rate) {
       if (!settings_.estimates_vector && known_.has_vector_bound) {
         set.center.gyro_bias = known_.vector_bound.center;
-        set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known_.vector_bound.shape);
+        set.shape =
+            detail::product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known_.vector_bound.shape);
       }
     }
   }
@@ -475,8 +478,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       return Status::not_finite;
     }
     const Matrix<Scalar, Rows, 3> h = measurement.h.template rightCols<3>();
-    const Matrix<Scalar, Rows, 3> half = h.lazyProduct(known_.vector_bound.shape);
-    const Matrix<Scalar, Rows> added = half.lazyProduct(h.transpose());
+    const Matrix<Scalar, Rows> added = congruence(h, known_.vector_bound.shape);
     if (added.trace() > Scalar(0)) {
       const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
       measurement.bound =
@@ -503,7 +505,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
 
   /// After a contradiction, by the policy.
   /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
-  [[nodiscard]] Status resolve(const SetSolver<State>& solver, Sensors all, Solution& solution,
+  [[nodiscard]] Status resolve(const detail::SetSolver<State>& solver, Sensors all, Solution& solution,
                                GuaranteedUpdate<Scalar>& result) const noexcept {
     if (settings_.policy != Policy::drop_measurement && settings_.policy != Policy::restart) {
       return Status::empty_intersection;
@@ -531,12 +533,12 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     };
     Scalar best(0);
     for (Sensors rest = all; rest != 0; rest &= rest - 1) {
-      attempt(sensors::lowest(rest), best);
+      attempt(detail::sensors::lowest(rest), best);
     }
     if (result.dropped == 0) {
       for (Sensors first = all; first != 0; first &= first - 1) {
         for (Sensors second = first & (first - 1); second != 0; second &= second - 1) {
-          attempt(sensors::lowest(first) | sensors::lowest(second), best);
+          attempt(detail::sensors::lowest(first) | detail::sensors::lowest(second), best);
         }
       }
     }
@@ -557,10 +559,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// are proved wrong. (theory, section 16.10)
   [[nodiscard]] Status relaxed(const Measurements<Scalar>& measurements, Sensors all, int wrong, Solution& solution,
                                GuaranteedUpdate<Scalar>& result) const noexcept {
-    if (const Status status = sensors::checked(measurements, Status::ok); status != Status::ok) {
+    if (const Status status = detail::sensors::checked(measurements, Status::ok); status != Status::ok) {
       return status;
     }
-    const SetSolver<State> solver = solver_of(measurements);
+    const detail::SetSolver<State> solver = solver_of(measurements);
     // All choices in the same coordinates. An angular velocity or an attitude that may be wrong had better not choose them.
     State center = known_.set.center;
     if (!known_.has_attitude &&
@@ -584,7 +586,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         status = solver.solve(kept, Past::used, &center, trial);
       }
       if (status == Status::empty_intersection) {
-        result.contradicting = sensors::at(kept, trial.fusion.contradiction);
+        result.contradicting = detail::sensors::at(kept, trial.fusion.contradiction);
         return;
       }
       if (status != Status::ok) {
@@ -599,10 +601,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         solution = trial;
         found = true;
       } else if (!alone) {
-        failure = enclosing(solution.fusion.set, trial.fusion.set, solution.fusion.set);
+        failure = detail::enclosing(solution.fusion.set, trial.fusion.set, solution.fusion.set);
       }
     };
-    sensors::for_each_choice(all, wrong, add);
+    detail::sensors::for_each_choice(all, wrong, add);
     if (failure != Status::ok) {
       result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
       result.contradicting = 0;
@@ -614,11 +616,11 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       return Status::empty_intersection;
     }
     if (failure == Status::ok) {
-      if (wrong >= sensors::number_of(all)) {
+      if (wrong >= detail::sensors::number_of(all)) {
         // All may be wrong: one is proved so if it contradicts what is known by itself.
         for (Sensors rest = all; rest != 0; rest &= rest - 1) {
           Solution trial;
-          const Sensors one = sensors::lowest(rest);
+          const Sensors one = detail::sensors::lowest(rest);
           if (solver.solve(one, Past::used, &center, trial) != Status::empty_intersection) {
             kept_by_some |= one;
           }
@@ -631,14 +633,14 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       const Ellipsoid<Scalar, 6> predicted = known_.set.in_coordinates();
       alone = alone || failure != Status::ok;
       if (!alone && settings_.estimates_vector) {
-        solution.fusion.set = within_prediction(predicted, solution.fusion.set, settings_.criterion, alone);
+        solution.fusion.set = detail::within_prediction(predicted, solution.fusion.set, settings_.criterion, alone);
       } else if (!alone) {
         const Ellipsoid<Scalar, 3> joined{solution.fusion.set.center.template head<3>(),
                                           solution.fusion.set.shape.template topLeftCorner<3, 3>()};
-        const Ellipsoid<Scalar, 3> attitude =
-            within_prediction(attitude_of(known_.set), joined, attitude_criterion(settings_.criterion), alone);
+        const Ellipsoid<Scalar, 3> attitude = detail::within_prediction(
+            attitude_of(known_.set), joined, detail::attitude_criterion(settings_.criterion), alone);
         solution.fusion.set.center << attitude.center, Vector3<Scalar>::Zero();
-        solution.fusion.set.shape = product_shape(attitude.shape, known_.vector_bound.shape);
+        solution.fusion.set.shape = detail::product_shape(attitude.shape, known_.vector_bound.shape);
       }
       if (alone) {
         solution.center = known_.set.center;
@@ -751,7 +753,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   Flow flow_;
   Settings settings_;
   Scalar time_;
-  Knowledge<State> known_;
+  detail::Knowledge<State> known_;
   Trust trust_;  // of what is known, of the attitude or of the vector
   Claim claim_;
 };

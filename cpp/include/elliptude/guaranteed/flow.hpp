@@ -141,15 +141,15 @@ class GuaranteedRigidBodyFlow {
     }
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
-    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Matrix3<Scalar> momentum_shape = congruence(j, ellipsoid.shape);
     const Scalar gradient = torque_bounds_.by_inertia * error;
-    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + tube::radius(ellipsoid.shape);
+    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + detail::tube::radius(ellipsoid.shape);
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
-                      tube::radius(momentum_shape) + error * speed;
+                      detail::tube::radius(momentum_shape) + error * speed;
     momentum +=
         duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
-                    tube::radius(uncertainty_.torque));
+                    detail::tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
     const Matrix3<Scalar> inverse = body_.inertia_inverse();
     Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
@@ -330,18 +330,19 @@ class GuaranteedGyroFlow {
     const Vector3<Scalar> turn = h * rate;
     const Matrix3<Scalar> f = exp(turn);
     const Matrix6<Scalar> shape =
-        congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
+        covered_congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
 
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
     const Scalar acceleration = uncertainty_.angular_acceleration;
     const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
     const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
-    const Scalar noise = tube::radius(uncertainty_.noise) + scale;
-    const Scalar drift = tube::radius(uncertainty_.drift);
-    const Scalar difference = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) +
-                              h * drift + noise + wander;  // ≥ ‖δω‖
-    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    const Scalar noise = detail::tube::radius(uncertainty_.noise) + scale;
+    const Scalar drift = detail::tube::radius(uncertainty_.drift);
+    const Scalar difference =
+        detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift + noise +
+        wander;  // ≥ ‖δω‖
+    const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
     // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
     const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
     if (!(angle < scalar::constant<Scalar>(1.5L))) {
@@ -368,8 +369,7 @@ class GuaranteedGyroFlow {
     } else {
       ball += h * scale;
       const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
-      const Matrix3<Scalar> by_noise = middle.transpose().lazyProduct(uncertainty_.noise);
-      const Matrix3<Scalar> turned = by_noise.lazyProduct(middle);
+      const Matrix3<Scalar> turned = congruence(Matrix3<Scalar>(middle.transpose()), uncertainty_.noise);
       others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
       others[0].diagonal().template head<3>().array() +=
           rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
@@ -384,9 +384,9 @@ class GuaranteedGyroFlow {
       others[1].template bottomRightCorner<3, 3>() = d;
       ball += half * half * h * h * h * speed * drift;
     }
-    others[2] = tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
+    others[2] = detail::tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
     Matrix6<Scalar> sum;
-    if (const Status status = tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
+    if (const Status status = detail::tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
       return status;
     }
     if (!scalar::all_finite(sum)) {
@@ -419,7 +419,7 @@ class GuaranteedGyroFlow {
                         rounding::share<Scalar>(rounding::turn_by_angle) * scalar::sqrt(Scalar(turn.squaredNorm()));
     const GibbsEllipsoid<State> turned{
         {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias},
-        congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
+        covered_congruence<Scalar>(Matrix3<Scalar>(f.transpose()), ellipsoid.shape)};
     return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
   }
 
@@ -436,7 +436,7 @@ class GuaranteedGyroFlow {
     flow.uncertainty_.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
     Input given = input;
     if (given.increment >= Scalar(0)) {  // which is of the noise, and stands in its place
-      given.increment += rounding::enlarged(Scalar(duration * tube::radius(bias.shape)), rounding::product);
+      given.increment += rounding::enlarged(Scalar(duration * detail::tube::radius(bias.shape)), rounding::product);
     }
     GibbsEllipsoid<State> predicted;
     if (const Status status = flow.predict(time, duration, given, with_next_to_no_bias(bias, ellipsoid), predicted);
@@ -479,7 +479,7 @@ class GuaranteedGyroFlow {
     Matrix3<Scalar> sum = ellipsoid.shape;
     if (duration > Scalar(0) && !uncertainty_.drift.isZero(Scalar(0))) {
       const std::array<Matrix3<Scalar>, 1> others{Matrix3<Scalar>((duration * duration) * uncertainty_.drift)};
-      if (const Status status = tube::sum<Scalar, 3, 1>(ellipsoid.shape, others, sum); status != Status::ok) {
+      if (const Status status = detail::tube::sum<Scalar, 3, 1>(ellipsoid.shape, others, sum); status != Status::ok) {
         return status;
       }
     }
@@ -535,7 +535,7 @@ class GuaranteedGyroFlow {
                                         const GibbsEllipsoid<State>& ellipsoid,
                                         GibbsEllipsoid<State>& result) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
-    const Scalar before = tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
     const Scalar half_angle = scalar::atan2(Scalar(half * before), Scalar(1));
     const Scalar half_turn = half * angle;
     if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
@@ -545,11 +545,11 @@ class GuaranteedGyroFlow {
     const Scalar moved =
         Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
     std::array<Matrix6<Scalar>, 2> others;
-    others[0] = tube::attitude_ball(rounding::enlarged(Scalar(moved + slip * before), rounding::bound));
+    others[0] = detail::tube::attitude_ball(rounding::enlarged(Scalar(moved + slip * before), rounding::bound));
     others[1].setZero();
     others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
     Matrix6<Scalar> sum;
-    if (const Status status = tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
+    if (const Status status = detail::tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
       return status;
     }
     if (!scalar::all_finite(sum)) {

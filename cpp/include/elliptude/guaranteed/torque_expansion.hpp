@@ -17,7 +17,7 @@
 ///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
 
 #include "elliptude/dynamics/potential.hpp"
-#include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/sum.hpp"
 
 namespace elliptude {
 
@@ -407,7 +407,7 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
   std::tuple<TorqueExpansion<Potentials, Scalar, Terms>...> terms_;
 };
 
-namespace concepts {
+namespace detail {
 
 template <typename Potential, typename Scalar, typename = void>
 struct HasExpansion : std::false_type {};
@@ -417,10 +417,10 @@ struct HasExpansion<Potential, Scalar,
                     std::void_t<decltype(std::declval<const TorqueExpansion<Potential, Scalar, 4>&>().bounds(
                         std::declval<const Matrix3<Scalar>&>()))>> : std::true_type {};
 
-}  // namespace concepts
+}  // namespace detail
 
 /// Whether a potential can be used in a guaranteed flow.
 template <typename Potential, typename Scalar>
-constexpr bool has_expansion = concepts::HasExpansion<Potential, Scalar>::value;
+constexpr bool has_expansion = detail::HasExpansion<Potential, Scalar>::value;
 
 }  // namespace elliptude

@@ -28,7 +28,7 @@ template <typename Scalar, int N>
   return true;
 }
 
-namespace factorization {
+namespace detail {
 
 /// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled: half the
 /// instructions.
@@ -115,14 +115,14 @@ void solve_rows_up(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) no
   }
 }
 
-}  // namespace factorization
+}  // namespace detail
 
 /// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
 /// \return `not_positive_definite` if a pivot is not positive (or is NaN).
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> factor;
-  if (!factorization::cholesky_columns<0>(a, factor)) {
+  if (!detail::cholesky_columns<0>(a, factor)) {
     return Status::not_positive_definite;
   }
   l = factor;
@@ -185,7 +185,7 @@ template <typename Scalar, int N>
   for (int j = 0; j < N; ++j) {
     inverse(j, j) = Scalar(1) / l(j, j);
   }
-  factorization::inverse_columns<0>(l, inverse);
+  detail::inverse_columns<0>(l, inverse);
   return inverse;
 }
 
@@ -193,7 +193,7 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> square_of_lower(const Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> square;
-  factorization::square_columns<0>(l, square);
+  detail::square_columns<0>(l, square);
   return square;
 }
 
@@ -205,7 +205,7 @@ struct RootFreeFactor {
   Vector<Scalar, N> p;  ///< inverse pivots
 };
 
-namespace factorization {
+namespace detail {
 
 /// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p).
 template <int Column, typename Scalar, int N>
@@ -271,20 +271,20 @@ void solve_unit_up(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
   }
 }
 
-}  // namespace factorization
+}  // namespace detail
 
 /// \return `not_positive_definite` if a pivot is not positive (or is NaN).
 template <typename Scalar, int N>
 [[nodiscard]] Status factorize(const Matrix<Scalar, N>& a, RootFreeFactor<Scalar, N>& factor) noexcept {
   Matrix<Scalar, N> scaled;
-  return factorization::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
+  return detail::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
 }
 
 /// The lower triangle r with a⁻¹ = rᵀr.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> inverse_root(const RootFreeFactor<Scalar, N>& factor) noexcept {
   Matrix<Scalar, N> root;
-  factorization::unit_inverse_columns<0>(factor.l, root);
+  detail::unit_inverse_columns<0>(factor.l, root);
   const Vector<Scalar, N> scale = factor.p.cwiseSqrt();
   root.array().colwise() *= scale.array();
   return root;
@@ -294,9 +294,9 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Vector<Scalar, N> solve(const RootFreeFactor<Scalar, N>& factor, const Vector<Scalar, N>& b) noexcept {
   Vector<Scalar, N> x = b;
-  factorization::solve_unit_down<0>(factor.l, x);
+  detail::solve_unit_down<0>(factor.l, x);
   x.array() *= factor.p.array();
-  factorization::solve_unit_up<N - 1>(factor.l, x);
+  detail::solve_unit_up<N - 1>(factor.l, x);
   return x;
 }
 
@@ -336,7 +336,7 @@ template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower(const Matrix<Scalar, N>& l,
                                                      const Matrix<Scalar, N, Columns>& b) noexcept {
   Matrix<Scalar, N, Columns> x = b;
-  factorization::solve_rows_down<0>(l, x);
+  detail::solve_rows_down<0>(l, x);
   return x;
 }
 
@@ -345,7 +345,7 @@ template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower_transposed(const Matrix<Scalar, N>& l,
                                                                 const Matrix<Scalar, N, Columns>& b) noexcept {
   Matrix<Scalar, N, Columns> x = b;
-  factorization::solve_rows_up<N - 1>(l, x);
+  detail::solve_rows_up<N - 1>(l, x);
   return x;
 }
 
@@ -444,7 +444,7 @@ template <typename Scalar, int N>
   if (!scalar::all_finite(symmetric)) {
     return Status::not_finite;
   }
-  Matrix<Scalar, N> a = scalar::constant<Scalar>(0.5L) * (symmetric + symmetric.transpose());
+  Matrix<Scalar, N> a = symmetrized(symmetric);
   Matrix<Scalar, N> vectors = Matrix<Scalar, N>::Identity();
   constexpr int most_sweeps = 30;
   bool converged = false;

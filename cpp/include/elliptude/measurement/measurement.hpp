@@ -110,7 +110,7 @@ class MeasuredDirections {
     for (std::size_t i = 0; i < count; ++i) {
       const Vector3<Scalar> e = scalar::unit(directions[i].reference);
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      profile += (Scalar(directions[i].weight / largest) * e) * b.transpose();
+      profile += profile_term(Scalar(directions[i].weight / largest), e, b);
     }
     Scalar condition;
     if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
@@ -125,8 +125,8 @@ class MeasuredDirections {
       const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
       const Matrix3<Scalar> sensitivity =
           Scalar(-directions[i].weight / largest) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
-      const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
-      result.terms_[i] = scalar::constant<Scalar>(0.5L) * (term + term.transpose());
+      const Matrix3<Scalar> term = congruence(sensitivity, directions[i].bound);
+      result.terms_[i] = symmetrized(term);
     }
     result.count_ = count;
     measured = result;
@@ -222,7 +222,7 @@ template <typename Scalar>
   linear.y = rows * offset;
   linear.h.setZero();
   linear.h.template leftCols<3>() = rows * right_jacobian(offset);
-  linear.bound = rows * direction.bound * rows.transpose();
+  linear.bound = congruence(rows, direction.bound);
   return Status::ok;
 }
 
@@ -240,7 +240,7 @@ template <typename Scalar>
   linear.h.setZero();
   linear.h.template leftCols<3>().setIdentity();
   const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
-  linear.bound = moved * measured.bound * moved.transpose();
+  linear.bound = congruence(moved, measured.bound);
   return Status::ok;
 }
 
@@ -342,7 +342,7 @@ template <typename Scalar>
     return Status::not_finite;
   }
   angle = angle * (Scalar(1) + Scalar(16) * epsilon) + Scalar(16) * epsilon;
-  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
+  if (!(angle < scalar::pi<Scalar>())) {
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
   }
@@ -411,7 +411,7 @@ template <typename Scalar>
   // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
   const Scalar farthest = Scalar(1) / scalar::sqrt(epsilon);
-  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L)) || !(gamma.norm() < farthest)) {
+  if (!(angle < scalar::pi<Scalar>()) || !(gamma.norm() < farthest)) {
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
   }
@@ -424,8 +424,7 @@ template <typename Scalar>
   const Matrix3<Scalar> half = m.lazyProduct(t);
   const Vector3<Scalar> mg = m.lazyProduct(gamma);
   const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
-  quadric.a = scalar::constant<Scalar>(0.5L) * (a + a.transpose()) -
-              scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
+  quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
   quadric.a.diagonal().array() -= Scalar(32) * epsilon * (quadric.a.norm() + mg.norm());
   quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
   quadric.c = Scalar(1) - gamma.dot(mg) + Scalar(64) * epsilon * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
@@ -457,8 +456,8 @@ template <typename State, int Rows>
     }
     const Scalar rest = (length > Scalar(0) ? Scalar(Scalar(1) - GibbsChart::angle(length) / length) : Scalar(0)) +
                         Scalar(16) * Scalar(scalar::epsilon<Scalar>);
-    const Matrix<Scalar, Rows, 3> half = h.lazyProduct(predicted.shape.template topLeftCorner<3, 3>());
-    const Matrix<Scalar, Rows> added = (rest * rest) * half.lazyProduct(h.transpose());
+    const Matrix<Scalar, Rows> added =
+        (rest * rest) * congruence(h, Matrix3<Scalar>(predicted.shape.template topLeftCorner<3, 3>()));
     Matrix<Scalar, Rows> inverse;
     if (const Status status = inverse_positive_definite(measurement.bound, inverse); status != Status::ok) {
       return status;

@@ -74,7 +74,7 @@ struct Intersection {
   Scalar share;
 };
 
-namespace fusion {
+namespace detail {
 
 /// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: all that is needed of
 /// A = M + qI at one q, and of N = k + q + vᵀA⁻¹v, whose sign tells whether the two meet. Where the ellipsoid that the ball
@@ -429,7 +429,7 @@ template <typename Scalar, int N>
   return trace(first) < trace(second);
 }
 
-}  // namespace fusion
+}  // namespace detail
 
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
@@ -479,13 +479,13 @@ template <typename Scalar, int N>
   const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
   };
-  const fusion::Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
+  const detail::Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
   const bool flat = present.sum() < Scalar(N);
   Intersection<Scalar, N> intersection;
-  fusion::Combination<Scalar, N> best;
-  const fusion::RelativeSize<Scalar, N> size(l2, present, criterion);
+  detail::Combination<Scalar, N> best;
+  const detail::RelativeSize<Scalar, N> size(l2, present, criterion);
   const Status status =
-      fusion::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
+      detail::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
   if (status != Status::ok) {
     // Where M is ill-conditioned a negative N may be rounding; the margin of the overlap, found without M, decides.
     Scalar margin;
@@ -493,7 +493,7 @@ template <typename Scalar, int N>
         margin < Scalar(0)) {
       return status;
     }
-    intersection.share = !flat && fusion::is_smaller(l1, l2, criterion) ? Scalar(0) : Scalar(1);
+    intersection.share = !flat && detail::is_smaller(l1, l2, criterion) ? Scalar(0) : Scalar(1);
   }
   if (intersection.share == Scalar(1)) {
     intersection.set = second;
@@ -502,9 +502,9 @@ template <typename Scalar, int N>
   } else {
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (problem.is_ill_conditioned(q, best)) {
-      fusion::recombine(second.center, l2, b, w, present, q, intersection.set);
+      detail::recombine(second.center, l2, b, w, present, q, intersection.set);
     }
-    if (const Status validity = fusion::validate_combined(intersection.set, flat); validity != Status::ok) {
+    if (const Status validity = detail::validate_combined(intersection.set, flat); validity != Status::ok) {
       return validity;
     }
   }

@@ -120,8 +120,7 @@ template <typename Scalar, int M, int N>
   const Matrix<Scalar, N, M> half = quadric.a.lazyProduct(transform);
   const Matrix<Scalar, M> a = transform.transpose().lazyProduct(half);
   const Vector<Scalar, N> gradient = quadric.a.lazyProduct(shift) + quadric.g;
-  return {scalar::constant<Scalar>(0.5L) * (a + a.transpose()), transform.transpose().lazyProduct(gradient),
-          slack(quadric, shift)};
+  return {symmetrized(a), transform.transpose().lazyProduct(gradient), slack(quadric, shift)};
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
@@ -178,11 +177,11 @@ template <typename Scalar, int N>
       l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
   const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
-  const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
+  const detail::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
   Intersection<Scalar, N> intersection;
-  fusion::Combination<Scalar, N> best;
-  const fusion::RelativeSize<Scalar, N> size(l, present, criterion);
-  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
+  detail::Combination<Scalar, N> best;
+  const detail::RelativeSize<Scalar, N> size(l, present, criterion);
+  if (const Status status = detail::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
                                                          intersection, best);
       status != Status::ok) {
     return status;
@@ -205,7 +204,7 @@ template <typename Scalar, int N>
         intersection.share = Scalar(1);
       }
     }
-    if (const Status status = fusion::validate_combined(intersection.set, present.sum() < Scalar(N));
+    if (const Status status = detail::validate_combined(intersection.set, present.sum() < Scalar(N));
         status != Status::ok) {
       return status;
     }

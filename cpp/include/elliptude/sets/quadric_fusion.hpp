@@ -30,7 +30,7 @@ struct QuadricFusion {
   std::size_t contradiction;  ///< after `empty_intersection`: which quadric weighs most against the rest at the proof
 };
 
-namespace fusion {
+namespace detail {
 
 /// One constraint in the coordinates u of the search.
 template <typename Scalar, int N>
@@ -896,7 +896,7 @@ template <typename Scalar, int N, typename Given>
   return Status::ok;
 }
 
-}  // namespace fusion
+}  // namespace detail
 
 /// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
 /// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
@@ -911,8 +911,8 @@ template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, N>& criterion,
                                           QuadricFusion<Scalar, N>& result) noexcept {
-  const Status status = fusion::validate(quadrics, count, criterion);
-  return status == Status::ok ? fusion::fuse(predicted, quadrics, count, criterion, result) : status;
+  const Status status = detail::validate(quadrics, count, criterion);
+  return status == Status::ok ? detail::fuse(predicted, quadrics, count, criterion, result) : status;
 }
 
 /// The same of quadrics of either half, faster than `extended` ones.
@@ -920,8 +920,8 @@ template <typename Scalar>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, 6>* predicted, const HalfQuadric<Scalar>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, 6>& criterion,
                                           QuadricFusion<Scalar, 6>& result) noexcept {
-  const Status status = fusion::validate(quadrics, count, criterion);
-  return status == Status::ok ? fusion::fuse(predicted, quadrics, count, criterion, result) : status;
+  const Status status = detail::validate(quadrics, count, criterion);
+  return status == Status::ok ? detail::fuse(predicted, quadrics, count, criterion, result) : status;
 }
 
 }  // namespace elliptude

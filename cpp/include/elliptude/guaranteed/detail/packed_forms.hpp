@@ -11,7 +11,7 @@
 #include "elliptude/linear/factorization.hpp"
 
 namespace elliptude {
-namespace packed {
+namespace detail::packed {
 
 constexpr int size = 24;
 
@@ -124,5 +124,5 @@ template <typename Scalar>
   return result;
 }
 
-}  // namespace packed
+}  // namespace detail::packed
 }  // namespace elliptude

@@ -10,7 +10,7 @@
 #include "elliptude/linear/factorization.hpp"
 
 namespace elliptude {
-namespace tube {
+namespace detail::tube {
 
 /// A growth in a prediction that is always acceptable.
 template <typename Scalar>
@@ -111,5 +111,5 @@ template <typename Scalar>
   return scalar::sqrt(spectral_norm(shape));
 }
 
-}  // namespace tube
+}  // namespace detail::tube
 }  // namespace elliptude

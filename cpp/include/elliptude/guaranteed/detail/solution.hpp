@@ -8,7 +8,7 @@
 #include "elliptude/measurement/sensors.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 
-namespace elliptude {
+namespace elliptude::detail {
 
 /// What a guaranteed filter knows.
 template <typename State>
@@ -113,7 +113,7 @@ class SetSolver {
           const Scalar square = direction.bound.trace();
           const Scalar weight = square < least ? Scalar(Scalar(1) / least)
                                                : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);
-          profile += (weight * scalar::unit(direction.reference)) * scalar::unit(direction.body).transpose();
+          profile += profile_term(weight, scalar::unit(direction.reference), scalar::unit(direction.body));
         }
       }
       Scalar condition;
@@ -179,7 +179,7 @@ class SetSolver {
     }
     const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
     const Status status =
-        fusion::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
+        detail::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
     solution.used_prediction =
         with_prediction && status == Status::ok &&
         (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > least_multiplier());
@@ -232,4 +232,4 @@ class SetSolver {
   }
 };
 
-}  // namespace elliptude
+}  // namespace elliptude::detail

@@ -1,0 +1,57 @@
+"""What proposals are made of: quantiles of what was seen, and means over pieces of a recording."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.typing import FloatArray
+
+PIECE_S = 0.5
+"""A rest is cut into pieces so long, s, and what is averaged is averaged over one."""
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """How large a number was in a recording. Not one of them bounds what another recording holds."""
+
+    count: int
+    half: float
+    """50 % of the samples are at or below it; the names below likewise."""
+    ninety: float
+    ninety_nine: float
+    ninety_nine_point_nine: float
+    maximum: float
+
+
+def quantiles(values: ArrayLike) -> Quantiles | None:
+    """Quantiles of what is finite among the values, shape (N,); None where nothing is."""
+    array = np.asarray(values, dtype=np.float64)
+    array = array[np.isfinite(array)]
+    if not len(array):
+        return None
+    half, ninety, ninety_nine, most, maximum = np.quantile(array, [0.5, 0.9, 0.99, 0.999, 1.0])
+    return Quantiles(len(array), float(half), float(ninety), float(ninety_nine), float(most), float(maximum))
+
+
+def means_of_pieces(
+    times: FloatArray, values: FloatArray, chosen: NDArray[np.bool_], piece: float = PIECE_S
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Means of the chosen rows in each piece of the recording, shape (n, 3), and to which each chosen row belongs."""
+    numbers = np.floor((times[chosen] - times[0]) / piece + 1e-9).astype(np.intp)
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    means: FloatArray = np.add.reduceat(values[chosen], starts) / np.diff(starts, append=len(numbers))[:, None]
+    return means, np.cumsum(np.diff(numbers, prepend=-1) > 0) - 1
+
+
+def finite_rows(rows: FloatArray) -> NDArray[np.bool_]:
+    """Which rows are finite in all columns."""
+    return np.asarray(np.isfinite(rows).all(axis=1), dtype=np.bool_)
+
+
+def rotations_of(quaternions: ArrayLike) -> tuple[Rotation, NDArray[np.bool_]]:
+    """Quaternions (qw, qx, qy, qz) as rotations, and which of them are known; the others are the identity."""
+    array = np.asarray(quaternions, dtype=np.float64)
+    known = finite_rows(array) & (np.linalg.norm(array, axis=1) > 0.0)
+    return Rotation.from_quat(np.where(known[:, None], array, [1.0, 0.0, 0.0, 0.0]), scalar_first=True), known
