@@ -169,7 +169,7 @@ def _estimate_pieces(
         with writing_columns(out / table, "results", heard.notes) as write:
             for result in estimator.run(pieces):
                 progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
-                # It takes a third of a second, and the core is at work on the next piece.
+                # It takes a third of a second, while the core works on the next piece.
                 importlib.import_module("elliptude.report.figures")
                 write(result.columns())
                 summary.add(result)

@@ -19,11 +19,11 @@ class DelayProposal:
     delay: float
     """Positive: what the signal shows at a stamp was true that much earlier."""
     pieces: int
-    """How many pieces of the recording moved enough to tell."""
+    """How many pieces of the recording moved enough to show a delay."""
     scatter: float
     """The largest difference between a piece's delay and this one."""
     step: float
-    """Between samples: nothing is known below a part of it."""
+    """The step between samples, which limits how well the delay is known."""
 
 
 def delay_of_rates(
@@ -57,14 +57,14 @@ def delay_of_rates(
     turns = np.full_like(rates, np.nan)
     turns[1:-1] = (reference[:-2].inv() * reference[2:]).as_rotvec() / spans[:, None]
     turns[1:-1][~(known[:-2] & known[2:])] = np.nan
-    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # of a gap the gyro knows nothing
+    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # the gyro knows nothing about a gap
     return _delay(stamps, lambda shifted: rates - shifted, turns, limit, piece)
 
 
 def delay_of_vectors(
     times: ArrayLike, vectors: ArrayLike, angular_velocities: ArrayLike, *, limit: float = 0.1, piece: float = 8.0
 ) -> DelayProposal | None:
-    """How late a vector sensor is against the gyro, no reference needed: b' = -ω × b holds with the ω of then.
+    """How late a vector sensor is against the gyro, without a reference: b' = -ω × b holds with the ω of that time.
 
     For a vector that is constant in space: the magnetic field, or the specific force as far as gravity outweighs
     motion. Arguments are those of `delay_of_rates`.
@@ -78,7 +78,7 @@ def delay_of_vectors(
     rates = np.asarray(angular_velocities, dtype=np.float64)
     if len(stamps) < 3:
         return None
-    # Both sides as a mean over about 0.1 s, or noise drowns the derivative.
+    # Both sides are means over about 0.1 s; otherwise noise hides the derivative.
     half = max(round(0.05 / float(np.median(np.diff(stamps)))), 1)
     if len(stamps) <= 2 * half:
         return None
@@ -137,7 +137,7 @@ def _lowest(shifts: NDArray[np.floating[Any]], costs: NDArray[np.floating[Any]])
     if not np.isfinite(costs).all():
         return None
     n = int(np.argmin(costs))
-    # Flat: no shift makes matters twice as bad as the best one.
+    # Flat: no shift has twice the cost of the best one.
     if n in (0, len(costs) - 1) or costs.max() < 2.0 * costs[n]:
         return None
     left, middle, right = costs[n - 1 : n + 2]

@@ -12,24 +12,24 @@ from elliptude.proposal.statistics import PIECE_S, Quantiles, finite_rows, means
 from elliptude.typing import FloatArray
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
-"""Over which the turn by the gyro is compared with the reference's: those up to a quarter of the recording."""
+"""Windows over which the gyro's turn is compared with the reference's, s; up to a quarter of the recording."""
 _LONGEST_INCREMENT_S = 16.0
-# A scale error is said where it is known with this standard error: what turns too little about some axis tells nothing.
+# A scale error is proposed only if its standard error is at most this: a body must turn enough about all axes.
 _SCALE_WITHIN = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class GyroProposal:
-    """What a recording shows of its gyro; rad, s."""
+    """What a recording shows about its gyro; rad, s."""
 
     bias: FloatArray | None
     """Mean over rest, shape (3,); without rest the mean against the reference, and None without that."""
     bias_spread: Quantiles | None
-    """Of a piece at rest, its mean's distance from the bias: what the bias did in this recording."""
+    """Distance of the mean of a piece at rest from the bias: how the bias moved in this recording."""
     noise: Quantiles | None
     """At rest, a sample's distance from the bias."""
     speed: Quantiles | None
-    """Of the rate without the bias."""
+    """Norm of the rate without the bias."""
     rate_error: Quantiles | None
     """Against the reference's increments over 0.05 s or one row, whichever is longer; its jitter is in it."""
     window_angles: dict[float, Quantiles | None]
@@ -39,13 +39,13 @@ class GyroProposal:
     recording hardly turns about some axis."""
     sums_rest: Quantiles | None
     """What the noise adds up to, rad: for each phase of rest the diagonal of the box about the integral of the rate
-    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most so
+    less its mean in that phase. A constant bias in each phase, and noise whose integral over any window is at most this
     long, explain what was seen there."""
     unexplained: Quantiles | None
-    """Of the windows above of up to 16 s, what ``bias_spread`` and ``scale_error`` leave unexplained of the error of
+    """For the windows above of up to 16 s: what ``bias_spread`` and ``scale_error`` leave unexplained in the error of
     the turn, rad; the reference's jitter is in it. None without a reference."""
     longest_interval: float = np.inf
-    """Between samples, s: 1.5 times the usual one. All of the above is of intervals up to it, and of no window over a
+    """Between samples, s: 1.5 times the usual one. All of the above is from intervals up to it, from no window over a
     longer one."""
 
 
@@ -71,7 +71,7 @@ def propose_gyro(
     attitudes : (N, 4) array, optional
         The reference (qw, qx, qy, qz), from body to reference axes; NaN where there is none.
     delay : float
-        How late the gyro is against the reference, s; it is taken out before they are compared.
+        How late the gyro is against the reference, s; it is removed before they are compared.
     piece : float
         How long a piece of rest is for the bias's spread, s.
 
@@ -115,7 +115,7 @@ def _against_the_reference(
     """Rates by gyro and by reference over 0.05 s or one row, and the scale error where the recording shows one."""
     step = float(np.median(np.diff(times)))
     shown, true = _increments(times, rates, reference, known, max(round(0.05 / step), 1))
-    # The reference's jitter spoils short increments; beyond a radian a scale error is more than a factor.
+    # The reference's jitter dominates short increments; beyond a radian a scale error is not just a factor.
     fast = np.quantile(np.linalg.norm(true, axis=1), 0.9) if len(true) else 0.0
     longer = max(round(min(0.5 / max(fast, 1.0), 0.5) / step), 1)
     mean_rates, increments = _increments(times, rates, reference, known, longer)

@@ -14,7 +14,7 @@ PIECE_S = 0.5
 
 @dataclass(frozen=True)
 class Quantiles:
-    """How large a number was in a recording. Not one of them bounds what another recording holds."""
+    """How large a number was in one recording. None of these bounds it in another."""
 
     count: int
     half: float
@@ -26,7 +26,7 @@ class Quantiles:
 
 
 def quantiles(values: ArrayLike) -> Quantiles | None:
-    """Quantiles of what is finite among the values, shape (N,); None where nothing is."""
+    """Quantiles of the finite values, shape (N,); None if there are none."""
     array = np.asarray(values, dtype=np.float64)
     array = array[np.isfinite(array)]
     if not len(array):

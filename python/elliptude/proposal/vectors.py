@@ -12,12 +12,12 @@ from elliptude.typing import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class VectorProposal:
-    """What a recording shows of an accelerometer or a magnetometer; the sensor's unit, rad."""
+    """What a recording shows about an accelerometer or a magnetometer; the sensor's unit, rad."""
 
     reference: FloatArray | None
     """The vector in reference axes that is compared with, shape (3,); None without a reference attitude."""
     magnitude: float
-    """Its length: gravity, or the field's median length at rest (of all rows where nothing is at rest)."""
+    """Its length: gravity, or the field's median length at rest (of all rows if nothing is at rest)."""
     norm_rest: Quantiles | None
     """At rest, by how much the length is off."""
     norm_moving: Quantiles | None
@@ -32,7 +32,7 @@ class VectorProposal:
     misalignment: float | None
     """Angle of that turn: how far sensor axes and the reference's body axes seem to differ."""
     averaged_rest: Quantiles | None = None
-    """Of the means over 0.5 s at rest: of the vector against the reference attitude, or without one of the length."""
+    """Error of means over 0.5 s at rest: of the vector against the reference attitude, or without one of its length."""
     scatter_rest: Quantiles | None = None
     """At rest, a sample's distance from the mean over its 0.5 s."""
 
@@ -88,7 +88,7 @@ def propose_vector(
     rest, moving = still & known, finite & known & ~resting
     aligned, misalignment = None, None
     if rest.sum() > 2:
-        # Needs rests in more than one pose to mean something; with one, the turn about the vector stays zero.
+        # This needs rests in more than one pose. With one pose the turn about the vector stays zero.
         turn = _best_turn(expected[rest], rows[rest])
         misalignment = float(turn.magnitude())
         aligned = quantiles(angles_between(turn.apply(rows[rest]), expected[rest]))
@@ -114,7 +114,7 @@ def with_averages(
     attitudes: FloatArray | None,
     reference: FloatArray | None,
 ) -> VectorProposal:
-    """The proposal with what averages over pieces of rest show."""
+    """The proposal, completed by averages over pieces of rest."""
     still = resting & finite_rows(rows)
     if not still.any():
         return vector
@@ -131,7 +131,7 @@ def with_averages(
 
 
 def _best_turn(expected: FloatArray, measured: FloatArray) -> Rotation:
-    """The small turn about which cross products vanish in the mean, by least squares of least length; iterated."""
+    """The small turn after which the mean cross product vanishes, by least squares of least length; iterated."""
     turn = Rotation.identity()
     goal = expected / np.linalg.norm(expected, axis=1, keepdims=True)
     start = measured / np.linalg.norm(measured, axis=1, keepdims=True)
