@@ -1,4 +1,4 @@
-"""What a recording shows of its gyro's errors, at rest and against a reference attitude."""
+"""What a recording shows about its gyro's errors, at rest and against a reference attitude."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What proposals are made of: quantiles of what was seen, and means over pieces of a recording."""
+"""Statistics for proposals: quantiles, and means over pieces of a recording."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.typing import FloatArray
 
 PIECE_S = 0.5
-"""A rest is cut into pieces so long, s, and what is averaged is averaged over one."""
+"""A rest is cut into pieces of this length, s, and averages are over one piece."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a recording shows of the errors of a sensor of one vector: an accelerometer or a magnetometer."""
+"""What a recording shows about the errors of an accelerometer or a magnetometer."""
 
 from dataclasses import dataclass, replace
 
