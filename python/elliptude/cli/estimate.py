@@ -143,7 +143,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
     if summary["heading"] == "from the first row":
-        typer.echo("  nothing tells the heading: it counts from the first row")
+        typer.echo("  nothing determines the heading: it counts from the first row")
     for name, part in summary["sizes"].items():
         means = part["half_width_reference_deg"]["mean"]
         if means is not None:
@@ -169,7 +169,7 @@ def _estimate_pieces(
         with writing_columns(out / table, "results", heard.notes) as write:
             for result in estimator.run(pieces):
                 progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
-                # It takes a third of a second, and the core is at work on the next piece.
+                # It takes a third of a second, while the core works on the next piece.
                 importlib.import_module("elliptude.report.figures")
                 write(result.columns())
                 summary.add(result)

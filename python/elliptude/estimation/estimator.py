@@ -107,7 +107,7 @@ class PieceEstimator:
         Yields
         ------
         Result
-            Of a piece's rows, from the start on.
+            The result of a piece's rows, from the start on.
 
         Raises
         ------

@@ -21,7 +21,7 @@ from elliptude.typing import FloatArray
 
 
 def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
-    """The table of results, compared with what the log knows of the truth.
+    """The table of results, compared with the truth in the log.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
 
 
 def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
-    """What the summary says beside that of the other modes: claims, sizes, what was left out; degrees."""
+    """Figures that only this mode adds to the summary: claims, sizes, what was left out; degrees."""
     half_widths = np.rad2deg(run.sets.extents().half_widths_reference)
     has_set = np.isfinite(half_widths[:, 0])
     parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}

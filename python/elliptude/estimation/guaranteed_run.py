@@ -33,7 +33,7 @@ class GuaranteedRun:
     log: Log
     """What it is of."""
     sets: GuaranteedLog
-    """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
+    """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
     """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.
@@ -168,7 +168,7 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
-    """True attitudes (N, 3, 3), their heading counted from the first row as the run's is; NaN if that is not known."""
+    """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
     up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)

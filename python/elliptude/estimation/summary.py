@@ -61,7 +61,7 @@ class Summary:
         if result.errors is None or result.forms is None:
             return
         self._is_compared = True
-        # Of the center, at every row that has a set: what `elliptude compare` says too.
+        # The center's error at every row that has a set, as in `elliptude compare`.
         has_set = np.flatnonzero(np.isfinite(result.largest_angles))
         self._angles.add(np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1)), has_set, settled)
         self._rates.add(np.rad2deg(np.linalg.norm(result.errors[:, 3:], axis=1)), rows, settled)

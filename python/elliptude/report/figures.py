@@ -58,7 +58,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     label : str
         What the estimates are compared with.
     inside_share : float, optional
-        Of all rows, where ``result`` are only some of them.
+        The share of all rows, if ``result`` has only some of them.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
         if is_bias
         else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
     )
-    # A bias that is an error of the gyro and not estimated has nothing to show.
+    # A bias that is not estimated has nothing to show.
     is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
     for j, (name, unit, part) in enumerate(columns):

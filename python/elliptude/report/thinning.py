@@ -46,7 +46,7 @@ class Thinned:
             self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
 
     def result(self) -> Result:
-        """What is left.
+        """The rows that were kept.
 
         Raises
         ------

@@ -122,7 +122,7 @@ def _in_unit_ball(draws: np.random.Generator, count: int) -> FloatArray:
 
 
 def half_widths_about(result: Result, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far attitude is bounded about a line and across it.
+    """How far the attitude is bounded about a line and across it.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ template <typename State, typename Chart>
 
 /// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ, with τ at the
 /// largest angle in the set. (theory, section 16)
-/// \return what `validate` says; `unbounded` if the set holds half turns.
+/// \return the status of `validate`; `unbounded` if the set holds half turns.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,
                                StateEllipsoid<State, GibbsChart>& to) noexcept {
@@ -192,7 +192,7 @@ template <typename State>
   return Status::ok;
 }
 
-/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return what `validate` says.
+/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return the status of `validate`.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, GibbsChart>& from,
                                StateEllipsoid<State, ExponentialChart>& to) noexcept {

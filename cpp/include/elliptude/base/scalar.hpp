@@ -7,7 +7,7 @@
 /// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
 /// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
 /// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
-/// status that speaks for a pack is `ok` only if every lane is.
+/// status for a pack is `ok` only if every lane is.
 
 #include <Eigen/Core>
 #include <array>

@@ -168,7 +168,7 @@ template <typename Scalar>
   return result;
 }
 
-/// The inverse of `hat`; of a general matrix, of its skew-symmetric part.
+/// The inverse of `hat`; for a general matrix, that of its skew-symmetric part.
 template <typename Derived>
 [[nodiscard]] Vector3<typename Derived::Scalar> vee(const Eigen::MatrixBase<Derived>& matrix) noexcept {
   EIGEN_STATIC_ASSERT_MATRIX_SPECIFIC_SIZE(Derived, 3, 3)

@@ -17,8 +17,7 @@ struct Convergence {
   Scalar chi;             ///< χ = √(6 + 30 κ(P^m))
   Scalar contraction;     ///< the least c that satisfies the theorem; tr P < c tr P₀ is promised only if it is below 1
   Scalar trace_ratio;     ///< tr P / tr P₀, measured
-  Scalar
-      smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 if the trace is the criterion, before recentring
+  Scalar smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 if the trace is the criterion, before recentring
 };
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,

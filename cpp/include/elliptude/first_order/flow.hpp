@@ -76,7 +76,7 @@ class RigidBodyFlow {
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
   /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
-  /// `too_many_steps`; `interrupted`; what `minimal_sum` says.
+  /// `too_many_steps`; `interrupted`; the status of `minimal_sum`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
                                Prediction<State>& prediction) const noexcept {

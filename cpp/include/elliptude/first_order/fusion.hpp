@@ -75,7 +75,7 @@ template <typename State>
 }  // namespace detail
 
 /// Fuses a predicted and a measured ellipsoid about the measured center (paper, eqs. xhatP-LP).
-/// \return what `minimal_intersection` says; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State>
 [[nodiscard]] Status fuse(const StateEllipsoid<State>& measured, const StateEllipsoid<State>& predicted,
                           Recentring recentring, const SizeCriterion<StateScalar<State>, 6>& criterion,
@@ -191,7 +191,7 @@ template <typename Scalar, int Rows, int N>
 
 /// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
-/// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `validate`, `whitened` and `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State, int Rows>
 [[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                           const StateEllipsoid<State>& predicted, Recentring recentring,

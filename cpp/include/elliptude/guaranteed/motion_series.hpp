@@ -87,7 +87,7 @@ struct MotionSeries {
 
   /// The series from `state` at `time` over a step h > 0.
   /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing
-  /// at this step, or its terms are beyond all numbers.
+  /// at this step, or its terms overflow.
   [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
                               const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
     input = body_input;

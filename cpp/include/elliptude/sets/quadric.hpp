@@ -124,7 +124,7 @@ template <typename Scalar, int M, int N>
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
+/// \return the status of `validate`; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
 /// nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
@@ -154,7 +154,7 @@ template <typename Scalar, int N>
 /// A small ellipsoid that contains the intersection of an ellipsoid, which may be flat, with a quadric, which may be
 /// unbounded or indefinite: the smallest of the family that two multipliers give, never larger than the ellipsoid.
 /// `share` 0 is the quadric alone, 1 the ellipsoid.
-/// \return what `validate` says; `empty_intersection` if they have no common point; `beyond_domain` also of
+/// \return the status of `validate`; `empty_intersection` if they have no common point; `beyond_domain` also for
 /// what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Quadric<Scalar, N>& quadric, const Ellipsoid<Scalar, N>& ellipsoid,

@@ -16,8 +16,8 @@ struct Knowledge {
   using Scalar = StateScalar<State>;
 
   GibbsEllipsoid<State> set;          ///< where the attitude is known
-  Ellipsoid<Scalar, 3> vector;        ///< what is known of the vector where the attitude is not
-  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for it
+  Ellipsoid<Scalar, 3> vector;        ///< what is known about the vector while the attitude is not known
+  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for the vector
   bool has_attitude = false;
   bool has_vector = false;
   bool has_vector_bound = false;
@@ -74,7 +74,7 @@ class SetSolver {
   enum class Past : std::uint8_t { used, forgotten };
 
   /// \param center where the coordinates begin if there is no prediction; null for one by the selected measurements.
-  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; what `validate` says.
+  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; the status of `validate`.
   [[nodiscard]] Status solve(Sensors selected, Past past, const State* center,
                              Solution<State>& solution) const noexcept {
     const bool with_prediction = past == Past::used && known.has_attitude;
