@@ -4,6 +4,7 @@
 /// What bounds the sum {Σ xᵢ : xᵢ in Eᵢ} of ellipsoids: of two about zero, small by the trace or by the volume, and of many.
 
 #include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/inverse.hpp"
 #include "elliptude/sets/ellipsoid.hpp"
 
 namespace elliptude {
