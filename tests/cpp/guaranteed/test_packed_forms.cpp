@@ -1,5 +1,6 @@
 // Packed quadratic forms against the matrices that they stand for.
 #include "elliptude/guaranteed/detail/packed_forms.hpp"
+#include "elliptude/linear/triangular.hpp"
 
 #include <doctest/doctest.h>
 

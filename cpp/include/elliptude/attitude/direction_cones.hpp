@@ -13,6 +13,7 @@
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/detail/weight_search.hpp"
 #include "elliptude/attitude/wahba.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/linear/svd.hpp"
 
@@ -49,7 +50,6 @@ struct ConeSum {
 /// turns about Ĉ satisfy it, so that it reaches beyond every chart, or rounding cannot tell.
 template <typename Chart, typename Scalar>
 [[nodiscard]] Status bounding_ellipsoid(const ConeSum<Scalar>& sum, Ellipsoid<Scalar, 3>& ellipsoid) noexcept {
-  const Scalar epsilon(scalar::epsilon<Scalar>);
   SymmetricEigen<Scalar, 3> eigen;
   if (const Status status = symmetric_eigen(sum.curvature, eigen); status != Status::ok) {
     return status;
@@ -59,7 +59,8 @@ template <typename Chart, typename Scalar>
   // √(Dᵀ(N + tI)⁻¹D), and what the rounding of the eigenvectors can add to it.
   const auto slope_norm = [&](const Scalar& t) {
     const Vector3<Scalar> scaled = slope.cwiseQuotient((eigen.values.array() + t).sqrt().matrix());
-    return Scalar(scaled.norm() + Scalar(32) * epsilon * slope.norm() / scalar::sqrt(Scalar(least + t)));
+    return Scalar(scaled.norm() +
+                  rounding::share<Scalar>(rounding::cone_slope) * slope.norm() / scalar::sqrt(Scalar(least + t)));
   };
   if (sum.level < Scalar(0) && least > sum.level) {
     const Scalar d = slope_norm(-sum.level);
@@ -75,8 +76,8 @@ template <typename Chart, typename Scalar>
   const Scalar square = delta * delta + sum.level;
   const Scalar radius = delta + scalar::sqrt(scalar::select(square > Scalar(0), square, Scalar(0)));
   // No attitude in the computer is known better than to ε, and a set has a width: not less than that of sin φ = ε.
-  const Scalar finest = epsilon * epsilon * least;
-  const Scalar found = (Scalar(1) + Scalar(16) * epsilon) * radius * radius;
+  const Scalar finest = rounding::square<Scalar>() * least;
+  const Scalar found = (Scalar(1) + rounding::share<Scalar>(rounding::cone_radius)) * radius * radius;
   const Scalar level = scalar::select(found > finest, found, finest);
   if (!(level < least)) {
     return Status::unbounded;
@@ -90,7 +91,7 @@ template <typename Chart, typename Scalar>
     return Status::unbounded;
   }
   // The entries of the product err by a share of the longest axis.
-  lengths.array() += Scalar(64) * epsilon * lengths(2);
+  lengths.array() += rounding::share<Scalar>(rounding::cone_axes) * lengths(2);
   const Matrix3<Scalar> shape = eigen.vectors * lengths.asDiagonal() * eigen.vectors.transpose();
   ellipsoid.center = Vector3<Scalar>::Zero();
   ellipsoid.shape = symmetrized(shape);
@@ -138,7 +139,7 @@ class DirectionCones {
       }
       // Unit vectors in the computer, seen through an attitude that is nearly a rotation, are within a few roundings of the
       // true ones: so much is added to the bound. (theory, 15.7)
-      const Scalar sine = scalar::sin(Scalar((r + Scalar(16) * Scalar(scalar::epsilon<Scalar>)) / Scalar(2)));
+      const Scalar sine = scalar::sin(Scalar((r + rounding::share<Scalar>(rounding::direction)) / Scalar(2)));
       result.width_[i] = Scalar(2) * sine * sine;
     }
     cones = result;
@@ -238,7 +239,7 @@ class DirectionCones {
 
   /// A bound of the relative rounding of the sums in `add_up`, and of all that follows from them.
   [[nodiscard]] Scalar rounding() const noexcept {
-    return Scalar(static_cast<int>(4 * count_ + 160)) * Scalar(scalar::epsilon<Scalar>);
+    return rounding::share<Scalar>(rounding::cone_sum(static_cast<int>(count_)));
   }
 
   std::array<Vector3<Scalar>, most_directions> reference_;

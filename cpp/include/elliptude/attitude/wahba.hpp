@@ -6,6 +6,7 @@
 ///
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/linear/svd.hpp"
@@ -29,7 +30,7 @@ enum class WahbaMethod : std::uint8_t {
 /// The condition beyond which directions count as collinear: a larger one leaves the answer no digits.
 template <typename Scalar>
 [[nodiscard]] Scalar wahba_condition_limit() noexcept {
-  return Scalar(1) / (Scalar(64) * Scalar(scalar::epsilon<Scalar>));
+  return Scalar(1) / rounding::share<Scalar>(rounding::condition);
 }
 
 /// What one direction adds to the attitude profile L = Σ wᵢ eᵢ b̃ᵢᵀ, of unit vectors.
@@ -178,7 +179,7 @@ template <typename Scalar>
   if (const Status status = symmetric_eigen(Matrix3<Scalar>(r * r.transpose()), eigen); status != Status::ok) {
     return status;
   }
-  if (!(eigen.values(2) > Scalar(8) * Scalar(scalar::epsilon<Scalar>) * eigen.values(0))) {
+  if (!(eigen.values(2) > rounding::share<Scalar>(rounding::singular) * eigen.values(0))) {
     return Status::improper_profile;
   }
   const Vector3<Scalar> singular = eigen.values.cwiseSqrt();
@@ -275,7 +276,7 @@ template <typename Scalar>
     }
     const Vector3<Scalar> normal = Vector3<Scalar>(all.col(0)).cross(Vector3<Scalar>(all.col(1)));
     const Scalar sine = normal.norm();
-    if (!(sine > Scalar(8) * Scalar(scalar::epsilon<Scalar>))) {
+    if (!(sine > rounding::share<Scalar>(rounding::singular))) {
       return Status::attitude_undetermined;
     }
     all.col(2) = normal / sine;

@@ -31,6 +31,92 @@ inline constexpr int bound = 128;
 inline constexpr int rotation = 8;
 ///@}
 
+/// Linear algebra. (Higham, Accuracy and Stability; theory, sections 7.7 and 17.8)
+///@{
+/// Of each diagonal entry: more than a Cholesky factorisation of N rows loses (theorem 10.7).
+[[nodiscard]] constexpr int cholesky(int n) noexcept { return 2 * n * (n + 1); }
+/// Times κ², of an inverse by Cholesky's factor: more than that and its square err by (section 14.2).
+[[nodiscard]] constexpr int inverse(int n) noexcept { return 8 * n; }
+/// Of the trace: what a shape is widened by, at first, whose inverse has too few digits.
+[[nodiscard]] constexpr int inverse_widening(int n) noexcept { return 256 * n; }
+/// Of the product of two columns' lengths: their inner product where they are at right angles.
+inline constexpr int right_angle = 4;
+/// Of the mean of the squared singular values: what their variance loses, for up to six.
+inline constexpr int variance = 64;
+/// A determinant, a sine or a ratio of eigenvalues that may be zero.
+inline constexpr int singular = 8;
+/// Of the condition of Wahba's problem, the reciprocal of the largest that leaves digits.
+inline constexpr int condition = 64;
+/// Of the largest principal moment: by how much three that a flat body has may break the triangle inequality.
+inline constexpr int moments = 64;
+///@}
+
+/// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)
+///@{
+/// Of √(mᵢmⱼ), m = (|T| √diag P)², an entry of T P Tᵀ errs by at most 16; this much of its diagonal outweighs that.
+inline constexpr int image = 128;
+/// Of its diagonal, for a sum of up to 64 shapes.
+inline constexpr int many_terms = 128;
+/// Entries of ½ (M + Mᵀ) for a sum M of two shapes.
+inline constexpr int small_sum = 16;
+/// A change of shares that is rounding.
+inline constexpr int settled = 8;
+/// Of |x̂|ᵀ|A||y|: what an ellipsoid's quadric loses at its points.
+[[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
+/// What has less than three digits right.
+inline constexpr int three_digits = 1000;
+/// What a quadric loses in coordinates of N numbers, of the sum of its terms without their signs, and `count` of them in a sum.
+[[nodiscard]] constexpr int relaxation(int n, int count) noexcept { return 4 * (n + 4) + 2 * count; }
+/// Of ‖A‖ times the reach of its set: what the inversion of a combination adds to its level.
+[[nodiscard]] constexpr int inversion(int n) noexcept { return 8 * (n + 2); }
+/// Of the ball's multiplier, in a sum of so many constraints.
+[[nodiscard]] constexpr int terms_of_ball(int count) noexcept { return 4 * count; }
+/// Of all terms of so many constraints at the center, without their signs.
+[[nodiscard]] constexpr int terms(int n, int count) noexcept { return 4 * (n + 4 + count); }
+/// Of its diagonal: what the product of two roots with N rows loses.
+[[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
+/// Of what the search for multipliers minimises: differences that are rounding.
+inline constexpr int objective = 64;
+///@}
+
+/// Directions, attitudes and the cones that they are. (theory, sections 15.7 and 16.2)
+///@{
+/// Angle by which unit vectors, seen through an attitude that is a rotation to rounding, are off; and of an angle, itself.
+inline constexpr int direction = 16;
+/// Of the weights, and of all that follows from a sum of so many cones.
+[[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 160; }
+/// Of ‖D‖: what the eigenvectors' rounding adds to the slope of a sum of cones.
+inline constexpr int cone_slope = 32;
+/// Of the squared radius of a sum of cones.
+inline constexpr int cone_radius = 16;
+/// Of the longest axis: entries of the ellipsoid about a sum of cones.
+inline constexpr int cone_axes = 64;
+/// Of a cone's curvature, its level and its misfit, where its largest entries are of size one.
+inline constexpr int cone_curvature = 32;
+inline constexpr int cone_level = 8;
+inline constexpr int cone_misfit = 32;
+/// Of the largest angle of a measured attitude, and of what a chart's stretch is less than one.
+inline constexpr int attitude_angle = 16;
+/// Of a measured attitude's center, of the quadric's curvature, and of its level.
+inline constexpr int attitude_center = 32;
+inline constexpr int attitude_curvature = 32;
+inline constexpr int attitude_level = 64;
+///@}
+
+/// Predictions. (theory, sections 17.2 and 17.8)
+///@{
+/// Of a number of steps: one more for less is not worth it.
+inline constexpr int steps = 16;
+/// Of the largest rate, and of what the terms of Euler's equations add up to over a step.
+inline constexpr int series_rate = 32;
+inline constexpr int series_change = 64;
+/// Angle of the attitude at the end of a step.
+inline constexpr int series_attitude = 32;
+/// Of the linear part of an error tube, and of its rate over a step.
+inline constexpr int linear_part = 256;
+inline constexpr int linear_rate = 128;
+///@}
+
 /// `multiple` ε.
 template <typename Scalar>
 [[nodiscard]] Scalar share(int multiple) noexcept {

@@ -11,7 +11,7 @@
 #include <Eigen/LU>
 #include <cstdint>
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
@@ -340,7 +340,7 @@ template <typename Derived>
 /// The tolerance of `is_rotation` for input from outside, whose entries may have been stored with half the digits: √ε.
 template <typename Scalar>
 [[nodiscard]] Scalar rotation_tolerance() noexcept {
-  return scalar::sqrt(Scalar(scalar::epsilon<Scalar>));
+  return rounding::root<Scalar>();
 }
 
 /// One Newton step of the polar decomposition without an inverse, X (3I − XᵀX)/2: brings a rotation that rounding has
@@ -365,12 +365,12 @@ template <typename Scalar>
   if (!(size > Scalar(0))) {
     return Status::not_a_rotation;
   }
-  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>));  // the step after it would be its square
+  const Scalar tolerance = rounding::root<Scalar>();  // the step after it would be its square
   Matrix3<Scalar> x = matrix / size;
   constexpr int most_steps = 60;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar determinant = x.determinant();
-    if (!(determinant > Scalar(8) * Scalar(scalar::epsilon<Scalar>))) {
+    if (!(determinant > rounding::share<Scalar>(rounding::singular))) {
       return Status::not_a_rotation;
     }
     const Matrix3<Scalar> next = scalar::constant<Scalar>(0.5L) * (x + x.inverse().transpose());

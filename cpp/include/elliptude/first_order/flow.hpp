@@ -10,6 +10,7 @@
 /// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
 namespace elliptude {
@@ -92,7 +93,7 @@ class RigidBodyFlow {
     }
     using std::ceil;
     // A step longer by rounding than the longest is not worth another one.
-    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
     }

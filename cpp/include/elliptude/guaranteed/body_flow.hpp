@@ -13,6 +13,7 @@
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
 
 namespace elliptude {
@@ -100,7 +101,7 @@ class GuaranteedRigidBodyFlow {
     }
     using std::ceil;
     // A step longer by rounding than the longest is not worth another one.
-    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
     }

@@ -13,6 +13,7 @@
 /// second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and fourth order push u
 /// within an ellipsoid, and what is left is bounded in the norm of u.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/detail/packed_forms.hpp"
 #include "elliptude/guaranteed/detail/prediction_sums.hpp"
 #include "elliptude/guaranteed/detail/step_means.hpp"
@@ -41,7 +42,7 @@ class ErrorTube {
     // A Cholesky factor is that of a matrix which differs by less than this from the one given (Higham, Accuracy and
     // Stability, theorem 10.3): none is then smaller.
     Matrix6<Scalar> raised = shape;
-    raised.diagonal() *= Scalar(1) + Scalar(84) * Scalar(scalar::epsilon<Scalar>);
+    raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(6));
     // Norms are taken about a set that is not too thin in any direction: what nonlinear terms do to a thin set is judged by
     // the width of the whole, and over a step Y must not change by more than a part of itself.
     const Scalar share = scalar::constant<Scalar>(0.01L);
@@ -285,11 +286,11 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
   }
   linear.error += linear.from_attitude_norm * top_sum + linear.from_rate_norm * bottom_sum;
   // Rounding of Y and of what is calculated from it.
-  linear.error += Scalar(256) * Scalar(scalar::epsilon<Scalar>) *
+  linear.error += rounding::share<Scalar>(rounding::linear_part) *
                   (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
   // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large. ‖u‖ ≤ 2.
   const Scalar ratio = body.principal_moments()(0) / body.principal_moments()(2);
-  linear.error += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * h * linear.from_rate_norm *
+  linear.error += rounding::share<Scalar>(rounding::linear_rate) * h * linear.from_rate_norm *
                   ((series.gyroscopic_size + ratio * largest_difference) * largest_difference +
                    series.stiffness_size * largest_attitude * (one + largest_attitude));
   return Status::ok;
@@ -582,7 +583,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
   const Vector6<Scalar> magnitude =
       frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();
-  whole.diagonal() += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * magnitude;
+  whole.diagonal() += rounding::share<Scalar>(rounding::image) * magnitude;
   return whole;
 }
 

@@ -4,6 +4,7 @@
 /// The guaranteed filter: its set holds the state of the continuous motion whenever what it was told of errors holds. (theory,
 /// sections 16 to 18)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 
@@ -448,7 +449,7 @@ class GuaranteedFilter {
     if (added.trace() > Scalar(0)) {
       const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
       measurement.bound =
-          (scalar::constant<Scalar>(0.5L) + Scalar(16) * Scalar(scalar::epsilon<Scalar>)) * (sum + sum.transpose());
+          (scalar::constant<Scalar>(0.5L) + rounding::share<Scalar>(rounding::small_sum)) * (sum + sum.transpose());
       measurement.h.template rightCols<3>().setZero();
     }
     return Status::ok;

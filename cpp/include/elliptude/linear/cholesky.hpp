@@ -4,7 +4,7 @@
 /// Cholesky's factorisation of small matrices of fixed size, with roots and without, as plain loops: no blocked path that would link
 /// `malloc`, a bounded number of operations, and any scalar type. Acceptance tests are written so that NaN fails them.
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
@@ -13,7 +13,7 @@ namespace elliptude {
 /// NaN off the diagonal is refused, on it perhaps not.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
-  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * a.cwiseAbs().maxCoeff();
+  const Scalar tolerance = rounding::root<Scalar>() * a.cwiseAbs().maxCoeff();
   for (int j = 0; j < N; ++j) {
     for (int i = j + 1; i < N; ++i) {
       if (!scalar::all(scalar::abs(Scalar(a(i, j) - a(j, i))) <= tolerance)) {
@@ -78,7 +78,7 @@ template <typename Scalar, int N>
 /// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is negative.
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
-  const Scalar rounding = Scalar(2 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
   Matrix<Scalar, N> raised = a;
   Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
   for (int j = 0; j < N; ++j) {

@@ -5,7 +5,7 @@
 
 #include <utility>
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
@@ -35,9 +35,9 @@ template <typename Scalar, int N>
         const Scalar off = a(p, q);
         const Scalar diagonal = scalar::sqrt(scalar::abs(a(p, p))) * scalar::sqrt(scalar::abs(a(q, q)));
         const Scalar largest = a.cwiseAbs().maxCoeff();
-        if (scalar::abs(off) <= Scalar(scalar::epsilon<Scalar>) * diagonal ||
+        if (scalar::abs(off) <= rounding::share<Scalar>(1) * diagonal ||
             scalar::abs(off) <= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) ||
-            scalar::abs(off) <= Scalar(scalar::epsilon<Scalar>) * Scalar(scalar::epsilon<Scalar>) * largest) {
+            scalar::abs(off) <= rounding::square<Scalar>() * largest) {
           continue;
         }
         converged = false;

@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/linear/triangular.hpp"
 
@@ -61,17 +62,17 @@ template <typename Scalar, int N>
 /// \return `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
-  const Scalar epsilon(scalar::epsilon<Scalar>);
   Matrix<Scalar, N> raised = a;
-  raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * epsilon;
-  Scalar added = Scalar(256 * N) * epsilon * a.trace();
+  raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(N));
+  Scalar added = rounding::share<Scalar>(rounding::inverse_widening(N)) * a.trace();
   for (int attempt = 0; attempt < 4; ++attempt) {
     Matrix<Scalar, N> l;
     if (const Status status = cholesky(raised, l); status != Status::ok) {
       return status;
     }
     const Matrix<Scalar, N> root = lower_inverse(l);
-    const Scalar share = Scalar(8 * N) * epsilon * root.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();  // ≥ 8Nε κ²
+    const Scalar share = rounding::share<Scalar>(rounding::inverse(N)) *
+                         root.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();  // ≥ 8Nε κ²
     if (share < scalar::constant<Scalar>(0.125L)) {
       inverse = (Scalar(1) - share) * square_of_lower(root);
       return Status::ok;

@@ -3,7 +3,7 @@
 /// \file
 /// Upper bounds of the largest singular value.
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 
 namespace elliptude {
 
@@ -31,12 +31,12 @@ template <typename Scalar, int N>
   const Scalar trace = gram.trace();
   const Scalar mean = trace / Scalar(N);
   const Scalar square = mean * mean;
-  if (!(square > Scalar(std::numeric_limits<Value>::min() / std::numeric_limits<Value>::epsilon()))) {
+  if (!(square > Scalar(std::numeric_limits<Value>::min()) / rounding::share<Scalar>(1))) {
     // The squares are lost; the trace bounds it too.
     return scalar::sqrt(trace < Scalar(0) ? Scalar(-trace) : trace);
   }
   const Scalar variance = gram.squaredNorm() / Scalar(N) - square;
-  const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * square;
+  const Scalar rounding = rounding::share<Scalar>(rounding::variance) * square;
   const Scalar most = Scalar(N - 1) * ((variance < Scalar(0) ? Scalar(0) : variance) + rounding);
   return scalar::sqrt(Scalar(mean + scalar::sqrt(most)));
 }

@@ -6,7 +6,7 @@
 #include <Eigen/Geometry>
 #include <utility>
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
@@ -33,7 +33,6 @@ template <typename Scalar>
   }
   Matrix3<Scalar> columns = a / size;
   Matrix3<Scalar> v = Matrix3<Scalar>::Identity();
-  const Scalar epsilon(scalar::epsilon<Scalar>);
   constexpr int most_sweeps = 30;
   bool converged = false;
   for (int sweep = 0; sweep < most_sweeps && !converged; ++sweep) {
@@ -45,8 +44,8 @@ template <typename Scalar>
         const Scalar pq = columns.col(p).dot(columns.col(q));
         // Columns at right angles to rounding, of which a product of three terms takes some, or so short that their angle is
         // rounding.
-        if (scalar::abs(pq) <= Scalar(4) * epsilon * scalar::sqrt(Scalar(pp * qq)) ||
-            scalar::abs(pq) <= epsilon * epsilon) {
+        if (scalar::abs(pq) <= rounding::share<Scalar>(rounding::right_angle) * scalar::sqrt(Scalar(pp * qq)) ||
+            scalar::abs(pq) <= rounding::square<Scalar>()) {
           continue;
         }
         converged = false;
@@ -80,7 +79,7 @@ template <typename Scalar>
   }
   Vector3<Scalar> u1 = columns.col(0) / lengths(0);
   Vector3<Scalar> u2;
-  if (lengths(1) > Scalar(4) * epsilon * epsilon) {
+  if (lengths(1) > rounding::share<Scalar>(rounding::right_angle) * rounding::share<Scalar>(1)) {
     // So short a column may have passed the test above at an angle.
     u2 = (columns.col(1) - u1.dot(columns.col(1)) * u1).normalized();
   } else {  // rank one: any direction at right angles to u1, made from the axis least along it

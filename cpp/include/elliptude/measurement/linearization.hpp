@@ -5,6 +5,7 @@
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/measurement/types.hpp"
 
@@ -142,7 +143,7 @@ template <typename Scalar>
   const Scalar sine = normal.norm();
   const Scalar cosine = b.dot(predicted);
   Vector3<Scalar> offset = normal;
-  if (sine > Scalar(scalar::epsilon<Scalar>)) {
+  if (sine > rounding::share<Scalar>(1)) {
     offset = (scalar::atan2(sine, cosine) / sine) * normal;
   } else if (cosine < Scalar(0)) {
     offset = scalar::atan2(Scalar(0), cosine) * across.col(0);

@@ -3,6 +3,7 @@
 /// \file
 /// Measurements as exact quadrics of the error about any center. (theory, section 16)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/measurement/linearization.hpp"
 #include "elliptude/sets/quadric.hpp"
 
@@ -58,7 +59,6 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
                           Quadric<Scalar, 3>& quadric) noexcept {
-  const Scalar epsilon(scalar::epsilon<Scalar>);
   Scalar angle;
   if (const Status status = angle_bound(direction, angle); status != Status::ok) {
     return status;
@@ -69,7 +69,8 @@ template <typename Scalar>
   if (!scalar::all_finite(predicted)) {
     return Status::not_finite;
   }
-  angle = angle * (Scalar(1) + Scalar(16) * epsilon) + Scalar(16) * epsilon;
+  angle =
+      angle * (Scalar(1) + rounding::share<Scalar>(rounding::direction)) + rounding::share<Scalar>(rounding::direction);
   if (!(angle < scalar::pi<Scalar>())) {
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
@@ -81,12 +82,14 @@ template <typename Scalar>
   const Vector3<Scalar> d = body.cross(difference);  // b̃ × b̂ without cancellation
   const Matrix3<Scalar> mixed = predicted.lazyProduct(body.transpose());
   Matrix3<Scalar> a = -(mixed + mixed.transpose());
-  a.diagonal().array() += (Scalar(1) - versine) + predicted.dot(body) - Scalar(32) * epsilon;
+  a.diagonal().array() +=
+      (Scalar(1) - versine) + predicted.dot(body) - rounding::share<Scalar>(rounding::cone_curvature);
   quadric.a = (scalar::constant<Scalar>(0.25L) * inverse) * a;
   quadric.g = (scalar::constant<Scalar>(-0.5L) * inverse) * d;
   quadric.c =
-      Scalar(1) + Scalar(8) * epsilon -
-      (scalar::constant<Scalar>(0.5L) * (Scalar(1) - Scalar(32) * epsilon) * inverse) * difference.squaredNorm();
+      Scalar(1) + rounding::share<Scalar>(rounding::cone_level) -
+      (scalar::constant<Scalar>(0.5L) * (Scalar(1) - rounding::share<Scalar>(rounding::cone_misfit)) * inverse) *
+          difference.squaredNorm();
   return Status::ok;
 }
 
@@ -113,7 +116,6 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
                                 Quadric<Scalar, 3>& quadric) noexcept {
-  const Scalar epsilon(scalar::epsilon<Scalar>);
   if (!scalar::all_finite(measured.attitude) || !scalar::all_finite(measured.bound)) {
     return Status::not_finite;
   }
@@ -129,23 +131,24 @@ template <typename Scalar>
   }
   // Largest angle; a bound of less than rounding is used as if it were wider by that.
   Matrix3<Scalar> bound = measured.bound;
-  bound.diagonal().array() += epsilon * epsilon;
+  bound.diagonal().array() += rounding::square<Scalar>();
   SymmetricEigen<Scalar, 3> eigen;
   const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
   const Scalar angle = bounded
                            ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-                                    (Scalar(1) + Scalar(16) * epsilon))
+                                    (Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle)))
                            : Scalar(4);
   // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
-  const Scalar farthest = Scalar(1) / scalar::sqrt(epsilon);
+  const Scalar farthest = Scalar(1) / rounding::root<Scalar>();
   if (!(angle < scalar::pi<Scalar>()) || !(gamma.norm() < farthest)) {
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
   }
   // The measured center rounds by a few ε, which the shortest semi-axis has to cover.
   const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));
-  const Scalar wider = Scalar(1) + Scalar(32) * epsilon * (Scalar(1) + Scalar(1) / shortest);
+  const Scalar wider =
+      Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + Scalar(1) / shortest);
   const Scalar stretch = gibbs_stretch(angle) * wider;
   m *= Scalar(1) / (stretch * stretch);
   const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
@@ -153,9 +156,11 @@ template <typename Scalar>
   const Vector3<Scalar> mg = m.lazyProduct(gamma);
   const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
   quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
-  quadric.a.diagonal().array() -= Scalar(32) * epsilon * (quadric.a.norm() + mg.norm());
+  quadric.a.diagonal().array() -=
+      rounding::share<Scalar>(rounding::attitude_curvature) * (quadric.a.norm() + mg.norm());
   quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
-  quadric.c = Scalar(1) - gamma.dot(mg) + Scalar(64) * epsilon * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
+  quadric.c = Scalar(1) - gamma.dot(mg) +
+              rounding::share<Scalar>(rounding::attitude_level) * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
   return Status::ok;
 }
 
@@ -183,7 +188,7 @@ template <typename State, int Rows>
       return status;
     }
     const Scalar rest = (length > Scalar(0) ? Scalar(Scalar(1) - GibbsChart::angle(length) / length) : Scalar(0)) +
-                        Scalar(16) * Scalar(scalar::epsilon<Scalar>);
+                        rounding::share<Scalar>(rounding::attitude_angle);
     const Matrix<Scalar, Rows> added =
         (rest * rest) * congruence(h, Matrix3<Scalar>(predicted.shape.template topLeftCorner<3, 3>()));
     Matrix<Scalar, Rows> inverse;

@@ -4,7 +4,7 @@
 /// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2).
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/linear/eigen.hpp"
@@ -51,8 +51,8 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] bool is_in_domain(const Matrix<Scalar, N>& shape) noexcept {
   using Limits = std::numeric_limits<scalar::Value<Scalar>>;
-  const Scalar least(Limits::min() / (Limits::epsilon() * Limits::epsilon()));
-  const Scalar most(Limits::max() * (Limits::epsilon() * Limits::epsilon()));
+  const Scalar least = Scalar(Limits::min()) / rounding::square<Scalar>();
+  const Scalar most = Scalar(Limits::max()) * rounding::square<Scalar>();
   for (int i = 0; i < N; ++i) {
     const Scalar& square = shape(i, i);
     if (!(square <= most) || !(scalar::abs(square) >= least || square == Scalar(0))) {
@@ -85,7 +85,7 @@ template <typename Scalar, int N>
   Matrix<Scalar, N> factor;
   if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
     const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
-    result.diagonal() += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * width.cwiseAbs2();
+    result.diagonal() += rounding::share<Scalar>(rounding::image) * width.cwiseAbs2();
   }
   return result;
 }

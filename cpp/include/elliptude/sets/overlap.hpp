@@ -3,6 +3,7 @@
 /// \file
 /// Whether two ellipsoids have a common point, and how a bound of what they have in common is reported.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/sets/ellipsoid.hpp"
 
@@ -57,8 +58,7 @@ template <typename Scalar, int N>
     const Scalar change = scalar::abs(Scalar(next - lambda));
     lambda = next;
     // The value is flat at the maximum: an error of √ε in λ is one of ε in it.
-    if (change <=
-        scalar::constant<Scalar>(0.1L) * scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * (low < high ? high : low)) {
+    if (change <= scalar::constant<Scalar>(0.1L) * rounding::root<Scalar>() * (low < high ? high : low)) {
       break;
     }
   }

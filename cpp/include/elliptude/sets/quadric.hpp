@@ -4,6 +4,7 @@
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
 /// quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/intersection.hpp"
 
 namespace elliptude {
@@ -87,7 +88,7 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> offset = ellipsoid.center.cwiseAbs();
   const Vector<Scalar, N> reach = offset + Vector<Scalar, N>(ellipsoid.shape.diagonal().cwiseSqrt());
   const Scalar lost = offset.dot(result.a.cwiseAbs().lazyProduct(reach));
-  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + Scalar(4 * N) * Scalar(scalar::epsilon<Scalar>) * lost;
+  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + rounding::share<Scalar>(rounding::quadric(N)) * lost;
   quadric = result;
   return Status::ok;
 }
@@ -191,7 +192,7 @@ template <typename Scalar, int N>
   } else {
     // Where the quadric is far sharper than the ellipsoid, A at the best q has too few right digits for a bound; with more of the
     // ellipsoid it has half of them, and any q gives one.
-    const Scalar sure = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * seen.a.norm();
+    const Scalar sure = rounding::root<Scalar>() * seen.a.norm();
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (q < sure && problem.is_ill_conditioned(q, best)) {
       if (problem.combine(sure, best) == Status::ok && best.level >= Scalar(0)) {

@@ -4,6 +4,7 @@
 /// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of quadrics at once
 /// (theory, section 16).
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
 #include "elliptude/sets/detail/quadric_coordinates.hpp"
 
@@ -71,7 +72,7 @@ void gather(const Given* quadrics, std::size_t count, const SizeCriterion<Scalar
     problem.constraints[0].quadric = {Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)};
     gathered.scale[0] = Scalar(1);
   }
-  const Scalar rounding = Scalar(4 * (N + 4) + 2 * static_cast<int>(count)) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar rounding = rounding::share<Scalar>(rounding::relaxation(N, static_cast<int>(count)));
   bool idle = problem.with_ball;
   bool finite = true;
   for (std::size_t k = first; k < problem.count; ++k) {
@@ -109,7 +110,7 @@ template <typename Scalar, int N>
                         scalar::sqrt(Scalar(set.shape(i, i)));
     loss = lost > loss ? lost : loss;
   }
-  set.shape.diagonal() *= Scalar(1) + Scalar(4 * N * N) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + loss);
+  set.shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::root_product(N)) * (Scalar(1) + loss);
   return set;
 }
 

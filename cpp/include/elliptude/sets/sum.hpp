@@ -91,7 +91,7 @@ template <typename Scalar, int N>
 
   if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
     constexpr int most_steps = 200;
-    const Scalar tolerance = Scalar(8) * Scalar(scalar::epsilon<Scalar>);
+    const Scalar tolerance = rounding::share<Scalar>(rounding::settled);
     for (int step = 0; step < most_steps; ++step) {
       Matrix<Scalar, N> inverse;
       if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
@@ -131,7 +131,7 @@ template <typename Scalar, int N>
     // terms, each at most √(Pᵢᵢ Pⱼⱼ).
     for (std::size_t i = 0; i < count; ++i) {
       if (cholesky(terms[i].shape, factor) == Status::ok) {
-        shape.diagonal() *= Scalar(1) + Scalar(128) * Scalar(scalar::epsilon<Scalar>);
+        shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::many_terms);
         break;
       }
     }

@@ -4,6 +4,7 @@
 /// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
 /// about contradictions. (theory, sections 16.5 to 16.7)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/measurement/sensors.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
@@ -119,7 +120,7 @@ class SetSolver {
         if ((selected & direction_bit(i)) != 0) {
           const Direction<Scalar>& direction = measurements.directions[i];
           // A weight is any positive number: within these no sum is lost.
-          const Scalar least(scalar::epsilon<Scalar>);
+          const Scalar least = rounding::share<Scalar>(1);
           const Scalar square = direction.bound.trace();
           const Scalar weight = square < least ? Scalar(Scalar(1) / least)
                                                : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);

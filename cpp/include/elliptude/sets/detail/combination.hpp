@@ -4,6 +4,7 @@
 /// A quadric and the unit ball added up with weights: the family of ellipsoids in which `minimal_intersection` searches. (theory,
 /// section 7)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/inverse.hpp"
 #include "elliptude/sets/overlap.hpp"
 
@@ -35,14 +36,14 @@ struct Problem {
 
   /// The q below which, where M is singular, A⁻¹ has less than three right digits, so that N < 0 proves nothing.
   [[nodiscard]] Scalar least_weight() const noexcept {
-    return Scalar(1000 * N) * Scalar(scalar::epsilon<Scalar>) * m.norm();
+    return rounding::share<Scalar>(rounding::three_digits * N) * m.norm();
   }
 
   /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε, and ε^⅔ is
   /// not worth another way.
   [[nodiscard]] bool is_ill_conditioned(const Scalar& q, const Combination<Scalar, N>& at) const noexcept {
     const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse.trace();
-    return !(condition * condition * condition * Scalar(scalar::epsilon<Scalar>) <= Scalar(1));
+    return !(condition * condition * condition * rounding::share<Scalar>(1) <= Scalar(1));
   }
 
   /// A q of the size of the quadric; zero if that says nothing.
@@ -107,7 +108,7 @@ template <typename Scalar, int N, typename Slack>
       (length > Scalar(1) ? low : high) = q;
       const Scalar change = combination.center.squaredNorm() * (length - Scalar(1)) /
                             combination.center.dot(combination.inverse.lazyProduct(combination.center));
-      if (scalar::abs(change) <= scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * q) {
+      if (scalar::abs(change) <= rounding::root<Scalar>() * q) {
         return false;
       }
       next = q + change;
@@ -195,7 +196,7 @@ template <typename Scalar, int N, typename Slack>
                                        const Scalar& start, Found<Scalar, N>& found) noexcept {
   // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
   // and the size to about ε.
-  const Scalar tolerance = scalar::sqrt(scalar::sqrt(Scalar(scalar::epsilon<Scalar>)));
+  const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
   const Scalar longest(4);
   const Scalar least = problem.least_weight();
   constexpr int most_steps = 60;

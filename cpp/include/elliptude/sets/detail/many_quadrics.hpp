@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/sets/quadric.hpp"
 
@@ -123,15 +124,15 @@ class ManyQuadrics {
     const Scalar positive = it.level > Scalar(0) ? it.level : Scalar(0);
     const Scalar spread = positive * it.inverse.trace();
     const Scalar reach = Scalar(1) + it.center.squaredNorm() + (with_ball ? Scalar(0) : spread);
-    it.rounding = Scalar(8 * (N + 2)) * Scalar(scalar::epsilon<Scalar>) * a.trace() *
-                  (reach + scalar::sqrt(Scalar(reach * spread)));
+    it.rounding =
+        rounding::share<Scalar>(rounding::inversion(N)) * a.trace() * (reach + scalar::sqrt(Scalar(reach * spread)));
     if (with_ball) {  // which is not relaxed
-      it.rounding += Scalar(4 * static_cast<int>(count)) * Scalar(scalar::epsilon<Scalar>) * multipliers[0];
+      it.rounding += rounding::share<Scalar>(rounding::terms_of_ball(static_cast<int>(count))) * multipliers[0];
     }
     // The constraints are relaxed by what their sums lose at the states of the set, which are near, and it is at û that they are
     // summed: far from these, terms may cancel that are much larger than what is left.
     if (!with_ball || it.center.squaredNorm() > Scalar(1)) {
-      it.rounding += Scalar(4 * (N + 4 + static_cast<int>(count))) * Scalar(scalar::epsilon<Scalar>) *
+      it.rounding += rounding::share<Scalar>(rounding::terms(N, static_cast<int>(count))) *
                      magnitude(multipliers, Vector<Scalar, N>(it.center.cwiseAbs2()));
     }
     it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))

@@ -3,6 +3,7 @@
 /// \file
 /// The search for the multipliers of guaranteed fusion, by a primal-dual interior-point method. (theory, section 16)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/sets/detail/many_quadrics.hpp"
 
@@ -348,7 +349,7 @@ class MultiplierSearch {
     Scalar primal = longest(it.multipliers, move_, inside);
     const Scalar dual = longest(z_, dz_, inside);
     const Scalar value = it.level + it.barrier;
-    const Scalar noise = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * (Scalar(1) + scalar::abs(value)) + it.rounding;
+    const Scalar noise = rounding::share<Scalar>(rounding::objective) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     Multipliers from;
     std::copy_n(it.multipliers.begin(), count_, from.begin());
     now_ = best_ == &iterates_[0] ? &iterates_[1] : &iterates_[0];

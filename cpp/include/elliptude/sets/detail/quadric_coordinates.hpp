@@ -3,6 +3,7 @@
 /// \file
 /// The coordinates in which guaranteed fusion searches, and quadrics seen in them, relaxed by what rounding may do.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/many_quadrics.hpp"
 
 namespace elliptude::detail {
@@ -87,7 +88,7 @@ template <typename Scalar, int N>
     direction = residual + (next / square) * direction;
     square = next;
   }
-  if (best > Scalar(1000) * Scalar(scalar::epsilon<Scalar>) * scalar::abs(q.c)) {
+  if (best > rounding::share<Scalar>(rounding::three_digits) * scalar::abs(q.c)) {
     return best;
   }
   const Scalar missing = scalar::constant<Scalar>(1e-3L) * scalar::abs(q.c);
@@ -126,7 +127,7 @@ template <typename Scalar, int N>
   }
   // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
   Matrix<Scalar, N> raised = predicted.shape;
-  raised.diagonal() *= Scalar(1) + Scalar(2 * N * (N + 1)) * Scalar(scalar::epsilon<Scalar>);
+  raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(N));
   if (const Status status = cholesky(raised, at.factor); status != Status::ok) {
     return status;
   }
