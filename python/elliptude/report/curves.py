@@ -60,6 +60,9 @@ def _time_axis(run: Run) -> dict[str, Any]:
     }
 
 
+_OUTSIDE = "outside the band"
+
+
 def plot_layout(**more: Any) -> dict[str, Any]:
     """The layout that all plots of the page share."""
     return {
@@ -163,7 +166,7 @@ def _why(listed: DroppedMeasurements, row: int) -> str:
 
 
 def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
-    time, known = _times(run, rows), run.known[rows]
+    known = run.known[rows]
     traces: list[dict[str, Any]] = []
     bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
     limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
@@ -171,60 +174,67 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     for i, axis in enumerate("xyz"):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
-        x, y = _band(run.times[rows], bound)
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": "bound",
-                "legendgroup": "bound",
-                "showlegend": i == 0,
-                "x": x,
-                "y": y,
-                "fill": "toself",
-                "fillcolor": "rgba(0,114,178,0.22)",
-                "line": {"color": _BLUE, "width": 1},
-                "hoverinfo": "skip",
-                **place,
-            }
-        )
+        traces.append(_bound_trace(run.times[rows], bound, i) | place)
         if run.errors is not None and run.compared.any():
             error = np.rad2deg(run.errors[rows, i])
             outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "name": f"error against {label}",
-                    "legendgroup": "error",
-                    "showlegend": i == 0,
-                    "x": time,
-                    "y": _list(error),
-                    "line": {"width": 1.2},
-                    "meta": "ink",
-                    **place,
-                }
-            )
+            traces.append(_error_trace(_times(run, rows), error, i, label) | place)
             if outside.any():
-                traces.append(
-                    {
-                        "type": "scatter",
-                        "mode": "markers",
-                        "name": "outside the band",
-                        "legendgroup": "outside",
-                        "x": _times(run, rows[outside]),
-                        "y": _list(error[outside]),
-                        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
-                        "showlegend": not any(trace["name"] == "outside the band" for trace in traces),
-                        **place,
-                    }
-                )
+                is_first = not any(trace["name"] == _OUTSIDE for trace in traces)
+                traces.append(_outside_trace(_times(run, rows[outside]), error[outside], is_first) | place)
         layout[f"yaxis{i + 1}" if i else "yaxis"] = {
             "title": {"text": f"about {axis} (deg)"},
             "zeroline": True,
             "range": [-limit, limit],
         }
     return {"data": traces, "layout": layout}
+
+
+def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]:
+    """The band of the error about axis i."""
+    x, y = _band(times, bound)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": "bound",
+        "legendgroup": "bound",
+        "showlegend": i == 0,
+        "x": x,
+        "y": y,
+        "fill": "toself",
+        "fillcolor": "rgba(0,114,178,0.22)",
+        "line": {"color": _BLUE, "width": 1},
+        "hoverinfo": "skip",
+    }
+
+
+def _error_trace(times: list[float], error: FloatArray, i: int, label: str) -> dict[str, Any]:
+    """The error about axis i."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": f"error against {label}",
+        "legendgroup": "error",
+        "showlegend": i == 0,
+        "x": times,
+        "y": _list(error),
+        "line": {"width": 1.2},
+        "meta": "ink",
+    }
+
+
+def _outside_trace(times: list[float], error: FloatArray, is_first: bool) -> dict[str, Any]:
+    """The rows whose error is outside the band."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": _OUTSIDE,
+        "legendgroup": "outside",
+        "x": times,
+        "y": _list(error),
+        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
+        "showlegend": is_first,
+    }
 
 
 def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:

@@ -107,17 +107,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
     _shade_gaps(size, result)
-    size.plot(
-        time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
-    )
-    if errors is not None:
-        size.plot(
-            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
-        )
-    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
-    size.set_title(f"size of the set: {what}", fontsize=9.5)
-    size.set_ylabel("angle (deg)")
-    plain_log_axis(size)
+    _draw_size(size, result, **marks)
     for axes in (below, size):
         axes.set_xlabel("time (s)")
     assert first is not None
@@ -126,6 +116,22 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     handles, labels = first.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
     return figure
+
+
+def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
+    """The largest angle in the set, and the error."""
+    time, errors = result.times, result.errors
+    axes.plot(
+        time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+    )
+    if errors is not None:
+        axes.plot(
+            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
+        )
+    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+    axes.set_title(f"size of the set: {what}", fontsize=9.5)
+    axes.set_ylabel("angle (deg)")
+    plain_log_axis(axes)
 
 
 def about_line_figure(

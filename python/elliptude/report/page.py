@@ -190,6 +190,16 @@ def _text(name: str) -> str:
 
 
 def _summary_table(summary: dict[str, Any]) -> str:
+    cells = [(escape(name), escape(text)) for name, text in _lines_of_the_run(summary)]
+    for one in reversed(summary.get("implausible", [])):
+        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
+    cells += _lines_of_the_comparison(summary)
+    body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
+    return f"<table>\n{body}\n</table>"
+
+
+def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and figures of the run itself, as text."""
     rate, count = summary["median_rate_hz"], summary["rows"]
     lines = [
         (
@@ -233,27 +243,23 @@ def _summary_table(summary: dict[str, Any]) -> str:
         lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
     if "up_at_rest" in summary:
         lines.append(("up", summary["up_at_rest"]))
-    cells = [(escape(name), escape(text)) for name, text in lines]
-    for one in reversed(summary.get("implausible", [])):
-        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
+    return lines
+
+
+def _lines_of_the_comparison(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and figures of the comparison with a reference, as HTML."""
     if summary["compared_with"] is None:
-        cells.append(("compared with", "nothing: there is no reference"))
-    else:
-        compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
-        if summary["reference_error_deg"]:
-            compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
-        cells.append(("compared with", compared))
-        cells.append(("error", _degrees(summary["error_deg"])))
-        escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
-        if summary["escapes"]:
-            if summary["escapes_by_claim"] is not None:
-                escapes += ", " + ", ".join(
-                    f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items()
-                )
-            escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
-        cells.append(("outside the set", escapes))
-    body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
-    return f"<table>\n{body}\n</table>"
+        return [("compared with", "nothing: there is no reference")]
+    compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
+    if summary["reference_error_deg"]:
+        compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
+    escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
+    if summary["escapes"]:
+        if summary["escapes_by_claim"] is not None:
+            by_claim = ", ".join(f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items())
+            escapes += f", {by_claim}"
+        escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
+    return [("compared with", compared), ("error", _degrees(summary["error_deg"])), ("outside the set", escapes)]
 
 
 def _seconds(time: float) -> str:
