@@ -9,7 +9,7 @@
 ///     Status predict(time, duration, input, ellipsoid, result) const noexcept
 ///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
 ///
-/// the second for when nothing is known of the attitude.
+/// the second for an unknown attitude.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
@@ -81,7 +81,7 @@ class GuaranteedRigidBodyFlow {
   }
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
-  /// Where the motion or the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
   /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
   /// the step too long for it, for the prediction to say anything; `interrupted`.
@@ -99,7 +99,7 @@ class GuaranteedRigidBodyFlow {
       return Status::ok;
     }
     using std::ceil;
-    // A step longer by rounding than the longest is not worth another one.
+    // A step that is longer than the longest only by rounding does not need another one.
     const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
@@ -121,7 +121,7 @@ class GuaranteedRigidBodyFlow {
     return status;
   }
 
-  /// What remains known of the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  /// What remains known about the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
