@@ -332,7 +332,7 @@ class MultiplierSearch {
     }
   }
 
-  /// Of F − τ Σ log μ along the step.
+  /// The slope of F − τ Σ log μ along the step.
   void note_slope(const Scalar& tau) noexcept {
     slope_ = Scalar(0);
     for (std::size_t k = 0; k < count_; ++k) {
