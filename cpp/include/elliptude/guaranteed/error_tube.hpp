@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// How the set of errors y = [γ; δω] about a moving center is carried by the motion, with everything that is left out bounded.
+/// Carries the set of errors y = [γ; δω] about a moving center along the motion, with bounds of everything that is left out.
 /// (theory, section 17)
 ///
 /// Exactly (theory, section 17.1),
@@ -21,12 +21,12 @@
 
 namespace elliptude {
 
-/// What is not known of a rigid body.
+/// The uncertainty of a rigid body: unknown torque and inertia error.
 template <typename Scalar>
 struct BodyUncertainty {
   /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it changes.
   Matrix3<Scalar> torque = Matrix3<Scalar>::Zero();
-  /// Largest error of the inertia matrix in the spectral norm, kg m². It moves the gravity gradient too.
+  /// Largest error of the inertia matrix in the spectral norm, kg m². It affects the gravity gradient too.
   Scalar inertia = Scalar(0);
 };
 
@@ -110,7 +110,7 @@ class ErrorTube {
     Scalar error;               // of the integral of Y(h/2)⁻¹ (Y' − A Y)
   };
 
-  /// What moves u beyond the second order, given how far it moves.
+  /// Bounds of what moves u beyond second order, given how far it moves.
   struct Displacement {
     Scalar rest;    // of u from where the quadratic map and the pushes take it
     Scalar all;     // of u from where it began
@@ -258,7 +258,7 @@ Status ErrorTube<Scalar, Potential>::expand_linear(const RigidBody<Scalar>& body
   // --- Y' − A Y: its first coefficient exactly, the others by the norms of their blocks ----------------------------------
   const Matrix6<Scalar> first_error = inverse.lazyProduct(rows(next_top, next_bottom));
   linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
-  // Of these, the integral of sⁱ⁺ʲ with i + j > order is at most hⁱ⁺ʲ⁺¹/(order + 2); sums over i come first.
+  // In these, the integral of sⁱ⁺ʲ with i + j > order is at most hⁱ⁺ʲ⁺¹/(order + 2); sums over i come first.
   std::array<Scalar, order + 1> top_sums;
   std::array<Scalar, order + 1> bottom_sums;
   top_sums[order] = powers[order] * top_norms[order];
@@ -339,7 +339,7 @@ detail::packed::Forms<Scalar> ErrorTube<Scalar, Potential>::second_order_forms(
   return forms;
 }
 
-/// What is not known of the torque, and of the inertia as a torque (theory, section 17.5).
+/// The unknown torque, and the inertia error as a torque (theory, section 17.5).
 template <typename Scalar, typename Potential>
 Status ErrorTube<Scalar, Potential>::unknown_torque(const RigidBody<Scalar>& body,
                                                     const MotionSeries<Scalar, Potential>& series,
@@ -526,7 +526,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
   const detail::packed::Slices<Scalar> forms = detail::packed::seen_from(second_order_, set_, set_inverse);
   const Matrix6<Scalar> moved = gram_of(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
-  // A sum holds with any positive share; where rounding leaves none to be had, with one.
+  // A sum holds with any positive share; if rounding leaves none, use one.
   const auto share_of = [](const Scalar& trace) {
     return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
   };

@@ -34,7 +34,7 @@ template <typename State>
   return {Vector3<StateScalar<State>>::Zero(), set.shape.template topLeftCorner<3, 3>()};
 }
 
-/// A set of states about a center that is only where its coordinates begin.
+/// A set of states about a center that is only the origin of its coordinates.
 template <typename State>
 struct Solution {
   State center;
