@@ -138,7 +138,7 @@ class DirectionCones {
         return Status::zero_direction;
       }
       // Unit vectors in the computer, seen through an attitude that is nearly a rotation, are within a few roundings of the
-      // true ones: so much is added to the bound. (theory, 15.7)
+      // true ones: this is added to the bound. (theory, 15.7)
       const Scalar sine = scalar::sin(Scalar((r + rounding::share<Scalar>(rounding::direction)) / Scalar(2)));
       result.width_[i] = Scalar(2) * sine * sine;
     }

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What rounding may do to a guaranteed set, as multiples of ε, the distance from 1 to the next number: each with the statement
+/// How far rounding may move a guaranteed set, as multiples of ε, the distance from 1 to the next number, each with the statement
 /// that it covers. They are derived in theory, section 17.8, and compared with running error bounds of the same templates in
 /// tests/cpp/base/test_rounding.cpp. Shapes are bounded entry by entry: an entry (i, j) of a shape may be wrong by a multiple of
 /// ε √(Pᵢᵢ Pⱼⱼ), however thin the set is in some direction, so a share of the whole shape does not cover it; a share of its
@@ -15,7 +15,7 @@ namespace elliptude::rounding {
 ///@{
 /// Angle of a product of two rotations, brought back to SO(3), from the exact one; and of the Cayley map before it.
 inline constexpr int center = 24;
-/// Norm of what `exp` and `right_jacobian` of a computed turn θ are off: these many ε, and these many ε θ more.
+/// Norm of the errors of `exp` and `right_jacobian` of a computed turn θ: this many ε, and this many ε θ more.
 inline constexpr int turn = 32;
 inline constexpr int turn_by_angle = 12;
 /// Entries of T P Tᵀ in the norms of T's rows in P (`covered_congruence`), and what a Cholesky factorisation after it needs.
@@ -139,7 +139,7 @@ template <typename Scalar>
 template <typename Scalar>
 constexpr bool is_single = static_cast<double>(scalar::epsilon<Scalar>) > 1e-10;
 
-/// A little more than a bound that was calculated.
+/// A calculated bound, rounded up a little.
 template <typename Scalar>
 [[nodiscard]] Scalar enlarged(const Scalar& calculated, int multiple) noexcept {
   return calculated * (Scalar(1) + share<Scalar>(multiple));

@@ -100,7 +100,7 @@ class GuaranteedRigidBodyFlow {
       return Status::ok;
     }
     using std::ceil;
-    // A step longer by rounding than the longest is not worth another one.
+    // A step that is longer than the longest only by rounding does not need another one.
     const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;

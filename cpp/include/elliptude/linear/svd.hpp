@@ -80,7 +80,7 @@ template <typename Scalar>
   Vector3<Scalar> u1 = columns.col(0) / lengths(0);
   Vector3<Scalar> u2;
   if (lengths(1) > rounding::share<Scalar>(rounding::right_angle) * rounding::share<Scalar>(1)) {
-    // So short a column may have passed the test above at an angle.
+    // A column this short may have passed the test above at an angle.
     u2 = (columns.col(1) - u1.dot(columns.col(1)) * u1).normalized();
   } else {  // rank one: any direction at right angles to u1, made from the axis least along it
     int least = 0;
