@@ -11,7 +11,7 @@
 
 namespace elliptude::rounding {
 
-/// The multiples.
+/// Shapes and rotations. Each comment says what the multiple covers, and relative to what.
 ///@{
 /// Angle of a product of two rotations, brought back to SO(3), from the exact one; and of the Cayley map before it.
 inline constexpr int center = 24;
@@ -33,71 +33,71 @@ inline constexpr int rotation = 8;
 
 /// Linear algebra. (Higham, Accuracy and Stability; theory, sections 7.7 and 17.8)
 ///@{
-/// Of each diagonal entry: more than a Cholesky factorisation of N rows loses (theorem 10.7).
+/// More than a Cholesky factorisation of N rows loses, relative to each diagonal entry (theorem 10.7).
 [[nodiscard]] constexpr int cholesky(int n) noexcept { return 2 * n * (n + 1); }
-/// Times κ², of an inverse by Cholesky's factor: more than that and its square err by (section 14.2).
+/// More than the error of an inverse by Cholesky's factor and of its square, relative to κ² times themselves (section 14.2).
 [[nodiscard]] constexpr int inverse(int n) noexcept { return 8 * n; }
-/// Of the trace: what a shape is widened by, at first, whose inverse has too few digits.
+/// First widening of a shape whose inverse has too few digits, relative to the trace.
 [[nodiscard]] constexpr int inverse_widening(int n) noexcept { return 256 * n; }
-/// Of the product of two columns' lengths: their inner product where they are at right angles.
+/// Inner product of two columns at right angles, relative to the product of their lengths.
 inline constexpr int right_angle = 4;
-/// Of the mean of the squared singular values: what their variance loses, for up to six.
+/// Loss of the variance of up to six squared singular values, relative to their mean.
 inline constexpr int variance = 64;
-/// A determinant, a sine or a ratio of eigenvalues that may be zero.
+/// A determinant, a sine or a ratio of eigenvalues up to this may be zero.
 inline constexpr int singular = 8;
-/// Of the condition of Wahba's problem, the reciprocal of the largest that leaves digits.
+/// Reciprocal of the largest condition of Wahba's problem that leaves digits.
 inline constexpr int condition = 64;
-/// Of the largest principal moment: by how much three that a flat body has may break the triangle inequality.
+/// How far the principal moments of a flat body may break the triangle inequality, relative to the largest.
 inline constexpr int moments = 64;
 ///@}
 
 /// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)
 ///@{
-/// Of √(mᵢmⱼ), m = (|T| √diag P)², an entry of T P Tᵀ errs by at most 16; this much of its diagonal outweighs that.
+/// An entry of T P Tᵀ errs by at most 16 relative to √(mᵢmⱼ), m = (|T| √diag P)²; this much on the diagonal outweighs that.
 inline constexpr int image = 128;
-/// Of its diagonal, for a sum of up to 64 shapes.
+/// A sum of up to 64 shapes, relative to its diagonal.
 inline constexpr int many_terms = 128;
 /// Entries of ½ (M + Mᵀ) for a sum M of two shapes.
 inline constexpr int small_sum = 16;
-/// A change of shares that is rounding.
+/// A change of shares this small is rounding.
 inline constexpr int settled = 8;
-/// Of |x̂|ᵀ|A||y|: what an ellipsoid's quadric loses at its points.
+/// Loss of an ellipsoid's quadric at its points, relative to |x̂|ᵀ|A||y|.
 [[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
-/// What has less than three digits right.
+/// A number up to this many ε has less than three right digits.
 inline constexpr int three_digits = 1000;
-/// What a quadric loses in coordinates of N numbers, of the sum of its terms without their signs, and `count` of them in a sum.
+/// Loss of a quadric in coordinates of N numbers, relative to the sum of its terms without signs, and of `count` of them in a sum.
 [[nodiscard]] constexpr int relaxation(int n, int count) noexcept { return 4 * (n + 4) + 2 * count; }
-/// Of ‖A‖ times the reach of its set: what the inversion of a combination adds to its level.
+/// What the inversion of a combination adds to its level, relative to ‖A‖ times the reach of its set.
 [[nodiscard]] constexpr int inversion(int n) noexcept { return 8 * (n + 2); }
-/// Of the ball's multiplier, in a sum of so many constraints.
+/// Loss of the ball in a sum of `count` constraints, relative to its multiplier.
 [[nodiscard]] constexpr int terms_of_ball(int count) noexcept { return 4 * count; }
-/// Of all terms of so many constraints at the center, without their signs.
+/// Loss of a sum of `count` constraints at the center, relative to all terms without signs.
 [[nodiscard]] constexpr int terms(int n, int count) noexcept { return 4 * (n + 4 + count); }
-/// Of its diagonal: what the product of two roots with N rows loses.
+/// Loss of the product of two roots with N rows, relative to its diagonal.
 [[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
-/// Of what the search for multipliers minimises: differences that are rounding.
+/// Differences this small in what the search for multipliers minimises are rounding.
 inline constexpr int objective = 64;
 ///@}
 
-/// Directions, attitudes and the cones that they are. (theory, sections 15.7 and 16.2)
+/// Directions, attitudes and their cones. (theory, sections 15.7 and 16.2)
 ///@{
-/// Angle by which unit vectors, seen through an attitude that is a rotation to rounding, are off; and of an angle, itself.
+/// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative to the angle.
 inline constexpr int direction = 16;
-/// Of the weights, and of all that follows from a sum of so many cones.
+/// Everything that follows from a sum of `count` cones, relative to the weights.
 [[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 160; }
-/// Of ‖D‖: what the eigenvectors' rounding adds to the slope of a sum of cones.
+/// What the eigenvectors' rounding adds to the slope of a sum of cones, relative to ‖D‖.
 inline constexpr int cone_slope = 32;
-/// Of the squared radius of a sum of cones.
+/// The squared radius of a sum of cones, relative to itself.
 inline constexpr int cone_radius = 16;
-/// Of the longest axis: entries of the ellipsoid about a sum of cones.
+/// Entries of the ellipsoid about a sum of cones, relative to the longest axis.
 inline constexpr int cone_axes = 64;
-/// Of a cone's curvature, its level and its misfit, where its largest entries are of size one.
+/// A cone's curvature, its level and its misfit, if its largest entries are of size one.
 inline constexpr int cone_curvature = 32;
 inline constexpr int cone_level = 8;
 inline constexpr int cone_misfit = 32;
-/// Of the largest angle of a measured attitude, and of what a chart's stretch is less than one.
+/// The largest angle of a measured attitude, and the difference of a chart's stretch from one.
 inline constexpr int attitude_angle = 16;
-/// Of a measured attitude's center, of the quadric's curvature, and of its level.
+/// A measured attitude's center, the quadric's curvature, and its level.
 inline constexpr int attitude_center = 32;
 inline constexpr int attitude_curvature = 32;
 inline constexpr int attitude_level = 64;
@@ -105,14 +105,14 @@ inline constexpr int attitude_level = 64;
 
 /// Predictions. (theory, sections 17.2 and 17.8)
 ///@{
-/// Of a number of steps: one more for less is not worth it.
+/// An interval longer by this share does not need another step.
 inline constexpr int steps = 16;
-/// Of the largest rate, and of what the terms of Euler's equations add up to over a step.
+/// Rate of the motion's series, relative to the largest rate, and to the sum of the terms of Euler's equations over a step.
 inline constexpr int series_rate = 32;
 inline constexpr int series_change = 64;
 /// Angle of the attitude at the end of a step.
 inline constexpr int series_attitude = 32;
-/// Of the linear part of an error tube, and of its rate over a step.
+/// The linear part of an error tube, and its rate over a step.
 inline constexpr int linear_part = 256;
 inline constexpr int linear_rate = 128;
 ///@}
