@@ -133,7 +133,7 @@ def _waves(draws: np.random.Generator, times: FloatArray, count: int, size: floa
 
 
 def _running_products(first: FloatArray, steps: FloatArray) -> FloatArray:
-    """Of quaternions (qx, qy, qz, qw), each step on the right, shape (N + 1, 4)."""
+    """Running products of quaternions (qx, qy, qz, qw), each step on the right, shape (N + 1, 4)."""
     result = np.empty((len(steps) + 1, 4))
     result[0] = x, y, z, w = first
     for i, (a, b, c, d) in enumerate(steps.tolist()):
@@ -210,17 +210,17 @@ def forms(estimated: Estimation, simulated: Simulated) -> FloatArray:
     """
     run = estimated.guaranteed
     assert run is not None
-    true = simulated.attitudes_at(run.log.times)
+    true = simulated.attitudes_at(run.sets.times)
     if run.starts_heading:
         from elliptude.estimation.guaranteed_run import turned_to_start
 
         true = Rotation.from_matrix(turned_to_start(true.as_matrix(), run))
-    known = np.isfinite(run.log.shapes[:, 0, 0])
+    known = np.isfinite(run.sets.shapes[:, 0, 0])
     result = np.full(len(known), np.nan)
-    estimates = Rotation.from_matrix(run.log.attitudes[known])
+    estimates = Rotation.from_matrix(run.sets.attitudes[known])
     errors = (estimates.inv() * true[known]).as_quat()
     gibbs = 2.0 * errors[:, :3] / errors[:, 3:]
-    scaled = np.linalg.solve(run.log.shapes[known, :3, :3], gibbs[..., None])[..., 0]
+    scaled = np.linalg.solve(run.sets.shapes[known, :3, :3], gibbs[..., None])[..., 0]
     result[known] = np.einsum("ni,ni->n", gibbs, scaled)
     return result
 
@@ -237,7 +237,7 @@ def attempt(
     rate = float(np.rad2deg(simulated.largest_rate)) if knows_rate else None
     estimated, _ = bounds_and_estimate(path, tables(simulated, own_stamps=own_stamps), rate)
     found = forms(estimated, simulated)
-    claims = np.array(estimated.results.claims)
+    claims = np.array(estimated.result.claims)
     unconditional = claims == "unconditional"
     outside = unconditional & (found > 1.0)
     return {

@@ -134,8 +134,8 @@ def _fermi_lines(path: Path) -> list[dict[str, Any]]:
     lines: list[dict[str, Any]] = []
     for name, increment in (("0.005 °/s per sample", None), ("and 0.5° over any window", FERMI_INCREMENT_DEG)):
         estimated = estimation.estimate(log, fermi_configuration(increment))
-        about = np.rad2deg(fermi.half_widths_about(estimated.results, sun)[0])
-        forms = estimated.results.forms
+        about = np.rad2deg(fermi.half_widths_about(estimated.result, sun)[0])
+        forms = estimated.result.forms
         assert forms is not None
         line = {
             "gyro": name,

@@ -60,7 +60,7 @@ def errors(
         times, gyro, force, field, true = (
             np.ascontiguousarray(file[name], dtype=np.float64) for name in ("t", "gyr", "acc", "mag", "q_ref")
         )
-    results = estimation.estimate(logs.read_log(path, configuration), configuration).results
+    results = estimation.estimate(logs.read_log(path, configuration), configuration).result
     theirs = VQF(float(np.median(np.diff(times)))).updateBatch(gyro, force, field)["quat9D"]
     known = np.isfinite(true).all(axis=1)
     reference = reference_attitudes.Reference(times[known], Rotation.from_quat(true[known], scalar_first=True))

@@ -40,7 +40,7 @@ def _print_case(scenario: scenarios.Scenario, measured: list[simulation.Simulati
     for simulated in measured:
         tables = configuration_tables(scenario, simulated)
         tables["estimator"] = {"mode": mode, "when_sets_do_not_meet": "skip"}
-        results = estimation.estimate(logs.log_of(simulated.measurements), Configuration.model_validate(tables)).results
+        results = estimation.estimate(logs.log_of(simulated.measurements), Configuration.model_validate(tables)).result
         assert results.errors is not None
         assert results.forms is not None
         updated = np.flatnonzero([bool(used) for used in results.used])

@@ -81,7 +81,7 @@ def table(name: str, seeds: int, criterion: str, substeps: int, only: list[str] 
                     tables["estimator"] = {"mode": "paper", "when_sets_do_not_meet": "skip"}
                     paper = estimation.estimate(
                         logs.log_of(simulated.measurements), Configuration.model_validate(tables)
-                    ).results
+                    ).result
                     traces = np.trace(log.shapes, axis1=1, axis2=2)[settled]
                     paper_traces = np.trace(paper.shapes, axis1=1, axis2=2)[-len(log.shapes) :][settled]
                     guaranteed_sum += np.nansum(traces)

@@ -1,8 +1,8 @@
 """Attitude estimation with ellipsoidal bounds.
 
-The attitude and the angular velocity of a rigid body together with a set that contains the truth, from measurements
+It computes the attitude and angular velocity of a rigid body, and a set that contains the truth, from measurements
 whose errors are bounded. This package is a thin layer over a C++ core: arrays in, arrays out, whole batches in one
-call, without the interpreter's lock while they are worked on.
+call, without the interpreter's lock.
 
 An attitude C takes body vectors to the reference frame, C in SO(3); errors are on the body side, C = Ĉ exp(S(ζ)).
 Units are SI and radians, quaternions are (qw, qx, qy, qz), directions are rows. The last dimensions of an argument are

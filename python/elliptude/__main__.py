@@ -1,4 +1,4 @@
-"""Where a C++ build finds the headers and the CMake package inside the installed package.
+"""Prints where a C++ build finds the headers and the CMake package inside the installed package.
 
 ``python -m elliptude --cmakedir`` for CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``.
 """
@@ -23,7 +23,7 @@ def _installed_folder(relative: str) -> Path:
 
 
 def main() -> None:
-    """Print what the options ask for."""
+    """Print the folder that the option names."""
     parser = argparse.ArgumentParser(prog="python -m elliptude", description="Facts for C++ builds against elliptude.")
     parser.add_argument("--version", action="version", version=importlib.metadata.version("elliptude"))
     wanted = parser.add_mutually_exclusive_group(required=True)

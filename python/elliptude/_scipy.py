@@ -1,4 +1,4 @@
-"""Attitudes out to SciPy; they come in wherever an attitude is an argument."""
+"""Turns attitudes into SciPy's ``Rotation``. The other way needs nothing: every attitude argument takes one."""
 
 from __future__ import annotations
 

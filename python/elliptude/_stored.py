@@ -1,22 +1,22 @@
-"""What both filters do to be stored."""
+"""How both filters are stored: as a dictionary, as JSON and by pickle."""
 
 import json
 from typing import Any, ClassVar, Self
 
 
 class Stored:
-    """A filter that is stored as a dictionary or JSON, which says of what format it is."""
+    """A filter that can be stored as a dictionary or JSON, with the version of the format."""
 
     FORMAT_VERSION: ClassVar[int]
-    """Of what `to_dict` returns."""
+    """The version of the format that `to_dict` writes."""
 
     def to_dict(self) -> dict[str, Any]:
-        """All that the filter is, as numbers, strings, lists and dictionaries."""
+        """The whole state of the filter, as numbers, strings, lists and dictionaries."""
         raise NotImplementedError
 
     @classmethod
     def _made_from(cls, fields: dict[str, Any]) -> Self:
-        """From a dictionary of this format, of which a key may lack."""
+        """The filter from a dictionary of this format; a missing key raises KeyError."""
         raise NotImplementedError
 
     @classmethod
@@ -26,9 +26,9 @@ class Stored:
         Raises
         ------
         ValueError
-            For another format, a key that lacks, or numbers that make no filter.
+            If the format is another, a key is missing, or the numbers are not those of a filter.
         TypeError
-            If it is not a dictionary, or holds something of another type.
+            If it is not a dictionary, or a value has another type.
         """
         if not isinstance(fields, dict):
             raise TypeError(f"a stored filter is a dictionary, not {type(fields).__name__}")

@@ -1,4 +1,4 @@
-"""What is raised beside Python's own exceptions."""
+"""The exceptions that elliptude raises besides Python's own."""
 
 from math import nan
 
@@ -11,9 +11,9 @@ class RowError(ValueError):
     message : str
         What is wrong.
     row : int
-        Of the arrays that were given, from 0.
+        The row of the given arrays, from 0.
     place : str
-        What a message calls the row: its line in a file, where that is known.
+        What a message calls the row: its line in a file, if known.
     """
 
     def __init__(self, message: str, row: int, place: str = "") -> None:
@@ -26,7 +26,7 @@ class RowError(ValueError):
         return f"{self.place or f'row {self.row}'}: {self.args[0]}"
 
     def at(self, place: str) -> "RowError":
-        """The same with what a person calls the row."""
+        """The same error with a place that a person can find."""
         return RowError(self.args[0], self.row, place)
 
 
@@ -38,15 +38,15 @@ class InconsistentMeasurement(ValueError):
     message : str
         What does not meet.
     margin : float
-        By how much: negative, see `elliptude.overlap_margin`; NaN where it is not known.
+        How far the sets are from meeting: negative, see `elliptude.overlap_margin`; NaN if unknown.
     time : float
-        Of the filter, s; NaN where no filter is involved.
+        The filter's time, s; NaN if no filter is involved.
     sensor : str
-        As the update was told.
+        The sensor's name, as it was given to the update.
     row : int, optional
-        Of the arrays that were given, from 0, where these were of a whole log.
+        The row of the given arrays, from 0, if these were a whole log.
     place : str
-        What a message calls the row: its line in a file, where that is known.
+        What a message calls the row: its line in a file, if known.
     """
 
     def __init__(
@@ -71,5 +71,5 @@ class InconsistentMeasurement(ValueError):
         return f"{place}: {self.args[0]}" if place else str(self.args[0])
 
     def at(self, place: str) -> "InconsistentMeasurement":
-        """The same with what a person calls the row."""
+        """The same error with a place that a person can find."""
         return InconsistentMeasurement(self.args[0], self.margin, self.time, self.sensor, self.row, place)

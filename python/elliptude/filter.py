@@ -1,4 +1,4 @@
-"""The filter, with what it takes to store one."""
+"""The first-order filter, and how to store it."""
 
 from typing import Any, Self
 
@@ -14,7 +14,7 @@ def potential_to_dict(potential: object) -> dict[str, Any]:
     Raises
     ------
     TypeError
-        For a potential of your own, which JSON cannot hold; pickle can.
+        If it is written in Python: JSON cannot hold it, pickle can.
     """
     match potential:
         case _core.FreeBody():
@@ -44,7 +44,7 @@ def potential_from_dict(fields: dict[str, Any]) -> _core.Potential:
     Raises
     ------
     ValueError
-        For a kind that there is not.
+        If there is no such kind.
     """
     match fields["kind"]:
         case "free":
@@ -95,7 +95,7 @@ class AttitudeFilter(_core.AttitudeFilter, Stored):  # noqa: D101
     FORMAT_VERSION = 1
 
     def to_dict(self) -> dict[str, Any]:
-        """All that the filter is, as numbers, strings, lists and dictionaries.
+        """The whole state of the filter, as numbers, strings, lists and dictionaries.
 
         Raises
         ------

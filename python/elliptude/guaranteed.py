@@ -1,4 +1,4 @@
-"""The guaranteed filter, with what it takes to store one."""
+"""The guaranteed filter, and how to store it."""
 
 from typing import Any, Self
 
@@ -67,7 +67,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
     FORMAT_VERSION = 1
 
     def to_dict(self) -> dict[str, Any]:
-        """All that the filter is, as numbers, strings, lists and dictionaries."""
+        """The whole state of the filter, as numbers, strings, lists and dictionaries."""
         return {
             "format": self.FORMAT_VERSION,
             "flow": _flow_to_dict(self.flow),

@@ -1,4 +1,4 @@
-"""Bounds of measured directions, from what is known of sensors and motion: see `elliptude.bounds.samples`."""
+"""Bounds of measured directions, from what is known about sensors and motion: see `elliptude.bounds.samples`."""
 
 from elliptude.bounds.samples import (
     EXACT_SENSOR,

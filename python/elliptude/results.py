@@ -1,4 +1,4 @@
-"""What functions return that return more than one thing."""
+"""The results that functions return: named tuples and classes of arrays."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias, get_args
@@ -21,7 +21,7 @@ class PrincipalAxes(NamedTuple):
 
 
 class Intersection(NamedTuple):
-    """An ellipsoid that contains an intersection, and how it was mixed."""
+    """An ellipsoid that contains an intersection, and the share of each set in it."""
 
     ellipsoid: Ellipsoid
     share: float
@@ -80,9 +80,9 @@ class WahbaSet:
     chart: Chart
     """Whether x is ζ, with Ĉᵀ C = exp(S(ζ)), or γ = 2 tan(θ/2) n of the same turn."""
     margin: np.float64 | FloatArray
-    """The share of the bounds that is left: 1 for directions that fit exactly, shape (...)."""
+    """The margin: 1 for directions that fit exactly, 0 where they barely agree, shape (...)."""
     weights: FloatArray
-    """Of the directions, given or found, shape (..., m)."""
+    """Weights of the directions, given or found, shape (..., m)."""
 
     def largest_angle(self) -> np.float64 | FloatArray:
         """The largest attitude error in each set, rad, shape (...)."""
@@ -104,9 +104,9 @@ class Extent(NamedTuple):
     """How far a state ellipsoid reaches."""
 
     half_widths_body: FloatArray
-    """Of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (6,)."""
+    """Half-widths of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (6,)."""
     half_widths_reference: FloatArray
-    """Of ζ along reference axes, rad, shape (3,)."""
+    """Half-widths of ζ along reference axes, rad, shape (3,)."""
     largest_angle: float
     """The largest ‖ζ‖ in the set, rad."""
     largest_angle_axis: FloatArray
@@ -140,12 +140,12 @@ class Update(NamedTuple):
     margin: float
     """The least overlap of the sets that were fused, see `elliptude.overlap_margin`."""
     convergence: Convergence | None
-    """Where it was asked for, of two or more directions with an angular velocity."""
+    """Diagnostics, if asked for: after two or more directions with an angular velocity."""
 
 
 @dataclass(frozen=True)
 class FilterLog:
-    """What a filter made of a log of n rows with m directions."""
+    """The result of a first-order filter for a log of n rows with m directions."""
 
     times: FloatArray
     """In s, shape (n,)."""
@@ -181,17 +181,17 @@ class FilterLog:
 
 Claim: TypeAlias = Literal["unconditional", "conditional", "none"]
 CLAIMS: tuple[Claim, ...] = get_args(Claim)
-"""What `GuaranteedLog.claims` counts, the strongest first.
+"""The words for `GuaranteedLog.claims`, the strongest first.
 
-What the truth's being in a set rests on: on what the filter was told of errors, for all that it has used; also on that
-what was dropped on the way was what was wrong; there is no set.
+'unconditional': the truth is in the set if all bounds that the filter used hold. 'conditional': if, besides,
+the measurements that were dropped were the wrong ones. 'none': there is no set.
 """
 IF_PROPOSED_BOUNDS_HOLD: dict[str, str] = {
     "unconditional": "have a set that holds if the proposed bounds do",
     "conditional": "one that also rests on what was dropped",
     "none": "none",
 }
-"""The claims in words, where nobody has given a reason for the bounds: no guarantee is spoken of then."""
+"""The claims in words if the bounds are only proposals: then there is no guarantee."""
 
 
 @dataclass(frozen=True)
@@ -212,16 +212,16 @@ class Extents(NamedTuple):
     """How far the sets of n rows reach, NaN where there is none; bounds of what is in the set, as angles."""
 
     half_widths_body: FloatArray
-    """Of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (n, 6)."""
+    """Half-widths of the attitude error ζ (rad) and of the vector beside it (rad/s), along body axes, shape (n, 6)."""
     half_widths_reference: FloatArray
-    """Of ζ along reference axes, rad, shape (n, 3)."""
+    """Half-widths of ζ along reference axes, rad, shape (n, 3)."""
     largest_angles: FloatArray
     """The largest ‖ζ‖ in each set, rad, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class GuaranteedLog:
-    """What a guaranteed filter made of a log of n rows with m directions, after each row."""
+    """The result of a guaranteed filter for a log of n rows with m directions, after each row."""
 
     times: FloatArray
     """In s, shape (n,)."""

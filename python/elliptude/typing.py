@@ -13,7 +13,7 @@ Chart: TypeAlias = Literal["exponential", "gibbs"]
 
 @runtime_checkable
 class SupportsAsMatrix(Protocol):
-    """What has its matrix, such as SciPy's ``Rotation``."""
+    """Anything that returns its rotation matrix, such as SciPy's ``Rotation``."""
 
     def as_matrix(self) -> NDArray[np.float64]:
         """The rotation matrix, shape (3, 3) or (N, 3, 3)."""

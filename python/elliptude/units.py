@@ -1,4 +1,4 @@
-"""Units that a configuration may state: each as its size in SI units, and as people write it."""
+"""Units that a configuration may state: the size of each in SI units, and how people write it."""
 
 import math
 from typing import Literal, TypeAlias
@@ -18,5 +18,5 @@ FIELD: dict[FieldUnit, float] = {"T": 1.0, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "n
 
 
 def readable_unit(name: str) -> str:
-    """What stands in a configuration as ``m/s^2`` or ``uT``, as people write it."""
+    """How people write a unit of a configuration, such as ``m/s^2`` or ``uT``."""
     return name.replace("^2", "²").replace("uT", "µT")

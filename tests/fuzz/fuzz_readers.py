@@ -1,6 +1,6 @@
 """Fuzzes the reader of one format by atheris: `fuzz_readers.py FORMAT [libFuzzer's options]`, run by tools/fuzz.py.
 
-tests/python/test_fuzz_readers.py tries the kept inputs, and changes of them, without atheris.
+tests/python/io/test_fuzz_readers.py tries the kept inputs, and changes of them, without atheris.
 """
 
 import sys

@@ -30,6 +30,10 @@ def test_the_commands_run_one_after_the_other(tmp_path):
         program = [sys.executable, "-c", "from elliptude.cli import main; main()", *arguments]
         done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
+        if arguments[0] == "simulate":  # then the reader adds these lines
+            with (tmp_path / "log" / "estimate.toml").open("a") as configuration:
+                configuration.write("\n".join(blocks("toml")))
+    assert json.loads((tmp_path / "result" / "summary.json").read_text())["mode"] == "guaranteed"
     for name in ("report.html", "compared.html", "result/results.csv", "pictures/axes.png"):
         assert (tmp_path / name).stat().st_size > 1000
     page = (tmp_path / "compared.html").read_text(encoding="utf-8")

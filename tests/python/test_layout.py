@@ -34,7 +34,7 @@ def modules_of(package):
     for file in package.rglob("*.py"):
         parts = (package.name, *file.relative_to(package).with_suffix("").parts)
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found | {f"{package.name}._core": None}
+    return found | {f"{package.name}.{stub.stem}": None for stub in package.glob("_*.pyi")}
 
 
 def imports(file, modules):
@@ -147,6 +147,7 @@ def laid_out(folder, sources):
 def test_what_is_wrong_is_seen(tmp_path):
     sound = {
         "__init__.py": "from elliptude import _core, typing",
+        "_core.pyi": "",
         "typing.py": "",
         "io/__init__.py": "from elliptude.io.tables import read",
         "io/tables.py": "import elliptude\nfrom elliptude.typing import FloatArray",

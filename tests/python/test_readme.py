@@ -1,4 +1,4 @@
-"""The README's programs and numbers."""
+"""The programs and numbers of the README, of docs/library.md and of docs/conventions.md."""
 
 import re
 from pathlib import Path
@@ -8,31 +8,53 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+README = ROOT / "README.md"
+LIBRARY = ROOT / "docs" / "library.md"
+CONVENTIONS = ROOT / "docs" / "conventions.md"
+EXAMPLES = ROOT / "cpp" / "examples"
 
 
-def blocks(language: str, count: int) -> list[str]:
-    found = re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+def blocks(page: Path, language: str, count: int) -> list[str]:
+    found = re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert len(found) == count
     return [str(one) for one in found]
 
 
-def test_the_guaranteed_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks("python", 2)[0], "README.md", "exec"), {})
-    claim, angle = capsys.readouterr().out.split()
+def printed(program: str, capsys: pytest.CaptureFixture[str]) -> tuple[str, float]:
+    """Run a program that prints a word and an angle in degrees."""
+    exec(compile(program, "a page's program", "exec"), {})
+    word, angle = capsys.readouterr().out.split()
+    return word, float(angle)
+
+
+def test_the_readme_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    claim, angle = printed(blocks(README, "python", 1)[0], capsys)
     assert claim == "unconditional"
-    assert 1 < float(angle) < 5
+    assert 5 < angle < 15
 
 
-def test_the_python_program_runs_and_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks("python", 2)[1], "README.md", "exec"), {})
-    inside, angle = capsys.readouterr().out.split()
+def test_the_guaranteed_program_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    claim, angle = printed(blocks(LIBRARY, "python", 2)[0], capsys)
+    assert claim == "unconditional"
+    assert 1 < angle < 5
+
+
+def test_the_first_order_program_of_the_library_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
+    inside, angle = printed(blocks(LIBRARY, "python", 2)[1], capsys)
     assert inside == "True"
-    assert 0 < float(angle) < 3
+    assert 0 < angle < 3
 
 
-def test_the_cpp_program_is_the_example_that_ctest_runs() -> None:
-    assert blocks("cpp", 1)[0] == (ROOT / "cpp" / "examples" / "filter.cpp").read_text(encoding="utf-8")
+def test_the_cpp_program_of_the_library_is_the_example_that_ctest_runs() -> None:
+    assert blocks(LIBRARY, "cpp", 1)[0] == (EXAMPLES / "filter.cpp").read_text(encoding="utf-8")
+
+
+def test_the_cpp_lines_of_the_readme_are_lines_of_the_example_in_its_order() -> None:
+    example = (EXAMPLES / "guaranteed_filter.cpp").read_text(encoding="utf-8")
+    remaining = [line.strip() for line in example.splitlines()]
+    for line in filter(None, map(str.strip, blocks(README, "cpp", 1)[0].splitlines())):
+        assert line in remaining, line
+        remaining = remaining[remaining.index(line) + 1 :]
 
 
 def test_the_conventions_have_these_numbers() -> None:
@@ -48,6 +70,15 @@ def test_the_conventions_have_these_numbers() -> None:
     assert all(gravity.energy(el.exp(turn)) > hanging for turn in np.eye(3)[:2])
 
 
-def test_the_files_that_it_names_exist() -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (ROOT / target).exists(), target
+@pytest.mark.parametrize("page", [README, *sorted((ROOT / "docs").glob("**/*.md"))], ids=lambda page: page.name)
+def test_the_files_and_headings_that_a_page_links_to_exist(page: Path) -> None:
+    for target, heading in re.findall(r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", page.read_text(encoding="utf-8")):
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
+            assert heading in {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}, heading
+
+
+def test_the_readme_is_two_screens() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 125

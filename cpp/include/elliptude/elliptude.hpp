@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Everything, folder by folder, in the order in which data passes through it.
+/// Includes the whole library, folder by folder, in the order in which data flows.
 
 // clang-format off
 #include "elliptude/version.hpp"

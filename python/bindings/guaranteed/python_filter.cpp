@@ -55,7 +55,7 @@ struct Inputs {
   double increment = -1;  // none
   bool is_measured = true;
 
-  /// Of a gyro: all NaN where it was not measured.
+  /// Sets a gyro's rate: all NaN if it was not measured.
   void set_gyro(const Vector3<double>& rate, const std::string& name) {
     is_measured = !rate.array().isNaN().all();
     gyro = rate;

@@ -1,1 +1,1 @@
-"""What is known of errors, as bounds of measured angles and turns. NumPy alone."""
+"""Bounds of errors: what is known about sensors and motion becomes bounds of angles and turns. Needs only NumPy."""

@@ -1,4 +1,4 @@
-"""Checks of what the functions about bounds are given."""
+"""Checks of the arguments of functions about bounds."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,13 +7,13 @@ from elliptude.typing import FloatArray
 
 
 def require_not_negative(name: str, value: float) -> None:
-    """Finite and at least 0."""
+    """Raise ValueError unless the value is finite and at least 0."""
     if not 0.0 <= value < np.inf:
         raise ValueError(f"{name} must be finite and at least 0, not {value}")
 
 
 def require_fraction(name: str, value: float) -> None:
-    """From 0 to below 1."""
+    """Raise ValueError unless the value is from 0 to below 1."""
     if not 0.0 <= value < 1.0:
         raise ValueError(f"{name} must be from 0 to below 1, not {value}")
 

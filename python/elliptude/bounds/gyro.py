@@ -1,6 +1,6 @@
-"""What a gyro may be off, and how far the attitudes that follow from its rates may be off by that.
+"""How far a gyro may be off, and how far the attitudes that follow from its rates.
 
-NumPy alone; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.4.
+Needs only NumPy; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.4.
 """
 
 import math
@@ -19,19 +19,19 @@ from elliptude.bounds.turns import (
 from elliptude.typing import FloatArray
 
 _SQRT3 = math.sqrt(3.0)
-# Of the usual interval: one sample lost is more, and what a clock's ticks do to it is less.
+# A gap is longer than this times the usual interval: one lost sample exceeds it, the ticks of a clock do not.
 _TIMES_USUAL = 1.5
 
 
 def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
-    """Up to which interval a gyro's error bounds speak, s.
+    """The longest interval that a gyro's error bounds cover, s.
 
     Parameters
     ----------
     intervals : (M,) array
         Between its samples, s.
     stated : float or None
-        What a configuration or a rule says. If nothing, bounds are of the usual interval, and 1.5 times the median is
+        What a configuration or a rule states. If None, bounds hold for the usual interval, and 1.5 times the median is
         the longest.
 
     Returns
@@ -56,24 +56,24 @@ def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
 
 @dataclass(frozen=True)
 class GyroBounds:
-    """What a gyro may be off: it shows (I + K) ω + b + v. Section 18.4.
+    """How far a gyro may be off: it shows (I + K) ω + b + v. Section 18.4.
 
     Parameters
     ----------
     noise : float
-        Of ‖v‖ at every instant, rad/s.
+        Bound of ‖v‖ at every instant, rad/s.
     bias : float
-        Of ‖b‖, what is left of the bias after the known one was subtracted, rad/s.
+        Bound of ‖b‖, what is left of the bias after the known one was subtracted, rad/s.
     drift : float
         How fast the bias changes, rad/s².
     scale_error : float
-        Of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
+        Bound of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
     increment : float
-        Of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window where the noise changes sign.
+        Bound of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window if the noise changes sign.
     longest_interval : float
-        Between samples, s: up to it ``noise`` includes what the rate does there. Nothing above speaks of a longer one.
+        Between samples, s: up to it ``noise`` includes what the rate does there. No bound above covers a longer one.
     largest_rate : float
-        Of the true rate at every instant, rad/s: all that is known of a longer interval. Infinite where it is not.
+        Bound of the true rate at every instant, rad/s: all that is known in a longer interval. Infinite if unknown.
     """
 
     noise: float
@@ -97,7 +97,7 @@ class GyroBounds:
             raise ValueError(f"largest_rate must be at least 0, not {self.largest_rate}")
 
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
-        """Steps between rows of which nothing but ``largest_rate`` is known.
+        """Steps between rows about which nothing but ``largest_rate`` is known.
 
         Parameters
         ----------
@@ -115,12 +115,12 @@ class GyroBounds:
         return gaps
 
     def turns_over_gaps(self, durations: ArrayLike) -> FloatArray:
-        """How far the body may turn in gaps so long (s), rad: the angle of a rotation is at most pi."""
+        """How far the body may turn in gaps of these lengths (s), rad: the angle of a rotation is at most pi."""
         angles: FloatArray = np.minimum(self.largest_rate * np.asarray(durations, dtype=np.float64), np.pi)
         return angles
 
     def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
-        """Bound of the rate's error without the noise, (18.9): what does not average out.
+        """Bound of the rate's error without the noise, (18.9): the part that does not average out.
 
         Parameters
         ----------
@@ -157,7 +157,7 @@ class GyroBounds:
         return self.noise + self.steady_error(angular_speeds, elapsed)
 
     def window_angle(self, times: ArrayLike, angular_velocities: ArrayLike, elapsed: ArrayLike = 0.0) -> float:
-        """Bound of the angle by which the turn over all rows is off, (18.10); in a gap the turn counts as none.
+        """Bound of the angle by which the turn over all rows is off, (18.10); in a gap the turn counts as zero.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class GyroBounds:
         Parameters
         ----------
         duration : float
-            Of the window, s.
+            Length of the window, s.
         turned : float
             The angle that the measured rate turned in it, rad.
 
@@ -206,10 +206,10 @@ class GyroBounds:
         return float(self._noise_angle(duration, turned, duration)) / duration
 
     def anchored_turns(self, times: ArrayLike, angular_velocities: ArrayLike, duration: float) -> "AnchoredTurns":
-        """Predictions that span a window, so that the increment bound is worth something, (18.12).
+        """Predictions that span a window, so that the increment bound helps, (18.12).
 
         Every row is reached from an anchor, the last one before it of rows about ``duration`` apart. Over a gap the row
-        behind it is reached from the one before it: the turn counts as none, and may be any at the largest rate.
+        behind it is reached from the one before it: the turn counts as zero, and may be any at the largest rate.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class GyroBounds:
                     spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])
                 )
                 errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
-            # Beyond all numbers the turn may be any.
+            # If this overflows, the turn may be any.
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
             # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
@@ -274,7 +274,7 @@ class GyroBounds:
     def _angle_with_one_matrix(
         self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
     ) -> FloatArray:
-        """Bound of the angle, (18.13): the scale error of the turn back undoes that of the turn there."""
+        """Bound of the angle, (18.13): on the way back the scale error undoes itself."""
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
         scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
         of_scale = _SQRT3 * scale * _largest_stretch(by_matrix)
@@ -286,7 +286,7 @@ class GyroBounds:
         return angle
 
     def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
-        """Either of two bounds, the smaller: linear in time, or from the increment."""
+        """The smaller of two bounds: linear in time, or from the increment."""
         linear = self.noise * np.asarray(duration, dtype=np.float64)
         if np.isinf(self.increment):
             return linear
@@ -303,7 +303,7 @@ class AnchoredTurns:
     """How each row's attitude follows from that of an earlier row, its anchor."""
 
     anchors: NDArray[np.intp]
-    """Row of the anchor, shape (N,); 0 for the first row, which is its own."""
+    """Row of the anchor, shape (N,); 0 for the first row, which is its own anchor."""
     rates: FloatArray
     """The constant rate that turns the anchor's attitude into the row's, rad/s, shape (N, 3), at most pi in all."""
     noise: FloatArray
@@ -323,7 +323,7 @@ def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:
 
 
 def _largest_stretch(matrices: FloatArray) -> FloatArray:
-    """Largest singular values of matrices (N, 3, 9); NaN where an entry or its square is no number."""
+    """Largest singular values of matrices (N, 3, 9); NaN where an entry or its square is not finite."""
     squares = matrices @ matrices.transpose(0, 2, 1)
     missing = np.logical_not(np.isfinite(squares).all(axis=(1, 2)))
     values = np.linalg.eigvalsh(np.where(missing[:, None, None], 0.0, squares))[:, -1]

@@ -23,11 +23,11 @@ def rest_rows(
     angular_velocities, specific_forces : (N, 3) array
         rad/s and m/s².
     duration : float
-        Of a piece, s.
+        Length of a piece, s.
     rate_deviation, acceleration_deviation : float
-        Of a sample from the piece's mean, rad/s and m/s².
+        Largest deviation of a sample from the piece's mean, rad/s and m/s².
     rate : float
-        Of the piece's mean, rad/s.
+        Largest norm of the piece's mean, rad/s.
 
     Returns
     -------

@@ -1,12 +1,12 @@
-"""Bounds of measured directions, from what is known of sensors and motion.
+"""Bounds of measured directions, from what is known about sensors and motion.
 
 A datasheet, the speed of a hand, the size of a room: such knowledge becomes the angle that each measured direction may
-be off, here from single samples, in `elliptude.bounds.windows` from averages over windows. What a gyro may be off is in
-`elliptude.bounds.gyro`, what stamps may be off in `elliptude.bounds.stamps`. NumPy alone; SI units and radians; rows
+be off: from single samples here, from averages over windows in `elliptude.bounds.windows`. Bounds of a gyro are in
+`elliptude.bounds.gyro`, of time stamps in `elliptude.bounds.stamps`. Needs only NumPy; SI units and radians; rows
 are instants. Derivations and proofs: docs/theory.md, section 18.
 
-Nothing is clipped in silence. Where data and stated bounds contradict each other, the row's angle is NaN (not measured)
-and its `DirectionBounds.excess` says by how much; where a bound says nothing, the angle is pi.
+Nothing is clipped silently. If data and stated bounds contradict each other, the row's angle is NaN (not measured)
+and its `DirectionBounds.excess` says by how much; if a bound says nothing, the angle is pi.
 """
 
 from dataclasses import dataclass
@@ -48,18 +48,18 @@ class DirectionBounds:
 
 @dataclass(frozen=True)
 class VectorSensorBounds:
-    """What an accelerometer or magnetometer may be off: it shows (I + K) x + e instead of the true vector x.
+    """How far an accelerometer or magnetometer may be off: it shows (I + K) x + e instead of the true vector x.
 
     Parameters
     ----------
     error : float
-        Of ‖e‖ for each sample: bias, noise, hard iron; the sensor's unit.
+        Bound of ‖e‖ for each sample: bias, noise, hard iron; the sensor's unit.
     scale_error : float
-        Of the spectral norm of K: scale, soft iron, axes not perpendicular; from 0 to below 1.
+        Bound of the spectral norm of K: scale, soft iron, axes not perpendicular; from 0 to below 1.
     misalignment : float
-        Of the angle between its axes and the body's (the gyro's), rad.
+        Bound of the angle between its axes and the body's (the gyro's), rad.
     averaged_error : float, optional
-        Of the norm of e's mean over a window, turned into a common frame; ``error`` if left out. It may be smaller, as
+        Bound of ‖e‖ averaged over a window, turned into a common frame; ``error`` if left out. It may be smaller, as
         noise averages out. It also covers sampling: the mean of the samples less that of the motion between them.
     """
 
@@ -86,14 +86,14 @@ EXACT_SENSOR = VectorSensorBounds()
 def angle_to_center(
     lengths: ArrayLike, magnitude: ArrayLike, radius: ArrayLike, magnitude_error: ArrayLike = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest angle between x and y where ‖x - y‖ ≤ radius, ‖y‖ = lengths and ‖x‖ within magnitude ± error, (18.2).
+    """Largest angle between x and y if ‖x - y‖ ≤ radius, ‖y‖ = lengths and ‖x‖ is within magnitude ± error, (18.2).
 
     Parameters
     ----------
     lengths : (...) array
         ‖y‖, at least 0. NaN: not measured.
     magnitude : (...) array
-        Of x, positive.
+        ‖x‖, positive.
     radius : (...) array
         At least 0.
     magnitude_error : (...) array
@@ -135,7 +135,7 @@ def angle_to_center(
 
 
 def rounded_up(radius: FloatArray, lengths: FloatArray, magnitude: FloatArray | float) -> FloatArray:
-    """The radius with what rounding may have done to the lengths."""
+    """The radius, enlarged by what rounding may have done to the lengths."""
     rounded: FloatArray = radius + 4.0 * _EPSILON * (lengths + magnitude)
     return rounded
 
@@ -182,7 +182,7 @@ def accelerometer_bounds(
     sensor: VectorSensorBounds = EXACT_SENSOR,
     time_offset: ArrayLike = 0.0,
 ) -> DirectionBounds:
-    """How far each sample's direction may be from up, where the linear acceleration is bounded, (18.1) to (18.3).
+    """How far each sample's direction may be from up if the linear acceleration is bounded, (18.1) to (18.3).
 
     Parameters
     ----------
@@ -195,12 +195,12 @@ def accelerometer_bounds(
     sensor : VectorSensorBounds
         The accelerometer's own errors.
     time_offset : float or (N,) array
-        What `time_offset_angles` gives, rad.
+        What `time_offset_angles` returns, rad.
 
     Returns
     -------
     DirectionBounds
-        Of the direction up. A row whose norm differs from gravity by more than the bounds allow is contradicted.
+        Bounds of the direction up. A row whose norm differs from gravity by more than they allow is contradicted.
 
     Raises
     ------
@@ -219,11 +219,11 @@ def magnetometer_bounds(
     sensor: VectorSensorBounds = EXACT_SENSOR,
     time_offset: ArrayLike = 0.0,
 ) -> DirectionBounds:
-    """How far each sample's direction may be from the reference field's, where the disturbance is bounded.
+    """How far each sample's direction may be from the reference field's if the disturbance is bounded.
 
     The geometry is that of `accelerometer_bounds`: the field at the sensor is the reference field plus a vector of at
-    most ``disturbance``. How far the reference vector itself may be off belongs there too, or, as far as only its
-    length is in doubt, in ``strength_error``.
+    most ``disturbance``. This includes how far the reference vector itself may be off; if only its
+    length is in doubt, that belongs in ``strength_error``.
 
     Parameters
     ----------
@@ -236,12 +236,12 @@ def magnetometer_bounds(
     sensor : VectorSensorBounds
         The magnetometer's own errors: hard iron and noise are its error, soft iron and scale its scale error.
     time_offset : float or (N,) array
-        What `time_offset_angles` gives, rad.
+        What `time_offset_angles` returns, rad.
 
     Returns
     -------
     DirectionBounds
-        Of the reference field's direction.
+        The bounds of the reference field's direction.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Stamps that are off: how far a direction turns within an offset, and late values put where they belong.
+"""Time stamps that are off: how far a direction turns within an offset, and how late values are moved to their time.
 
-NumPy alone; SI units and radians; rows are instants. Derivation: docs/theory.md, section 18.
+Needs only NumPy; SI units and radians; rows are instants. Derivation: docs/theory.md, section 18.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ def time_offset_angles(
     offset : float
         Bound τ of the difference between stamp and true time, s.
     gyro : GyroBounds, optional
-        Of the measured rates; exact if left out. In its gaps the rate is at most its largest one.
+        Error bounds of the measured rates; exact if left out. In gaps the rate is at most its largest one.
     angular_acceleration : float
         Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
 
@@ -80,7 +80,7 @@ def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np
 
 
 def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray, FloatArray]:
-    """Put late values where they belong: row n gets the values whose stamp is nearest to its time plus the delay.
+    """Move late values to their time: row n gets the values whose stamp is nearest to its time plus the delay.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What rows of rates add up to: integrals, and attitudes that follow from them. NumPy alone."""
+"""Integrals of rates over rows, and the attitudes that follow from them. Needs only NumPy."""
 
 import math
 
@@ -8,18 +8,18 @@ from elliptude.typing import FloatArray
 
 
 def running_integral(times: FloatArray, values: FloatArray) -> FloatArray:
-    """By the trapezoidal rule, along the first axis."""
+    """The integral from the first row to each, by the trapezoidal rule, along the first axis."""
     return running_sum(np.diff(times), values)
 
 
 def running_sum(steps: FloatArray, values: FloatArray) -> FloatArray:
-    """What `running_integral` gives, of the steps between times."""
+    """`running_integral`, given the steps between times."""
     steps = steps.reshape(-1, *(1,) * (values.ndim - 1))
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
 
 
 def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
-    """Attitudes from the first row's body axes, the rate in a step the mean of its ends.
+    """Attitudes relative to the first row; the rate in a step is the mean of its ends.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
 
 
 def quaternions_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
-    """What `attitudes_from_rates` gives, as quaternions (qw, qx, qy, qz), shape (N, 4)."""
+    """`attitudes_from_rates` as quaternions (qw, qx, qy, qz), shape (N, 4)."""
     turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])
     angles = np.linalg.norm(turns, axis=1)
     quaternions = np.zeros((len(rates), 4))
@@ -71,7 +71,7 @@ def rotations_from_quaternions(quaternions: FloatArray) -> FloatArray:
 
 
 def rotation_vectors(quaternions: FloatArray) -> FloatArray:
-    """Of the shorter way round."""
+    """The rotation vectors of unit quaternions, each the shorter way round."""
     signs = np.where(quaternions[:, :1] < 0.0, -1.0, 1.0)
     vectors = signs * quaternions[:, 1:]
     sines = np.linalg.norm(vectors, axis=1)

@@ -18,7 +18,7 @@ Place = Literal["end", "middle"]
 
 
 def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
-    """Rows in pieces, each with the rows that its windows reach: memory stays bounded, and so do running sums."""
+    """Rows in pieces, each with the rows that its windows reach, so that memory and running sums stay bounded."""
     for start in range(0, len(times), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(times))
         reach = longest * (1.0 + 1e-6)
@@ -30,7 +30,7 @@ def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Indices of windows: where they begin, the top of a triangle, where they end, and the row that they are for."""
+    """Indices of windows: their beginning, the top of the triangle, their end, and the row that they are for."""
 
     start: NDArray[np.intp]
     top: NDArray[np.intp]
@@ -47,11 +47,11 @@ class Average:
     """Weighted means over windows."""
 
     mean: FloatArray
-    """Of the vector, in the common frame."""
+    """The mean of the vector, in the common frame."""
     length: FloatArray
-    """Of the vectors' lengths."""
+    """The mean of the vectors' lengths."""
     turn: FloatArray
-    """Of the lengths times the bound of the turn's error between sample and row, rounded up but for time offsets."""
+    """The mean of the lengths times the bound of the turn's error up to the row, rounded up but for time offsets."""
     rounding: FloatArray
     """Bound of what rounding may do to the mean, its length and that of time offsets; theory, section 18.2."""
 
@@ -77,7 +77,7 @@ class Piece:
         self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
         self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
         self.attitudes = attitudes_from_rates(steps, rates)
-        # No window reaches over a longer step, and sums that do would leave no digits to those behind it.
+        # No window reaches across a longer step. Sums across it would leave no digits for the rows behind it.
         steps = np.minimum(steps, maximum_step)
         self._elapsed = np.concatenate([[0.0], np.cumsum(steps)])
         speeds = np.linalg.norm(rates, axis=1)
@@ -99,7 +99,7 @@ class Piece:
         self._twice = running_sum(steps, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
-        """Those of the rows, as long as the recording allows."""
+        """The windows of the rows, as long as the recording allows."""
         times, here = self._times, self._times[rows]
         slack = 1e-9 * duration
         if at == "middle":
@@ -117,13 +117,13 @@ class Piece:
         return Window(start, top, stop, rows, before, times[stop] - times[top])
 
     def averages(self, window: Window, *, triangular: bool) -> Iterator[Average]:
-        """With equal weights, then with those of a triangle."""
+        """Means with equal weights, then with those of a triangle."""
         before, after = window.before[:, None], window.after[:, None]
         span = before + after
         once = self._once[window.top]
         below, above = once - self._once[window.start], self._once[window.stop] - once
         count = window.stop - window.start
-        # Of a running sum that ends at one: what its additions, as many as the window has, may lose of a mean.
+        # What the additions of a running sum, as many as the window has, may lose of a mean, if the sum ends at one.
         share = _EPSILON * (count + 20.0) / span[:, 0]
         yield self._average(window, below / span, above / span, share)
         if triangular:

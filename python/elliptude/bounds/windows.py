@@ -1,6 +1,6 @@
-"""Bounds of directions from averages over windows: of gravity where the motion is bounded, of the magnetic field.
+"""Bounds of directions from averages over windows: of gravity if the motion is bounded, and of the magnetic field.
 
-NumPy alone; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.
+Needs only NumPy; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,21 +30,21 @@ class WindowBounds(DirectionBounds):
     """Directions from averages over windows."""
 
     durations: FloatArray
-    """Of the window that was best, s, shape (N,); NaN where there was none."""
+    """Length of the best window, s, shape (N,); NaN where there was none."""
     lengths: FloatArray
-    """Of the averaged vector, the sensor's unit, shape (N,)."""
+    """Length of the averaged vector, the sensor's unit, shape (N,)."""
     radii: FloatArray
     """How far the averaged vector may be from the true one, the sensor's unit, shape (N,)."""
 
 
 @dataclass(frozen=True)
 class MotionBounds:
-    """How the sensor's place moves; what is not known is infinite.
+    """Bounds of how the sensor moves; unknown ones are infinite.
 
     Parameters
     ----------
     velocity : float
-        Bound of the speed at every instant, m/s. In any frame that does not accelerate.
+        Bound of the speed at every instant, m/s, in any frame that does not accelerate.
     position : float
         Radius of a ball that the sensor does not leave during a window, m; the ball may be another for another window.
     acceleration : float
@@ -90,8 +90,8 @@ def gravity_bounds_over_windows(
 ) -> WindowBounds:
     """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
 
-    In the mean the linear acceleration is small where the speed or the place is bounded: 2v/T in a window of T with
-    equal weights, 16p/T² with weights like a triangle. Against that stands the gyro's error over the window. All
+    The mean linear acceleration is small if the speed or the place is bounded: 2v/T in a window of T with
+    equal weights, 16p/T² with weights like a triangle. The gyro's error over the window adds to it. All
     windows are tried and, row by row, the one with the smallest bound is returned; a row where any of them contradicts
     the bounds is contradicted.
 
@@ -105,7 +105,7 @@ def gravity_bounds_over_windows(
         rad/s, body axes, the bias known at the first row subtracted. The gyro's error is that of the rates used: in a
         step the mean of its ends.
     durations : sequence of float
-        Of the windows, s. At the recording's ends they are as long as it allows.
+        Lengths of the windows, s. At the ends of the recording they are as long as it allows.
     motion : MotionBounds
     gyro : GyroBounds
     sensor : VectorSensorBounds
@@ -119,12 +119,12 @@ def gravity_bounds_over_windows(
     maximum_step : float
         No window reaches over a longer step between rows, s.
     every : int
-        Only each row whose index is a multiple of this gets a bound, which saves time; the others are not measured.
+        Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
 
     Returns
     -------
     WindowBounds
-        Of the direction up in body axes at each row.
+        The bounds of the direction up in body axes at each row.
 
     Raises
     ------
@@ -156,13 +156,13 @@ def field_bounds_over_windows(
 ) -> WindowBounds:
     """The reference field's direction, averaged over windows in a frame that the gyro carries along.
 
-    A disturbance does not average out, noise does: this is worth its price where the sensor's ``averaged_error`` is
+    A disturbance does not average out, noise does: this is worth its cost if the sensor's ``averaged_error`` is
     well below its ``error``. Arguments are those of `gravity_bounds_over_windows` and `magnetometer_bounds`.
 
     Returns
     -------
     WindowBounds
-        Of the reference field's direction in body axes at each row.
+        The bounds of the reference field's direction in body axes at each row.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def cross_bounds(
 ) -> DirectionBounds:
     """The direction of field × up: horizontal, and east if the horizontal field points north, (18.14).
 
-    It says of the heading what the field says, without what is in doubt only in the plane of up and the field.
+    It says about the heading what the field says, without the error in the plane of up and the field.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def _over_windows(
     maximum_step: float,
     every: int,
 ) -> WindowBounds:
-    """The offsets are those of equal weights and, if there is a second one, of weights like a triangle."""
+    """Bounds from means over windows: with equal weights and, if there is a second offset, weights like a triangle."""
     stamps = increasing_times(times)
     count = len(stamps)
     rows, rates = vector_rows("vectors", vectors, count), vector_rows("angular_velocities", angular_velocities, count)

@@ -1,7 +1,7 @@
 """The command ``elliptude``.
 
 Each command is a plain function in a module beside this one; here they are put together, and here alone an
-error that a person can mend becomes a message. Exit codes: 0 done, 1 a file or what is in it is at fault, 2 the command
+error that a user can mend becomes a message. Exit codes: 0 done, 1 a file or what is in it is at fault, 2 the command
 line is, 130 interrupted, 143 terminated.
 """
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Command:
-    """A command whose module is imported when it is called, as SciPy, pydantic and PyArrow take most of a second."""
+    """A command whose module is imported when it is called: SciPy, pydantic and PyArrow take most of a second."""
 
     module: str
     function: str
@@ -27,7 +27,7 @@ class Command:
     """The first paragraph of the function's docstring."""
 
     def load(self, name: str) -> Any:
-        """What Typer makes of the function: the command with its options."""
+        """The command with its options, as Typer makes it from the function."""
         import typer
 
         app = typer.Typer(add_completion=False)
@@ -80,7 +80,7 @@ COMMANDS = {
 
 
 def _stands_for_a_command() -> None:
-    """What ``--help`` lists; the command itself is imported when it is called."""
+    """A stand-in for ``--help``; the command itself is imported when it is called."""
 
 
 def make_app() -> typer.Typer:
@@ -112,7 +112,7 @@ def make_app() -> typer.Typer:
                 return super().invoke(ctx)
             except FileError as error:
                 message = str(error)
-            except BrokenPipeError:  # `| head` has seen enough; typer ends without a word
+            except BrokenPipeError:  # `| head` has read enough; typer ends without a message
                 raise
             except OSError as error:
                 message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
@@ -157,6 +157,6 @@ def main() -> None:
         app = make_app()
     except ModuleNotFoundError as error:
         _exit_for_want_of(error)
-    except KeyboardInterrupt:  # from here on typer takes care of it
+    except KeyboardInterrupt:  # inside, typer handles it
         sys.exit(130)
     app()

@@ -7,9 +7,8 @@ import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import tomlkit
 import typer
 from rich import box
@@ -25,10 +24,11 @@ from elliptude.io.toml import load_toml, validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.mapping import PRESETS, Tables
-from elliptude.proposal.proposals import Proposal, Quantiles
+from elliptude.proposal.mapping import Tables, of_preset, presets
+from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
 from elliptude.proposal.starting_configuration import Mode, starting_configuration
+from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -44,11 +44,11 @@ def bounds(
     ] = None,
     like: Annotated[
         str | None,
-        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(PRESETS)}.", show_default=False),
+        typer.Option(help=f"Columns and units of a known kind of file: {', '.join(presets())}.", show_default=False),
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
     time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
-    gyro: Annotated[str | None, typer.Option(help="Three columns, comma between.", show_default=False)] = None,
+    gyro: Annotated[str | None, typer.Option(help="Three columns, separated by commas.", show_default=False)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
     accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
     accelerometer_unit: Annotated[str | None, typer.Option(help="m/s^2, g or mg.", show_default=False)] = None,
@@ -59,20 +59,18 @@ def bounds(
     ] = None,
     reference: Annotated[
         bool,
-        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if it is mapped."),
+        typer.Option("--reference/--no-reference", help="Compare with the reference attitude, if there is one."),
     ] = True,
     mode: Annotated[
         Mode | None,
         typer.Option(
-            help="Of what --out writes. If left out: what the configuration states, else guaranteed, as its sets hold "
-            "wherever the stated bounds do, and it says where these are contradicted; first_order drops second-order "
+            help="Mode of what --out writes. If left out, that of the configuration, else guaranteed, whose sets hold "
+            "if the stated bounds do, and which says where these are contradicted; first_order drops second-order "
             "terms.",
             show_default=False,
         ),
     ] = None,
-    margin: Annotated[
-        float, typer.Option(min=1.0, max=100.0, help="What maxima are multiplied by in what is written.")
-    ] = 1.2,
+    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = 1.2,
     out: Annotated[
         Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
     ] = None,
@@ -84,9 +82,9 @@ def bounds(
 ) -> None:
     """Propose bounds, delays and time offsets from a recording, with or without a reference attitude.
 
-    Which columns are which sensors, and in which units, is said by a configuration, by --like, by naming columns and
-    units, or by the file's header where it states sensor, axis and unit, such as "Gyroscope X (deg/s)". What it prints
-    are quantiles and maxima of this recording, which guarantee nothing about another.
+    A configuration, --like, options that name columns and units, or the file's header say which columns are which
+    sensors, in which units; a header states sensor, axis and unit, such as "Gyroscope X (deg/s)". The command prints
+    quantiles and maxima of this recording, which guarantee nothing about another.
     """
     require_finite("--margin", margin)
     refuse_to_replace((path for path in (out, rule) if path is not None), force)
@@ -129,23 +127,7 @@ def bounds(
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
-    compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
-    typer.echo(
-        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
-        f"{compared}"
-    )
-    for line in _said(tables):
-        typer.echo(f"  {line}")
-    Console(width=max(Console().width, 100)).print(_table(proposed))
-    for line in _remarks(proposed):
-        typer.echo(line)
-    if up is not None:
-        typer.echo(f"{up}.")
-    for one in implausible:
-        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
-    for one in suspicious:
-        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
-    typer.echo(_NOTE)
+    _say(log, tables, recording, proposed, up, implausible, suspicious)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
         following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
@@ -157,9 +139,9 @@ def bounds(
 
 
 def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
-    """What in the log contradicts its configuration: degrees that are called radians, or wrong axes.
+    """Contradictions between the log and its configuration: degrees declared as radians, or wrong axes.
 
-    What `estimate` would refuse is no log to write bounds for.
+    Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
     if refuse:
@@ -172,7 +154,7 @@ def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]
 
 
 def _mode(mode: Mode | None, tables: Tables) -> Mode:
-    """What is asked for, what the configuration states, or the guaranteed mode."""
+    """The mode of the option, that of the configuration, or the guaranteed mode."""
     estimator = tables.get("estimator")
     if not isinstance(estimator, dict):
         return mode or "guaranteed"
@@ -201,9 +183,9 @@ def _mapping(
     if config is not None:
         return load_toml(config), config
     if like is not None:
-        if like not in PRESETS:
-            raise typer.BadParameter(f"{like!r} is none of {', '.join(PRESETS)}", param_hint="--like")
-        return _present(PRESETS[like], log), log
+        if like not in presets():
+            raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
+        return _present(of_preset(like), log), log
     if not by_name:
         if (found := mapping.of_headers(open_log(log).columns)) is not None:
             return found, log
@@ -225,7 +207,7 @@ def _mapping(
 
 
 def _present(tables: Tables, log: Path) -> Tables:
-    """A preset without the sensors that the file does not have; the gyro it must have."""
+    """A preset without the sensors that the file does not have; it must have the gyro."""
     columns = set(open_log(log).columns)
     tables = dict(tables)
     if "directions" in tables:
@@ -243,7 +225,7 @@ def _listed(columns: str, count: int, option: str) -> list[str]:
 
 
 def _said(tables: Tables) -> list[str]:
-    """What is read as what."""
+    """How each column was read."""
     lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
@@ -254,133 +236,34 @@ def _said(tables: Tables) -> list[str]:
 
 # --- what is said -----------------------------------------------------------------------------------------------------
 
-_DEGREES = float(np.rad2deg(1.0))
 
-
-def _lines(proposed: Proposal) -> list[tuple[str, str, float, Quantiles | None]]:
-    """Key, what it is, its unit's factor, the numbers."""
-    gyro = proposed.gyro
-    lines: list[tuple[str, str, float, Quantiles | None]] = [
-        ("gyro_speed_deg_per_s", "gyro: rate, °/s", _DEGREES, gyro.speed),
-        ("gyro_noise_deg_per_s", "gyro: noise at rest, °/s", _DEGREES, gyro.noise),
-        ("gyro_bias_spread_deg_per_s", "gyro: bias of 0.5 s at rest, from its mean, °/s", _DEGREES, gyro.bias_spread),
-        ("gyro_sums_rest_deg", "gyro: what noise adds up to in a rest, °", _DEGREES, gyro.sums_rest),
-        (
-            "gyro_rate_error_deg_per_s",
-            "gyro: rate over 0.05 s, from the reference, °/s",
-            _DEGREES,
-            gyro.rate_error,
-        ),
-    ]
-    for duration, angles in gyro.window_angles.items():
-        lines.append(
-            (
-                f"gyro_turn_error_{duration:g}s_deg",
-                f"gyro: turn over {duration:g} s, from the reference, °",
-                _DEGREES,
-                angles,
-            )
-        )
-    lines.append(
-        (
-            "gyro_unexplained_deg",
-            "gyro: turns over 1 to 16 s, bias and scale taken out, °",
-            _DEGREES,
-            gyro.unexplained,
-        )
+def _say(
+    log: Path,
+    tables: Tables,
+    recording: Recording,
+    proposed: Proposal,
+    up: body_at_rest.UpAtRest | None,
+    implausible: list[str],
+    suspicious: list[str],
+) -> None:
+    """What was read, what it shows, and what is odd in it."""
+    compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
+    typer.echo(
+        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
+        f"{compared}"
     )
-    for key, unit, name, vector in (
-        ("accelerometer", "m_per_s2", "accelerometer", proposed.accelerometer),
-        ("magnetometer", "ut", "magnetometer", proposed.magnetometer),
-    ):
-        if vector is None:
-            continue
-        shown = "m/s²" if unit == "m_per_s2" else "µT"
-        for state in ("rest", "moving"):
-            about = "at rest" if state == "rest" else "moving"
-            lines += [
-                (
-                    f"{key}_norm_{state}_{unit}",
-                    f"{name}: length off, {about}, {shown}",
-                    1.0,
-                    getattr(vector, f"norm_{state}"),
-                ),
-                (
-                    f"{key}_vector_{state}_{unit}",
-                    f"{name}: vector off, {about}, {shown}",
-                    1.0,
-                    getattr(vector, f"vector_{state}"),
-                ),
-                (
-                    f"{key}_angle_{state}_deg",
-                    f"{name}: angle off, {about}, °",
-                    _DEGREES,
-                    getattr(vector, f"angle_{state}"),
-                ),
-            ]
-        lines += [
-            (
-                f"{key}_aligned_rest_deg",
-                f"{name}: the same at rest, best turn removed, °",
-                _DEGREES,
-                vector.aligned_rest,
-            ),
-            (
-                f"{key}_averaged_rest_{unit}",
-                f"{name}: mean over 0.5 s off, at rest, {shown}",
-                1.0,
-                vector.averaged_rest,
-            ),
-            (
-                f"{key}_scatter_rest_{unit}",
-                f"{name}: sample from its mean over 0.5 s, at rest, {shown}",
-                1.0,
-                vector.scatter_rest,
-            ),
-        ]
-    lines.append(
-        ("dip_rest_deg", "angle between field and specific force at rest, from its median, °", _DEGREES, proposed.dip)
-    )
-    if proposed.start is not None:
-        lines += [
-            (
-                "gyro_bias_moved_deg_per_s",
-                "gyro: bias of 0.5 s at rest, from that at the start, °/s",
-                _DEGREES,
-                proposed.start.bias_moved,
-            ),
-            (
-                "magnetometer_field_moved_ut",
-                "magnetometer: off from the start, delay taken out, µT",
-                1.0,
-                proposed.start.field_moved,
-            ),
-        ]
-    return lines
-
-
-def summarize(proposed: Proposal) -> dict[str, Any]:
-    """The proposal for JSON: quantiles by key, delays in s; None where the recording does not show it."""
-    summary: dict[str, Any] = {"duration_s": proposed.duration, "share_at_rest": proposed.rest}
-    bias = proposed.gyro.bias
-    summary["gyro_bias_deg_per_s"] = None if bias is None else np.rad2deg(bias).tolist()
-    summary["gyro_scale_error"] = proposed.gyro.scale_error
-    summary["quantiles"] = {
-        key: None
-        if found is None
-        else {
-            "samples": found.count,
-            "50%": found.half * factor,
-            "90%": found.ninety * factor,
-            "99%": found.ninety_nine * factor,
-            "99.9%": found.ninety_nine_point_nine * factor,
-            "max": found.maximum * factor,
-        }
-        for key, _, factor, found in _lines(proposed)
-    }
-    for key, delay in (("gyro_delay_s", proposed.gyro_delay), ("magnetometer_delay_s", proposed.magnetometer_delay)):
-        summary[key] = None if delay is None else dataclasses.asdict(delay)
-    return summary
+    for line in _said(tables):
+        typer.echo(f"  {line}")
+    Console(width=max(Console().width, 100)).print(_table(proposed))
+    for line in remarks_on(proposed):
+        typer.echo(line)
+    if up is not None:
+        typer.echo(f"{up}.")
+    for one in implausible:
+        typer.secho(f"implausible: {one}", fg=typer.colors.RED)
+    for one in suspicious:
+        typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
+    typer.echo(_NOTE)
 
 
 def _table(proposed: Proposal) -> Table:
@@ -388,36 +271,11 @@ def _table(proposed: Proposal) -> Table:
     table.add_column("")
     for heading in ("50 %", "90 %", "99 %", "99.9 %", "max"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for _, name, factor, found in _lines(proposed):
+    for _, name, factor, found in lines_of(proposed):
         if found is not None:
             numbers = (found.half, found.ninety, found.ninety_nine, found.ninety_nine_point_nine, found.maximum)
             table.add_row(name, *(f"{factor * number:.3g}" for number in numbers))
     return table
-
-
-def _remarks(proposed: Proposal) -> list[str]:
-    lines = []
-    if proposed.gyro.bias is not None:
-        bias = ", ".join(f"{value:.3f}" for value in np.rad2deg(proposed.gyro.bias))
-        lines.append(f"Gyro: bias ({bias}) °/s")
-    if proposed.gyro.scale_error is not None:
-        lines.append(f"Gyro: scale and cross-axis error about {100.0 * proposed.gyro.scale_error:.2g} %")
-    for name, against, delay in (
-        ("Gyro", "the reference", proposed.gyro_delay),
-        ("Magnetometer", "the gyro", proposed.magnetometer_delay),
-    ):
-        if delay is not None:
-            lines.append(
-                f"{name}: {1e3 * delay.delay:.2f} ms late against {against}; in {delay.pieces} pieces of the recording "
-                f"at most {1e3 * delay.scatter:.2f} ms from that (a row is {1e3 * delay.step:.3g} ms)"
-            )
-    for name, vector in (("Accelerometer", proposed.accelerometer), ("Magnetometer", proposed.magnetometer)):
-        if vector is not None and vector.misalignment is not None:
-            lines.append(
-                f"{name}: the turn that fits best at rest is {_DEGREES * vector.misalignment:.2g}° "
-                "(about the vector itself a single pose tells nothing)"
-            )
-    return lines
 
 
 # --- what is written --------------------------------------------------------------------------------------------------

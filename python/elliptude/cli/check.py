@@ -76,17 +76,22 @@ def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", help="A log, in any format of docs/logs.md.", show_default=False)
     ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="Ends in .csv, .parquet or .npz.", show_default=False)],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", help="The new file; its name ends in .csv, .parquet or .npz.", show_default=False
+        ),
+    ],
     config: Annotated[
         Path | None,
         typer.Option(
-            help="Write what this configuration takes from the log, in SI units and body axes, a row for each time.",
+            help="Write the measurements of this configuration, in SI units and body axes, a row for each time.",
             show_default=False,
         ),
     ] = None,
     stream: Annotated[
         str | None,
-        typer.Option(help="Which topic, or which length of arrays, where the log has several.", show_default=False),
+        typer.Option(help="Which topic, or which length of arrays, if the log has several.", show_default=False),
     ] = None,
     force: Force = False,
 ) -> None:

@@ -1,6 +1,6 @@
 """The command ``elliptude demo``.
 
-What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+Matplotlib is imported where it draws: its import takes a third of a second, which would slow every command.
 """
 
 import json
@@ -49,7 +49,7 @@ class _Line:
 
 def demo(
     out: Annotated[
-        Path, typer.Option(help="Folder for what is written; an earlier demo's files are replaced.", show_default=False)
+        Path, typer.Option(help="Folder for the files; those of an earlier demo are replaced.", show_default=False)
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
 ) -> None:
@@ -80,7 +80,7 @@ def demo(
         typer.echo(json.dumps([vars(line) for line in lines], indent=2, ensure_ascii=False))
         return
     terminal = Console()
-    # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
+    # Cells that end in "..." are useless; a narrower terminal breaks the lines.
     Console(width=max(terminal.width, 88)).print(_table(lines))
     typer.echo(
         f"\nAttitude error and its bound, the largest angle in the set: means from the "
@@ -143,7 +143,7 @@ def _scenario(name: str, directions: str, folder: Path) -> _Line:
 
 
 def _fermi(folder: Path) -> list[_Line]:
-    """Fermi with the Sun alone after the first row, and with the synthetic star all along."""
+    """Fermi with only the Sun after the first row, and with the synthetic star throughout."""
     recorded, configuration = fermi.telemetry(), fermi.configuration()
     lines, runs = [], []
     cases = (("Sun alone", "sun", 1), ("Sun + synthetic star", "sun-and-star", None))
@@ -158,9 +158,7 @@ def _fermi(folder: Path) -> list[_Line]:
         log = logs.read_log(place / "measurements.csv", configuration)
         estimated = estimation.estimate(log, configuration)
         _write(estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
-        runs.append(
-            (name, estimated.results, *fermi.half_widths_about(estimated.results, measurements.references[:, 0]))
-        )
+        runs.append((name, estimated.result, *fermi.half_widths_about(estimated.result, measurements.references[:, 0])))
         lines.append(_line(f"Fermi, {name}", [estimated], time.perf_counter() - begin))
     from elliptude.report import figures
 
@@ -176,12 +174,12 @@ def _fermi(folder: Path) -> list[_Line]:
 
 
 def _updates(estimated: Estimation) -> NDArray[np.intp]:
-    return np.flatnonzero([bool(names) for names in estimated.results.used])
+    return np.flatnonzero([bool(names) for names in estimated.result.used])
 
 
 def _forms_of_updates(estimated: Estimation) -> FloatArray:
-    assert estimated.results.forms is not None
-    return estimated.results.forms[_updates(estimated)]
+    assert estimated.result.forms is not None
+    return estimated.result.forms[_updates(estimated)]
 
 
 def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at_worst: float | None = None) -> _Line:
@@ -189,10 +187,10 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
     errors: list[FloatArray] = []
     bounds: list[FloatArray] = []
     for estimated in estimations:
-        assert estimated.results.errors is not None
+        assert estimated.result.errors is not None
         settled = _updates(estimated)[SETTLED_UPDATE - 1 :]
-        errors.append(np.linalg.norm(estimated.results.errors[settled, :3], axis=1))
-        bounds.append(estimated.results.largest_angles[settled])
+        errors.append(np.linalg.norm(estimated.result.errors[settled, :3], axis=1))
+        bounds.append(estimated.result.largest_angles[settled])
     inside = np.concatenate([_forms_of_updates(estimated) for estimated in estimations]) <= 1.0
     return _Line(
         case=case,
@@ -201,7 +199,7 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
         updates=len(inside),
         inside=float(inside.mean()),
         inside_at_worst=inside_at_worst,
-        refused=sum(bool(names) for estimated in estimations for names in estimated.results.refused),
+        refused=sum(bool(names) for estimated in estimations for names in estimated.result.refused),
         elapsed_s=elapsed,
     )
 
@@ -209,6 +207,6 @@ def _line(case: str, estimations: list[Estimation], elapsed: float, *, inside_at
 def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:
     """Write results, figure and, last, the summary, which says that the folder is complete."""
     (out / SUMMARY).unlink(missing_ok=True)
-    estimated.results.write(out / "results.csv")
+    estimated.result.write(out / "results.csv")
     summary = estimation.summarize(estimated, configuration)
-    return finish(estimated.results, summary, configuration, out, "results.csv", title)
+    return finish(estimated.result, summary, configuration, out, "results.csv", title)

@@ -1,6 +1,6 @@
 """The command ``elliptude estimate``.
 
-What draws is imported where it is drawn: Matplotlib takes a third of a second, which every command would take longer.
+Matplotlib is imported where it draws: its import takes a third of a second, which would slow every command.
 """
 
 import importlib
@@ -17,7 +17,7 @@ from rich.progress import Progress, TaskID
 from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
@@ -40,17 +40,17 @@ def estimate(
     config: Annotated[
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
     ],
-    out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder for the results; created if missing.", show_default=False)],
     report: Annotated[
         Path | None,
-        typer.Option(help="Also write what `elliptude report` makes of the result: HTML.", show_default=False),
+        typer.Option(help="Also write the report, as `elliptude report` does: HTML.", show_default=False),
     ] = None,
-    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the table.")] = "csv",  # noqa: A002
+    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Format of the table.")] = "csv",  # noqa: A002
     ignore_implausible: Annotated[
         bool,
         typer.Option(
             "--ignore-implausible",
-            help="Go on where sensors contradict one another as with a wrong unit, order or axis; the results say so.",
+            help="Go on although sensors contradict one another, as with a wrong unit or axis; the results say so.",
         ),
     ] = False,
     as_json: SummaryAsJson = False,
@@ -71,7 +71,7 @@ def estimate(
     if report is not None:
         from elliptude.report import page as html_report
 
-        # What would fail at the end is better said before a long estimation.
+        # An error at the end is better found before a long estimation.
         html_report.plotly_script()
         if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
             raise FileError(f"{report}: not written: no such folder")
@@ -91,7 +91,7 @@ def estimate(
 
 
 def _say(log: Path, summary: dict[str, Any]) -> None:
-    """The summary's essence."""
+    """Print the main figures of the summary."""
     for one in summary["implausible"]:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
     for one in summary["suspicious_statements"]:
@@ -115,7 +115,7 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _say_up(summary: dict[str, Any]) -> None:
-    """Which way up the body was taken to be, which nobody but a person can check."""
+    """Print which way up the body was, which only the user can check."""
     if summary["up_at_rest"] is not None:
         typer.echo(f"  {summary['up_at_rest']['in_words']}")
 
@@ -143,7 +143,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
     if summary["heading"] == "from the first row":
-        typer.echo("  nothing tells the heading: it counts from the first row")
+        typer.echo("  nothing determines the heading: it counts from the first row")
     for name, part in summary["sizes"].items():
         means = part["half_width_reference_deg"]["mean"]
         if means is not None:
@@ -167,19 +167,19 @@ def _estimate_pieces(
     summary, thinned = Summary(), Thinned()
     try:
         with writing_columns(out / table, "results", heard.notes) as write:
-            for results in estimator.run(pieces):
-                progress.update(task, advance=0 if at_once else len(results.times), description="Estimating")
-                # It takes a third of a second, and the core is at work on the next piece.
+            for result in estimator.run(pieces):
+                progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
+                # It takes a third of a second, while the core works on the next piece.
                 importlib.import_module("elliptude.report.figures")
-                write(results.columns())
-                summary.add(results)
-                thinned.add(results)
+                write(result.columns())
+                summary.add(result)
+                thinned.add(result)
             progress.update(task, description="Writing")
             (out / SUMMARY).unlink(missing_ok=True)
-    except ValueError as error:  # sets that do not meet among them
+    except ValueError as error:  # also sets that do not meet
         raise FileError(f"{log}: {error}") from error
     if estimator.guaranteed is not None:
-        write_columns(out / _DROPPED, "dropped", guaranteed_results.dropped_columns(estimator.guaranteed))
+        write_columns(out / _DROPPED, "dropped", guaranteed_result.dropped_columns(estimator.guaranteed))
     figures_of = summary.to_dict(
         configuration,
         vector_is_compared=estimator.vector_is_compared,
@@ -188,11 +188,11 @@ def _estimate_pieces(
         heard=heard,
         bridged=estimator.bridged,
     )
-    return finish(thinned.results(), figures_of, configuration, out, table, log.name, summary.inside_share)
+    return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
 
 
 def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:
-    """The pieces of a log whose rows are all read before the first of them is worked on: said when it is so."""
+    """The pieces of a log; the progress changes once all rows are read, before any is estimated."""
     for piece in pieces:
         progress.update(task, advance=len(piece.times))
         yield piece
@@ -201,7 +201,7 @@ def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> It
 
 @contextmanager
 def _making(folder: Path) -> Iterator[None]:
-    """The folder with those above it; where nothing comes of it, those that were not there are gone again."""
+    """Make the folder and those above it; if the block fails, remove the new ones again."""
     new = [one for one in (folder, *folder.parents) if not one.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -26,14 +26,14 @@ ReferenceErrorDeg: TypeAlias = Annotated[
     typer.Option(
         min=0.0,
         max=180.0,
-        help="What the reference may itself be off, degrees; if left out, truth.error_deg of the configuration.",
+        help="How far the reference may itself be off, degrees; if left out, truth.error_deg of the configuration.",
         show_default=False,
     ),
 ]
 
 
 def refuse_to_replace(paths: Iterable[Path], force: bool) -> None:
-    """Nothing is replaced that was not said to be.
+    """Refuse to replace files without --force.
 
     Raises
     ------
@@ -46,20 +46,20 @@ def refuse_to_replace(paths: Iterable[Path], force: bool) -> None:
 
 
 def reference_error(stated_deg: float | None, configuration: Configuration | None) -> tuple[float, str | None]:
-    """What a reference may itself be off, and who says so.
+    """How far a reference may itself be off, and who states it.
 
     Parameters
     ----------
     stated_deg : float, optional
-        By an option, which goes before the configuration.
+        From an option, which has priority over the configuration.
     configuration : Configuration, optional
 
     Returns
     -------
     error_deg : float
-        Degrees, 0 if nobody says.
+        Degrees; 0 if nothing states it.
     source : str, optional
-        In words; None if nobody does.
+        In words; None if nothing states it.
     """
     if stated_deg is not None:
         require_finite("--reference-error-deg", stated_deg)
@@ -70,6 +70,6 @@ def reference_error(stated_deg: float | None, configuration: Configuration | Non
 
 
 def require_finite(option: str, value: float) -> None:
-    """Refuse infinity and what is no number as a value of an option."""
+    """Refuse infinity and NaN as a value of an option."""
     if not math.isfinite(value):
         raise typer.BadParameter("not a finite number", param_hint=option)

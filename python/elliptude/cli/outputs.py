@@ -8,13 +8,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import write_json
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 
 FIGURE, SUMMARY = "estimate.png", "summary.json"
 
 
 def finish(
-    drawn: Results,
+    drawn: Result,
     summary: dict[str, Any],
     configuration: Configuration,
     out: Path,
@@ -34,7 +34,7 @@ def finish(
 
 
 def progress_on(console: Console, completed: str = "{task.percentage:>3.0f} %") -> Progress:
-    """On a terminal only; nothing is left of it."""
+    """A progress bar, only on a terminal; it disappears at the end."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -36,7 +36,7 @@ def make_report(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Attitudes to compare with: a table with time_s and qw,qx,qy,qz, from body to reference axes.",
+            help="Reference attitudes: a table with time_s and qw,qx,qy,qz, from body to reference axes.",
             show_default=False,
         ),
     ] = None,
@@ -44,14 +44,14 @@ def make_report(
     largest_gap_s: LargestGap = 0.0,
     reference_error_deg: ReferenceErrorDeg = None,
     label: Annotated[
-        str | None, typer.Option(help="What to call what it is compared with.", show_default=False)
+        str | None, typer.Option(help="Name of the reference attitude in the report.", show_default=False)
     ] = None,
     pictures: Annotated[
         Path | None,
-        typer.Option(help="Folder for the same as PNG; made if need be.", show_default=False),
+        typer.Option(help="Folder for the same pictures as PNG; created if missing.", show_default=False),
     ] = None,
     title: Annotated[
-        str | None, typer.Option(help="If left out, what the table is called.", show_default=False)
+        str | None, typer.Option(help="Title of the page; the name of the table if left out.", show_default=False)
     ] = None,
     as_json: SummaryAsJson = False,
     force: Force = False,
@@ -85,7 +85,7 @@ def make_report(
                 f"{run.times[0]:g} s to {run.times[-1]:g} s, and --largest-gap-s is {largest_gap_s:g}"
             )
     label, title = label or read_label, title or _title(result)
-    from elliptude.report import page  # with Matplotlib, which every command would take longer for
+    from elliptude.report import page  # imports Matplotlib, which would slow every command
 
     summary = page.write_report(run, out, title, label=label)
     if pictures is not None:

@@ -24,9 +24,11 @@ def simulate(
     scenario: Annotated[
         str, typer.Argument(help="A built-in scenario's name, or your own file *.toml.", show_default=False)
     ],
-    out: Annotated[Path, typer.Option(help="Folder for what is written; made if need be.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder for the files; created if missing.", show_default=False)],
     seed: Annotated[int, typer.Option(min=0, help="The first seed of the errors.")] = 0,
-    seeds: Annotated[int, typer.Option(min=1, max=1_000_000, help="How many seeds, each into a table of its own.")] = 1,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="How many seeds; each makes a table of its own.")
+    ] = 1,
     noise: Annotated[
         simulation.Noise,
         typer.Option(
@@ -43,9 +45,9 @@ def simulate(
     ] = None,
     directions: Annotated[
         str | None,
-        typer.Option(help="Which of the scenario's sets of directions.", show_default="the scenario's first"),
+        typer.Option(help="Name of one of the scenario's sets of directions.", show_default="the scenario's first"),
     ] = None,
-    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Of the tables.")] = "csv",  # noqa: A002
+    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Format of the tables.")] = "csv",  # noqa: A002
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -105,7 +107,7 @@ def simulate(
 
 
 def list_scenarios(
-    as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON, with all they hold.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print them as JSON, with all their keys.")] = False,
 ) -> None:
     """List the scenarios that are built in."""
     built_in = [scenarios.load(name) for name in scenarios.names()]

@@ -26,9 +26,9 @@ from elliptude.validation.judge import Mode
 from elliptude.validation.monte_carlo import Arguments
 
 _PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
-# Of the guaranteed mode: none of these may be counted.
+# In the guaranteed mode none of these may happen.
 _FAULTS = ("escapes", "overclaimed", "refused", "failed", "stuck")
-# Between two writings of what is done, s.
+# Time between two saves of the progress, s.
 _KEEP_AFTER = 0.5
 
 
@@ -36,8 +36,8 @@ def validate(
     out: Annotated[
         Path,
         typer.Option(
-            help="Folder for what is written; made if need be. A run of the same arguments that was interrupted there "
-            "goes on.",
+            help="Folder for the results; created if missing. An interrupted run with the same arguments goes "
+            "on there.",
             show_default=False,
         ),
     ],
@@ -50,7 +50,7 @@ def validate(
         ),
     ] = 20,
     updates: Annotated[int, typer.Option(min=1, max=10_000, help="Updates in each trial.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of all that is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random draws.")] = 0,
     scenario: Annotated[
         Literal["disturbed", "free", "gyro", "orbit", "pendulum", "all"],
         typer.Option(help="; ".join(f"{name}: {what}" for name, what in adversary.DESCRIPTIONS.items()) + "."),
@@ -76,7 +76,7 @@ def validate(
     kind: Annotated[
         list[str] | None,
         typer.Option(
-            help="honest: all that was measured, as it was measured; "
+            help="honest: all measurements, as they were made; "
             + "; ".join(f"{name}: {kind.tries}" for name, kind in trial_kinds.KINDS.items())
             + ". May be given several times; kinds other than honest are for mode guaranteed, and are not searched.",
             show_default="honest",
@@ -84,20 +84,23 @@ def validate(
     ] = None,
     mode: Annotated[Mode, typer.Option(help="The estimator that is tried.")] = "guaranteed",
     processes: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="How many run side by side.", show_default="one for each core")
+        int | None,
+        typer.Option(min=1, max=1024, help="How many processes run side by side.", show_default="one for each core"),
     ] = None,
     as_json: SummaryAsJson = False,
-    force: Annotated[bool, typer.Option("--force", help="Start over where another validation was begun.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start over, although the folder has another validation.")
+    ] = False,
 ) -> None:
     """Try to drive the truth out of the sets, with errors that keep their bounds.
 
     Prints for each case how many updates were judged, how often the truth had left the set, the largest value of its
     form (the edge is at 1), how often the prediction went into the set, and the mean trace and volume radius against
     those of mode paper and of the measurements alone on the same data; for other kinds than honest, what the sets
-    claim, and after how many updates a liar did no more harm. Writes summary.json and a figure.
+    claim, and how many updates the recovery from a liar took. Writes summary.json and a figure.
 
     The exit code is 1 if the guaranteed mode lost the truth, took true measurements for contradictory, gave up, or did
-    not get over a liar.
+    not recover from a liar.
     """
     if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
         raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
@@ -134,7 +137,7 @@ def validate(
     _run(arguments, done, out / _PROGRESS, processes or len(os.sched_getaffinity(0)), console)
     elapsed = time.monotonic() - begin
     summary = monte_carlo.summarize(arguments, done)
-    from elliptude.report import figures  # with Matplotlib, which every command would take longer for
+    from elliptude.report import figures  # imports Matplotlib, which would slow every command
 
     figures.save(figures.validation_figure(summary), out / _FIGURE)
     write_json(out / _SUMMARY, summary)
@@ -142,7 +145,7 @@ def validate(
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
     else:
         terminal = Console()
-        # Cells that end in "..." help nobody; a narrower terminal breaks the lines.
+        # Cells that end in "..." are useless; a narrower terminal breaks the lines.
         wide = Console(width=max(terminal.width, 152))
         for table, is_honest in ((_table, True), (_table_of_kinds, False)):
             shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
@@ -158,7 +161,7 @@ def validate(
 
 
 def _begun(out: Path, arguments: Arguments, force: bool) -> dict[str, Any]:
-    """What an earlier run of the same arguments has done."""
+    """The results of an earlier run with the same arguments."""
     file = out / _PROGRESS
     if force or not file.exists():
         return {}
@@ -174,7 +177,7 @@ def _begun(out: Path, arguments: Arguments, force: bool) -> dict[str, Any]:
 
 
 def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int, console: Console) -> None:
-    """Work off what is not done; whatever ends it, what was done is kept in the file."""
+    """Run the trials that are not done; however it ends, the file keeps the results."""
     all_chunks = list(monte_carlo.chunks(arguments))
     left = [chunk for chunk in all_chunks if chunk[0] not in done]
 
@@ -207,7 +210,7 @@ def _results(
         return
     pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
     try:
-        # All processes begin with the first task; they leave an interrupt to this one.
+        # All processes start with the first task; they leave an interrupt to this one.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             tasks = {
@@ -321,6 +324,6 @@ def _print_total(summary: dict[str, Any]) -> None:
     if total["liars"]:
         typer.echo(
             f"{total['liars']} trials with liars, {total['stuck']} not got over within twice regain_after updates of "
-            "the first contradiction.\nMisled: unconditional sets without the truth that hold a lie which nothing has "
-            "contradicted yet."
+            "the first contradiction.\nMisled: unconditional sets without the truth that rest on a lie which nothing "
+            "has contradicted yet."
         )

@@ -1,4 +1,4 @@
-"""What an estimation is made of, as a TOML file states it."""
+"""Configurations: what an estimation needs, as a TOML file states it."""
 
 from elliptude.configuration.configuration import Configuration, read_configuration
 

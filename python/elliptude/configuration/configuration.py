@@ -1,7 +1,7 @@
-"""What an estimation is made of: which columns of a log are which sensors, how far each may err, how the body moves.
+"""What an estimation needs: which columns of a log are which sensors, how far each may be off, how the body moves.
 
-A configuration is a TOML file; `read_configuration` checks it and names the file and the key of whatever is wrong with
-it. Units are part of the keys. An attitude takes body vectors to the reference frame, quaternions are (qw, qx, qy, qz),
+A configuration is a TOML file. `read_configuration` checks it, and its errors name the file and the key at
+fault. Keys name their units. An attitude takes body vectors to the reference frame, quaternions are (qw, qx, qy, qz),
 and an error bound given as one angle is a ball's radius.
 
 An example::
@@ -32,8 +32,8 @@ An example::
     [start]
     kind = "first_measurement"
 
-What the log of a hand-held IMU needs beside this, units, axes, delays, gravity and the Earth's field as references and
-bounds that come from motion, is in ``docs/logs.md``.
+``docs/logs.md`` has what the log of a hand-held IMU also needs: units, axes, delays, gravity and the Earth's field as
+reference directions, and bounds that come from motion.
 """
 
 import math
@@ -132,7 +132,7 @@ class RigidBodyFlow(Model):
     # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
     # body, N m s, body axes, each row until its time.
     inertia_error_kg_m2: NotNegative = 0.0
-    # Over more steps a prediction is refused: the time is then more likely wrong than meant.
+    # A prediction over more steps is refused: such a time is more likely an error than intended.
     most_steps: Annotated[int, Field(ge=1)] = 1_000_000
     wheel_momentum_columns: Columns | None = None
 
@@ -171,7 +171,7 @@ class RigidBodyFlow(Model):
 
 
 class GyroFlow(Timed):
-    """Nothing is known of the torques, but a gyro measures the rate; its bias is part of the state."""
+    """The torques are not known, but a gyro measures the rate; its bias is part of the state."""
 
     kind: Literal["gyro"]
     columns: Columns
@@ -183,19 +183,19 @@ class GyroFlow(Timed):
     noise_deg_per_s: Bound | None = None
     drift_deg_per_s2: NotNegativeBound = 0.0
     # For the guaranteed mode.
-    # A bias that is known is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
-    # may be estimated where it moves no faster than the drift says (one that depends on the pose does).
+    # A known bias is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
+    # may be estimated if it moves no faster than the drift says (a bias that depends on the pose moves faster).
     known_bias_deg_per_s: Vector = (0.0, 0.0, 0.0)
     bias_deg_per_s: NotNegative = 0.0
     estimate_bias: bool = False
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
-    # How fast the rate changes between samples, where that is not part of the noise.
+    # How fast the rate changes between samples, if that is not part of the noise.
     angular_acceleration_deg_per_s2: NotNegative = 0.0
-    # The longest interval between samples that all of this speaks of; 1.5 times the usual one if left out. Of a longer
-    # one nothing is known but how fast the body turns at most, and without that its attitude is forgotten.
+    # The longest interval between samples that all of this covers; 1.5 times the usual one if left out. About a longer
+    # one only the largest rate of the body is known; without that the attitude is forgotten.
     longest_interval_s: Positive | None = None
     largest_rate_deg_per_s: Positive | None = None
-    # What the noise integrates to over any window; predictions span windows so long, each from an anchor.
+    # Bound of the noise's integral over any window; predictions span windows of this length, each from an anchor.
     increment_deg: Positive | None = None
     anchor_s: Positive | None = None
 
@@ -214,7 +214,7 @@ class GyroFlow(Timed):
         return self
 
     def bounds(self) -> GyroBounds:
-        """What the gyro may be off, in SI units."""
+        """Error bounds of the gyro, in SI units."""
         assert self.noise_deg_per_s is not None  # the configuration's check
         return GyroBounds(
             noise=math.radians(self.noise_deg_per_s),
@@ -243,7 +243,7 @@ class Estimator(Model):
     criterion: Literal["trace", "weighted_trace", "volume"] = "trace"
     weight_diagonal: Diagonal6 | None = None
     when_sets_do_not_meet: Literal["raise", "skip"] = "raise"
-    # Of the guaranteed mode.
+    # For the guaranteed mode.
     policy: Literal["raise", "drop_measurement", "restart", "relaxed"] = "raise"
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
     regain_after: Annotated[int, Field(ge=1)] = 10
@@ -300,7 +300,7 @@ class GivenStart(Model):
     def build(self) -> elliptude.StateEllipsoid:
         """The core's state ellipsoid."""
         quaternion = np.asarray(self.attitude_qw_qx_qy_qz)
-        quaternion = quaternion / np.abs(quaternion).max()  # or squares of very large or small numbers are none
+        quaternion = quaternion / np.abs(quaternion).max()  # squares of very large or small numbers overflow or vanish
         attitude = elliptude.rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
         shape = np.diag(self.P_diagonal) if self.P_diagonal is not None else np.asarray(self.P)
         return elliptude.StateEllipsoid(attitude, self.rate_rad_per_s, shape)
@@ -327,7 +327,7 @@ class HandHeldRule(Model):
     anchor_s: Positive | None = None
 
     def rule(self) -> Rule:
-        """All that it says."""
+        """The rule itself."""
         return rules.hand_held()
 
 
@@ -339,7 +339,7 @@ class RuleFile(Model):
     anchor_s: Positive | None = None
 
     def rule(self) -> Rule:
-        """All that it says."""
+        """The rule itself."""
         return rules.read_rule(self.file)
 
 
@@ -350,7 +350,7 @@ class StatedRule(Rule):
     anchor_s: Positive | None = None
 
     def rule(self) -> Rule:
-        """All that it says."""
+        """The rule itself."""
         return self
 
 
@@ -361,12 +361,12 @@ class Configuration(Model):
     time_unit: units.TimeUnit = "s"
     timing: Timing = Timing()
     reference_frame: ReferenceFrame | None = None
-    # What is done where sensors contradict one another as they do when a unit or an order is stated wrongly.
+    # What to do if sensors contradict one another as they do when a unit or an order is stated wrongly.
     implausible: Literal["refuse", "ignore"] = "refuse"
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
-    # Which recording the bounds are proposals from; gone once there is a reason for each.
+    # The recording that the bounds are proposals from; removed once there is a reason for each.
     bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
     rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
@@ -470,13 +470,13 @@ class Configuration(Model):
 
     @property
     def estimates_vector(self) -> bool:
-        """Whether angular velocity or gyro bias are estimated; the guaranteed mode may take the bias for an error."""
+        """Whether angular velocity or gyro bias is estimated; the guaranteed mode may treat the bias as an error."""
         is_error = isinstance(self.flow, GyroFlow) and not self.flow.estimate_bias
         return not (is_error and self.estimator.mode == "guaranteed")
 
     @property
     def compares_vector(self) -> bool:
-        """Whether places in sets are of the vector, too, where its truth is known."""
+        """Whether forms include the vector, if its truth is known."""
         return self.estimates_vector and self.truth_error == 0.0
 
     @property

@@ -1,7 +1,7 @@
-"""Rules for bounds: what is known of a kind of recording, as a TOML file, and what follows for one recording.
+"""Rules for bounds: what is known about a kind of recording, as a TOML file, and what follows for one recording.
 
 A rule states numbers once, for every recording of its kind; ``data/bounds/hand_held.toml`` gives its reasons beside
-each. `apply_rule` turns it into a direction bound per row. What comes out holds as far as the rule's statements do.
+each. `apply_rule` turns it into a bound of each direction per row. These bounds hold if the rule's statements do.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ Fraction = Annotated[Number, Field(ge=0, lt=1)]
 
 
 class RestRule(Model):
-    """What is called a rest, and what is true of the one at the start."""
+    """What counts as a rest, and what holds in the rest at the start."""
 
     duration_s: Positive
     rate_deviation_deg_per_s: Positive
@@ -52,7 +52,7 @@ class GyroRule(Model):
     drift_deg_per_s2: NotNegative
     scale_error: Fraction
     increment_deg: Positive | None = None
-    # As `flow` has them where there is no rule.
+    # As in `flow`, if there is no rule.
     longest_interval_s: Positive | None = None
     largest_rate_deg_per_s: Positive | None = None
 
@@ -106,7 +106,7 @@ class MagnetometerRule(Model):
     delay_s: Number
     time_offset_bound_s: NotNegative
     contradiction_voids: Literal["row", "recording"]
-    """What a row that contradicts the bounds takes away: itself, or all that rests on the field."""
+    """What a row that contradicts the bounds makes unusable: itself, or everything that rests on the field."""
 
     def sensor(self) -> VectorSensorBounds:
         """In µT."""
@@ -124,7 +124,7 @@ class Rule(Model):
     motion: MotionRule
     magnetometer: MagnetometerRule | None = None
     bounds_from_recording: str | None = None
-    """Which recording its numbers are proposals from, where nobody has given reasons for them."""
+    """The recording that the numbers are proposals from, if nobody has given reasons for them."""
 
 
 def read_rule(path: str | os.PathLike[str]) -> Rule:
@@ -146,7 +146,7 @@ def hand_held() -> Rule:
 
 @dataclass(frozen=True, eq=False)
 class RuledRecording:
-    """What a rule says of a recording with N rows.
+    """The bounds that a rule gives for a recording with N rows.
 
     The reference frame: up is its third axis; the field at the start lies in the plane of the second and third axis, so
     that the second points to magnetic north.
@@ -155,26 +155,26 @@ class RuledRecording:
     rest_at_start: slice
     """Rows of the rest at the start."""
     bias: FloatArray
-    """Of the gyro, the mean over that rest, rad/s, shape (3,)."""
+    """The gyro's mean over that rest, rad/s, shape (3,)."""
     gyro: GyroBounds
-    """Of the gyro's error once that bias is subtracted."""
+    """Bounds of the gyro's error after that bias is subtracted."""
     gyro_noise: FloatArray
     """Bound of the rate's error, row by row, rad/s, shape (N,): noise, scale error, and what is left of the bias.
 
-    In an interval the larger one of its ends counts. The bias may change with the pose within its bound, so that a
+    In an interval the larger of its ends' bounds counts. The bias may change with the pose within its bound, so that a
     filter must take all of this as noise and estimate no bias. `GyroBounds.anchored_turns` bounds turns over longer
     times better.
     """
     up: WindowBounds
-    """Of the direction (0, 0, 1)."""
+    """Bounds of the direction (0, 0, 1)."""
     field: WindowBounds | None
-    """Of the direction ``field_reference``; a row whose dip contradicts the bounds is contradicted, too.
+    """Bounds of the direction ``field_reference``; a row whose dip contradicts the bounds is contradicted, too.
 
     Such a row proves that a statement about the field does not hold for this recording. The rule says whether any bound
     is left then.
     """
     east: DirectionBounds | None
-    """Of the direction (1, 0, 0), from both: what they say of the heading."""
+    """Bounds of the direction (1, 0, 0), from both: what they say about the heading."""
     field_reference: FloatArray | None
     """Direction of the field in the reference frame, shape (3,)."""
     field_reference_error: float
@@ -191,7 +191,7 @@ def apply_rule(
     longest_interval: float | None = None,
     every: int = 1,
 ) -> RuledRecording:
-    """Work out what a rule says of a recording.
+    """Work out the bounds that a rule gives for a recording.
 
     Parameters
     ----------
@@ -205,9 +205,9 @@ def apply_rule(
     fields : (N, 3) array, optional
         µT, body axes.
     longest_interval : float, optional
-        Between rows, that the gyro's bounds speak of, s. Left out, the rule states it, or it follows from the times.
+        Between rows, that the gyro's bounds cover, s. If left out, the rule states it, or it follows from the times.
     every : int
-        Only each row whose index is a multiple of this gets directions, which saves time.
+        Only rows whose index is a multiple of this get directions, which saves time.
 
     Returns
     -------
@@ -312,7 +312,7 @@ def field_at_start(
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
-    """The bounds with those of some rows put in where they are smaller; both hold, either may contradict the data."""
+    """The bounds, replaced in some rows where others are smaller; both hold, either may contradict the data."""
     better = np.zeros(len(bounds.angles), dtype=np.bool_)
     better[rows] = ~(there.angles >= bounds.angles[rows]) & ~np.isnan(there.angles)
 
@@ -335,7 +335,7 @@ def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> Win
 
 
 def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
-    """Up to the first gap: who knows what happened in it."""
+    """Rows of the rest at the start, up to the first gap: nothing is known about what happens in a gap."""
     resting = rest_rows(
         times,
         rates,

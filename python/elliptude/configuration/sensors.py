@@ -28,7 +28,7 @@ from elliptude.io.toml import (
 )
 from elliptude.typing import FloatArray
 
-# A rotation in a file has as many digits as somebody had patience for.
+# A rotation in a file may have few digits.
 _ROTATION_TOLERANCE = 1e-4
 
 
@@ -68,17 +68,17 @@ ReferenceFrame: TypeAlias = Literal["ENU", "NED", "NWU", "J2000"]
 
 
 class Timing(Model):
-    """What is done about time stamps and rows that are not as they should be."""
+    """What to do about faulty time stamps and rows."""
 
-    # Rows of one time: refused, or taken as one row, in which the first measurement of each sensor counts.
+    # Rows of the same time: refused, or taken as one row, in which the first measurement of each sensor counts.
     repeated: Literal["refuse", "merge"] = "refuse"
     # Rows that are earlier than one before: refused, or left out.
     backward: Literal["refuse", "drop"] = "refuse"
-    # NaN where the format has empty cells (CSV, Parquet): refused, or as good as empty. One component is enough then.
+    # NaN in a format with empty cells (CSV, Parquet): refused, or taken as empty. One component is enough then.
     not_a_number: Literal["refuse", "missing"] = "refuse"
-    # Of the gyro. A longer one is refused; up to it, empty cells are bridged.
+    # The gyro's longest gap: a longer one is refused; within it, empty cells are bridged.
     largest_gap_s: Positive | None = None
-    # Stamps of different sensors, delays subtracted, that are so close make one row, at the first of them.
+    # Stamps of different sensors that are this close make one row, at the first of them, after delays are subtracted.
     same_within_s: NotNegative = 1e-9
     # Times as in the file, or from the whole second of the log's first stamp.
     origin: Literal["file", "first"] = "file"
@@ -89,9 +89,9 @@ class Timed(Model):
 
     time_column: Column | None = None
     time_unit: units.TimeUnit | None = None
-    # How much later than it was measured a row is stamped: subtracted from its time.
+    # How much later than the measurement the stamp is: subtracted from it.
     delay_s: Number = 0.0
-    # What else the stamps may be off, either way: for the bounds.
+    # How far else the stamps may be off, either way: for the bounds.
     time_offset_bound_s: NotNegative = 0.0
 
     @model_validator(mode="after")
@@ -109,7 +109,7 @@ class AngleBound(Model):
 
 
 class AccelerationBound(Model):
-    """An accelerometer's, sample by sample, from the largest linear acceleration."""
+    """The bound of an accelerometer, sample by sample, from the largest linear acceleration."""
 
     kind: Literal["acceleration"]
     acceleration_m_per_s2: NotNegative
@@ -117,7 +117,7 @@ class AccelerationBound(Model):
 
 
 class VelocityWindowBound(Model):
-    """An accelerometer's, averaged over windows, from how fast or how far its place moves."""
+    """The bound of an accelerometer, averaged over windows, from how fast or how far it moves."""
 
     kind: Literal["velocity_window"]
     windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
@@ -135,7 +135,7 @@ class VelocityWindowBound(Model):
 
 
 class FieldBound(Model):
-    """A magnetometer's, sample by sample, from the largest field that is not the reference's."""
+    """The bound of a magnetometer, sample by sample, from the largest field beside the reference field."""
 
     kind: Literal["field"]
     disturbance_ut: NotNegative
@@ -143,7 +143,7 @@ class FieldBound(Model):
 
 
 class AccelerometerError(Model):
-    """What an accelerometer may be off: (I + K) f + e, in axes that are turned."""
+    """How far an accelerometer may be off: (I + K) f + e, in axes that are turned."""
 
     error_m_per_s2: NotNegative = 0.0
     averaged_error_m_per_s2: NotNegative | None = None
@@ -152,7 +152,7 @@ class AccelerometerError(Model):
 
 
 class MagnetometerError(Model):
-    """What a magnetometer may be off: (I + K) m + e, in axes that are turned."""
+    """How far a magnetometer may be off: (I + K) m + e, in axes that are turned."""
 
     error_ut: NotNegative = 0.0
     averaged_error_ut: NotNegative | None = None
@@ -231,7 +231,7 @@ class DirectionBase(Timed):
         exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
 
     def bound(self) -> FloatArray:
-        """The shape (3, 3) of its error ellipsoid, rad², where it is the same for every sample.
+        """The shape (3, 3) of its error ellipsoid, rad², if it is the same for every sample.
 
         Raises
         ------
@@ -267,7 +267,7 @@ class Accelerometer(DirectionBase):
 
     kind: Literal["accelerometer"]
     unit: units.AccelerationUnit
-    # Which way its vector points while it rests: "down" is for drivers that turn the sign, and then it is turned back.
+    # Which way its vector points at rest: "down" is for drivers that report the opposite, and its sign is reversed.
     at_rest: Literal["up", "down"] = "up"
     gravity_m_per_s2: Positive = units.STANDARD_GRAVITY
     sensor_error: AccelerometerError = AccelerometerError()
@@ -332,7 +332,7 @@ class Rate(Timed):
 
 
 class Truth(Timed):
-    """What the log knows to compare with; the estimator never sees it. ``label`` names it in figures."""
+    """What the log has to compare with; the estimator never sees it. ``label`` names it in figures."""
 
     attitude_columns: QuaternionColumns
     # In which order attitude_columns names them, and whether they turn vectors from body to reference axes or back.
@@ -341,5 +341,5 @@ class Truth(Timed):
     vector_columns: Columns | None = None
     vector_unit: units.AngularVelocityUnit = "rad/s"
     label: str = "truth"
-    # How far it may itself be off: it counts as inside where an attitude so near to it is.
+    # How far it may itself be off: it counts as inside if an attitude that near to it is.
     error_deg: NotNegative = 0.0

@@ -1,4 +1,4 @@
-"""Statements that are far from what sensors and hands do: not wrong by themselves, but named, as they are easily typed.
+"""Statements that are far from what sensors and hands do: they need not be wrong, but are often typing errors.
 
 The measure is the rule for a sensor in the hand. Another kind of sensor or motion may well be far from it.
 """
@@ -15,7 +15,7 @@ from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWi
 
 @dataclass(frozen=True)
 class _Usual:
-    """What is said of a number that is more than so many times the rule's, or less than so small a part of it."""
+    """A key whose number is suspicious if it is too many times that of the rule, or too small a part of it."""
 
     most: float
     meaning: str
@@ -25,7 +25,7 @@ class _Usual:
 
 _TOO_GOOD = "no small sensor is so good, and sets that rest on it are too small"
 _ANOTHER_UNIT = "is its unit right?"
-# By table and key of a rule. A least of 0 leaves zero alone.
+# By table and key of a rule. With a least of 0, zero is not suspicious.
 _USUAL: Mapping[tuple[str, str], _Usual] = {
     ("gyro", "noise_deg_per_s"): _Usual(10.0, _ANOTHER_UNIT, 1e-3, _TOO_GOOD),
     ("gyro", "bias_deg_per_s"): _Usual(40.0, "so much is not left of a bias that was subtracted"),
@@ -52,7 +52,7 @@ class Suspicion:
     message: str
 
     def __str__(self) -> str:
-        """Both."""
+        """The statement, and why it is suspicious."""
         return f"{self.sensor}: {self.message}"
 
 
@@ -62,7 +62,7 @@ def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated")
     Parameters
     ----------
     numbers : mapping
-        Of tables and keys of `elliptude.configuration.rules.Rule` to numbers; any of them may be missing.
+        From tables and keys of `elliptude.configuration.rules.Rule` to numbers; any of them may be missing.
     stated : str
         How the numbers came about, for the message.
 
@@ -93,7 +93,7 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     found: list[Suspicion] = []
     flow = configuration.flow
     if isinstance(flow, GyroFlow):
-        # What is not stated is zero or has a meaning of its own, but for the noise.
+        # A number that is not stated is zero or has a meaning of its own, except the noise.
         there = flow.model_fields_set & {key for _, key in _USUAL}
         found += _of_table("gyro", {key: getattr(flow, key) for key in there}, "the gyro", "stated")
     for sensor in configuration.directions:

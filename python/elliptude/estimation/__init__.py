@@ -1,4 +1,4 @@
-"""From a log and a configuration to attitudes with their bounds."""
+"""Estimation: from a log and a configuration to attitudes with their sets."""
 
 from elliptude.estimation.estimator import Estimation, PieceEstimator, estimate, summarize
 

@@ -1,4 +1,4 @@
-"""What is in a log, sensor by sensor, and what in it or in the configuration is or may be wrong."""
+"""Looks at a log, sensor by sensor: what is in it, and what in it or in the configuration is or may be wrong."""
 
 import os
 from dataclasses import asdict, dataclass
@@ -19,7 +19,7 @@ from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
 from elliptude.typing import FloatArray
 
-# Times the median step: what is called a gap.
+# In median steps: a longer step is a gap.
 _GAP = 1.5
 # T; the Earth's field at sea level.
 _WEAKEST_FIELD, _STRONGEST_FIELD = 2.0e-5, 7.0e-5
@@ -32,12 +32,12 @@ _UNIT_NORM_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class SensorReport:
-    """What a sensor did. Numbers are in the unit that is named, None where nothing was measured."""
+    """Figures of one sensor, in the unit that is named; None if nothing was measured."""
 
     name: str
     unit: str
     rows: int
-    """Of the file."""
+    """Rows of the file."""
     measured: int
     empty: int
     """Rows in which it was not measured."""
@@ -85,14 +85,14 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
     Returns
     -------
     Report
-        What a reader of the log would refuse is in it as an error, one for each sensor that has any.
+        It has what a reader of the log would refuse as an error, one for each sensor that has any.
     """
     samples: list[Samples] = []
     findings: list[Finding] = []
     try:
         samples = logs.read_samples(path, configuration)
     except FileError:
-        messages: dict[str, str] = {}  # the same one for each sensor that has the same time column
+        messages: dict[str, str] = {}  # the same one for each sensor with the same time column
         for name in logs.sensor_names(configuration):
             try:
                 samples += logs.read_samples(path, configuration, [name])
@@ -119,7 +119,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
 
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:
-    """Whether, and where, there is a row that a start from the first measurement needs."""
+    """Whether there is a row that a start from the first measurement needs, and which one."""
     if configuration.start is None or configuration.start.kind != "first_measurement":
         return []
     try:
@@ -159,7 +159,7 @@ def _report(samples: Samples, configuration: Configuration) -> SensorReport:
 
 
 def _unit(name: str, configuration: Configuration) -> tuple[str, float]:
-    """In which a sensor is declared, and what it is in SI."""
+    """The unit in which a sensor is declared, and its size in SI units."""
     flow, rate, truth = configuration.flow, configuration.rate, configuration.truth
     if name == "the gyro" and isinstance(flow, GyroFlow):
         return flow.unit, units.ANGULAR_VELOCITY[flow.unit]

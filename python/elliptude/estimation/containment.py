@@ -1,4 +1,4 @@
-"""How far a truth is from the centers of sets, and where in the sets."""
+"""How far a truth is from the centers of sets, and whether it is in the sets."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ import elliptude
 from elliptude.results import FilterLog, GuaranteedLog
 from elliptude.typing import FloatArray
 
-# rad/s; the squares of larger ones are no numbers for a small set.
+# rad/s; the squares of larger ones overflow for a small set.
 _LARGEST_ERROR = 1e50
-# Of the interval in which a multiplier is looked for: enough for any, as then its ends are neighbours.
+# Halvings of the interval that holds the multiplier: enough for any, because its ends are then neighbours.
 _HALVINGS = 200
 
 
@@ -18,12 +18,12 @@ def compare(
     true_vectors: FloatArray | None,
     truth_error: float = 0.0,
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """How far the truth is from the estimates, and where in their sets.
+    """Compute how far the truth is from the estimates, and its form in their sets.
 
     Parameters
     ----------
     estimated : FilterLog or GuaranteedLog
-        Of N rows.
+        N rows of sets.
     true_attitudes : (N, 3, 3) array, optional
     true_vectors : (N, 3) array, optional
         Angular velocities or gyro biases.
@@ -36,7 +36,7 @@ def compare(
         [ζ; δ], rad and rad/s; NaN where there is nothing to compare with. None without true attitudes.
     forms : (N,) array
         xᵀ P⁻¹ x in the sets' own chart, x = [ζ; δ] or [γ; δ], or of the attitude alone where δ is not known: at most 1
-        in the set, or in its projection on attitude. Where the truth may be off, the least of all attitudes so near.
+        in the set, or in its projection on attitude. If the truth may be off, the least of all attitudes that near.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def compare(
 
 
 def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.0) -> FloatArray:
-    """xᵀ P⁻¹ x of attitude errors, or the least of all attitudes no further than a distance from each.
+    """xᵀ P⁻¹ x of attitude errors, or the least of all attitudes within a distance from each.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.
     Returns
     -------
     (N,) array
-        At most 1 in the set; infinite where P is not positive definite or x beyond all numbers.
+        At most 1 in the set; infinite if P is not positive definite or x is not finite.
     """
     forms = np.full(len(offsets), np.inf)
     usable = np.isfinite(offsets).all(axis=1) & (np.linalg.eigvalsh(shapes)[:, 0] > 0.0)
@@ -103,7 +103,7 @@ def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.
 
 
 def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> FloatArray:
-    """The least (x - e)ᵀ P⁻¹ (x - e) with ‖e‖ ≤ radius: at most 1 where a point so near to x is in the ellipsoid.
+    """The least (x - e)ᵀ P⁻¹ (x - e) with ‖e‖ ≤ radius: at most 1 if a point that near to x is in the ellipsoid.
 
     With P = V diag(λ) Vᵀ and y = Vᵀ x, e = y/(1 + mλ) in these axes, where m makes its length the radius. In either
     chart rotations that are an angle apart are at least so far apart, so that this errs on the side of outside.
@@ -124,7 +124,7 @@ def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> Float
     values, vectors = np.linalg.eigh(shapes)
     y = np.einsum("nji,nj->ni", vectors, offsets)
     lengths = np.linalg.norm(y, axis=1)
-    # At this m the length is at most the radius; the one sought is less.
+    # At this m the length is at most the radius; the m that is sought is smaller.
     most = np.maximum(lengths / radius - 1.0, 0.0) / values[:, 0]
     low = np.zeros_like(most)
     for _ in range(_HALVINGS):

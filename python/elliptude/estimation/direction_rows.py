@@ -1,7 +1,7 @@
-"""What the direction sensors of a log say, row by row: a direction, its reference and the angle that it may be off.
+"""The directions of a log, row by row: the direction, its reference and the angle by which it may be off.
 
-Whatever a configuration states, a constant angle, a bound of acceleration, speed or disturbance, or a rule for the
-whole recording, becomes one angle per row and sensor here, for the guaranteed mode. Derivations: docs/theory.md,
+A configuration may state a constant angle, a bound of acceleration, speed or disturbance, or a rule for the
+whole recording. Here this becomes one angle per row and sensor, for the guaranteed mode. Derivations: docs/theory.md,
 section 18.
 """
 
@@ -30,7 +30,7 @@ from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
-# Windows reach over a missing sample no more than over ten median steps.
+# Windows reach across missing samples of at most ten median steps.
 _LONGEST_STEP = 10.0
 
 
@@ -47,7 +47,7 @@ class Contradiction:
 
 @dataclass(frozen=True, eq=False)
 class DirectionRows:
-    """N rows of m directions."""
+    """N rows of m directions, with their bounds."""
 
     names: tuple[str, ...]
     directions: FloatArray
@@ -58,19 +58,19 @@ class DirectionRows:
     """rad, shape (N, m); NaN: not measured or contradicted."""
     contradictions: tuple[Contradiction, ...]
     void: tuple[str, ...]
-    """Names of those that a contradiction takes away for the whole recording."""
+    """Names of the directions that a contradiction makes unusable for the whole recording."""
     gyro: GyroBounds | None
-    """Of what is left after ``bias`` is subtracted; its longest interval is what is stated, or follows from the log."""
+    """Bounds of what is left after ``bias`` is subtracted; the longest interval is stated, or follows from the log."""
     bias: FloatArray
     """To be subtracted from the gyro's rates, rad/s, shape (3,)."""
     up: FloatArray | None
-    """The direction up in reference axes, where that is known, shape (3,)."""
+    """The direction up in reference axes, if it is known, shape (3,)."""
     up_column: int | None
     """Which of the directions measures it."""
 
 
 def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
-    """Work out what the directions of a log are, and how far each may be off.
+    """Work out the directions of a log, and how far each may be off.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
     Raises
     ------
     ValueError
-        If a bound cannot be had from what the log holds, or a rule is not for this recording.
+        If a bound does not follow from the log, or a rule is not for this recording.
     """
     if configuration.rule is not None:
         return _by_rule(log, configuration)
@@ -124,7 +124,7 @@ def _stacked(arrays: list[FloatArray], count: int, width: int) -> FloatArray:
 
 
 def _radius(shape: FloatArray) -> float:
-    """Of the ball about an ellipsoid."""
+    """The radius of the ball about an ellipsoid."""
     return float(math.sqrt(np.linalg.eigvalsh(shape)[-1]))
 
 

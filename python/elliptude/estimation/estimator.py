@@ -1,6 +1,6 @@
 """From a log and a configuration to a table of estimates with their bounds, and a summary.
 
-The estimator sees the measurements alone. What the log knows of the truth is compared with the estimates afterwards.
+The estimator sees only the measurements. The truth in the log is compared with the estimates afterwards.
 """
 
 import time
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.configuration.configuration import Configuration, GivenStart, GyroFlow
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun, run_guaranteed
 from elliptude.estimation.summary import Summary
 from elliptude.io import tables
 from elliptude.io.background import ahead
-from elliptude.io.tables import Results, names_of_chosen
+from elliptude.io.tables import Result, names_of_chosen
 from elliptude.logs import log as logs
 from elliptude.logs.log import Log, interval_rates
 from elliptude.results import FilterLog
@@ -31,15 +31,15 @@ _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 
 @dataclass(frozen=True, eq=False)
 class Estimation:
-    """What came of a log."""
+    """The results of a log, and how they were found."""
 
-    results: Results
+    result: Result
     vector_is_compared: bool
-    """Whether the form is of [ζ; δω], or of ζ alone in the projection of the set because nothing else is known."""
+    """Whether the form is that of [ζ; δω], or of ζ alone in the projection of the set, as nothing else is known."""
     elapsed: float
-    """What filter and bounds took, s."""
+    """Time for filter and bounds, s."""
     guaranteed: GuaranteedRun | None = None
-    """What the guaranteed mode did, in that mode."""
+    """The run of the guaranteed filter, in that mode."""
     bridged: Bridged | None = None
     """Gaps of the gyro, in the modes of first order."""
 
@@ -61,13 +61,13 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
     InconsistentMeasurement
         If sets do not meet and the configuration does not say to skip them.
     ValueError
-        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is beyond
-        all numbers.
+        If no row can be the start, the log does not fit the filter, or the set or what it is compared with is not
+        finite.
     """
     estimator = PieceEstimator(configuration)
-    (results,) = estimator.run([log])
+    (result,) = estimator.run([log])
     return Estimation(
-        results=results,
+        result=result,
         vector_is_compared=estimator.vector_is_compared,
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
@@ -78,8 +78,8 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
 class PieceEstimator:
     """A filter that goes through a log piece by piece, so that memory does not grow with the log.
 
-    What it makes of the pieces of `elliptude.logs.read_pieces` is, one behind the other and up to rounding, what
-    `estimate` makes of the whole log. The guaranteed mode puts them together first: its bounds are of windows, or
+    Its results for the pieces of `elliptude.logs.read_pieces` are together, up to rounding, what
+    `estimate` makes of the whole log. The guaranteed mode joins the pieces first: its bounds come from windows, or
     follow from the whole log.
     """
 
@@ -88,15 +88,15 @@ class PieceEstimator:
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
-        """What filter and bounds took, s: some of it at the same time. Reading is not in it."""
+        """Time for filter and bounds, s, which may overlap; without reading."""
         self.vector_is_compared = False
-        """As `Estimation` has it, of the rows so far."""
+        """As in `Estimation`, for the rows so far."""
         self.guaranteed: GuaranteedRun | None = None
-        """As `Estimation` has it, after the last row."""
+        """As in `Estimation`, after the last row."""
         self.bridged = Bridged(configuration)
         """Gaps of the gyro so far, in the modes of first order."""
 
-    def run(self, pieces: Iterable[Log]) -> Iterator[Results]:
+    def run(self, pieces: Iterable[Log]) -> Iterator[Result]:
         """Go through the pieces of a log.
 
         Parameters
@@ -106,8 +106,8 @@ class PieceEstimator:
 
         Yields
         ------
-        Results
-            Of a piece's rows, from the start on.
+        Result
+            The result of a piece's rows, from the start on.
 
         Raises
         ------
@@ -119,24 +119,24 @@ class PieceEstimator:
             return
         for filtered in ahead(self._filtered(pieces)):
             begin = time.perf_counter()
-            results = _results(self._configuration, *filtered)
+            result = _results(self._configuration, *filtered)
             self.elapsed += time.perf_counter() - begin
-            yield results
+            yield result
         if self._filter is None:
             raise _no_start(self._configuration)
 
-    def _take_whole(self, log: Log) -> Results:
+    def _take_whole(self, log: Log) -> Result:
         """The results of all rows, in the guaranteed mode."""
         begin = time.perf_counter()
         with _placed(log):
             self.guaranteed = run_guaranteed(log, self._configuration)
-        results = guaranteed_results.results_of(self.guaranteed, self._configuration)
+        result = guaranteed_result.result_of(self.guaranteed, self._configuration)
         self.elapsed += time.perf_counter() - begin
         self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
-        return results
+        return result
 
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
-        """Rows, what the filter made of them, and whether the first is the start."""
+        """Rows, the filter's log of them, and whether the first is the start."""
         for piece in pieces:
             begin = time.perf_counter()
             self.bridged.add(piece)
@@ -162,7 +162,7 @@ class PieceEstimator:
         whole = log if self._last is None else logs.joined([self._last, log])
         directions, rates = whole.directions, whole.rates
         if starts_here or self._last is not None:
-            # The start says all that the first row does, and a row that was worked on before has been used: neither may
+            # The start has all that the first row says, and a row of the piece before has been used: neither may
             # count twice.
             directions = directions.copy()
             directions[0] = np.nan
@@ -197,7 +197,7 @@ def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
 def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Configuration) -> FilterLog:
     arguments: dict[str, Any] = {"on_inconsistent": configuration.estimator.when_sets_do_not_meet}
     if configuration.directions:
-        # Where nothing is measured the reference does not matter, but must be a number.
+        # If nothing is measured, the reference does not matter, but must be finite.
         references = np.where(np.isfinite(log.references), log.references, [1.0, 0.0, 0.0])
         bounds = np.array([sensor.bound() for sensor in configuration.directions])
         weights = np.array([sensor.weight for sensor in configuration.directions])
@@ -216,7 +216,7 @@ def _run(attitude_filter: elliptude.AttitudeFilter, log: Log, configuration: Con
 
 @contextmanager
 def _placed(log: Log) -> Iterator[None]:
-    """Errors within it that are of a row have its place in the file in their messages."""
+    """Put the place in the file into the messages of errors of a row."""
     try:
         yield
     except (elliptude.InconsistentMeasurement, elliptude.RowError) as error:
@@ -226,7 +226,7 @@ def _placed(log: Log) -> Iterator[None]:
 
 
 def first_complete_row(log: Log, configuration: Configuration) -> int:
-    """The first row that can be the start: with two directions or more, and the rate where that is measured.
+    """The first row that can be the start: with two directions or more, and the rate if it is measured.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def _complete_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_]:
 
 
 def _no_start(configuration: Configuration) -> ValueError:
-    """What is wrong where no row of a log can be the start."""
+    """The error if no row of a log can be the start."""
     rate = " and the rate" if configuration.rate is not None else ""
     return ValueError(f"no row has two directions{rate}: there is no measurement to start from")
 
@@ -275,7 +275,7 @@ def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 
 
-def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Results:
+def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts_here: bool) -> Result:
     names = [sensor.name for sensor in configuration.directions]
     present = np.isfinite(log.directions[:, :, 0])
     if not isinstance(configuration.flow, GyroFlow):
@@ -286,7 +286,7 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
     if starts_here:
         shares[0] = 0.0
     errors, forms = compare(filtered, log.true_attitudes, log.true_vectors, configuration.truth_error)
-    return Results(
+    return Result(
         times=filtered.times,
         quaternions=tables.quaternions_from_attitudes(filtered.attitudes),
         vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
@@ -306,7 +306,7 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
 def summarize(estimation: Estimation, configuration: Configuration) -> dict[str, Any]:
     """Figures of an estimation for ``summary.json``: see `elliptude.estimation.summary`."""
     summary = Summary()
-    summary.add(estimation.results)
+    summary.add(estimation.result)
     return summary.to_dict(
         configuration,
         vector_is_compared=estimation.vector_is_compared,

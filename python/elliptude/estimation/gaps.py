@@ -1,7 +1,7 @@
-"""Gaps of a gyro: intervals between its samples that are too long for its error bounds to speak of.
+"""Gaps of a gyro: intervals between its samples that its error bounds do not cover.
 
-Between two samples the rate is taken to be on a straight line, and the bound of its error includes what is wrong with
-that, at the usual interval. Where samples were lost that is no bound of anything: of such a gap nothing is known but
+Between two samples the rate is taken to follow a straight line, and the bound of its error includes what is wrong with
+that, for the usual interval. If samples were lost, this bounds nothing: about such a gap nothing is known but
 how fast the body turns at most, if that is stated. Derivation: docs/theory.md, section 17.6.
 """
 
@@ -18,7 +18,7 @@ from elliptude.typing import FloatArray
 
 
 def longest_interval(log: Log, configuration: Configuration) -> float:
-    """Up to which interval the bounds of the rates in a log speak, s; infinite without rates.
+    """The longest interval that the bounds of the rates in a log cover, s; infinite without rates.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def _samples(log: Log) -> FloatArray:
 
 
 def _intervals(log: Log) -> FloatArray:
-    """Between the samples before and after each step from a row to the next, s, shape (N - 1,)."""
+    """Time between the samples before and after each step from a row to the next, s, shape (N - 1,)."""
     samples = _samples(log)
     if len(samples) < 2:
         return np.full(max(len(log.times) - 1, 0), np.inf)
@@ -54,7 +54,7 @@ def _intervals(log: Log) -> FloatArray:
 
 
 def without_rates_in_gaps(log: Log, longest: float) -> Log:
-    """The log with NaN for what was filled in between samples of a gyro that are further apart than ``longest``, s."""
+    """The log with NaN for rates that were filled in between samples further apart than ``longest``, s."""
     if log.rates is None or log.gyro_times is None:
         return log
     in_gap = np.zeros(len(log.times) + 1, dtype=np.bool_)
@@ -77,26 +77,26 @@ def filled_in_between(log: Log, longest: float) -> float:
 
 
 MOST_LISTED = 200
-"""So many of the gaps are in a summary, the longest ones."""
+"""How many gaps a summary lists, the longest ones."""
 _MOST_SAID = 5
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A gap in the gyro, and what became of the set over it."""
+    """A gap in the gyro, and the size of the set before and after it."""
 
     time: float
-    """Of the last sample before it, s."""
+    """Time of the last sample before it, s."""
     duration: float
-    """To the next one, s."""
+    """Time to the next one, s."""
     turn: float
-    """How far the body may have turned in it, rad; pi, half a turn, is anything."""
+    """How far the body may have turned in it, rad; pi, half a turn, means any attitude."""
     before: float
     """Largest angle in the set in the last row before it, rad; NaN without a set."""
     after: float
     """Likewise in the first row after it, with what was measured there."""
     rows_without_set: int
-    """From the gap on until there is a set again; 0 where there was none before it."""
+    """Rows from the gap on until there is a set again; 0 if there was none before it."""
 
 
 def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog) -> tuple[Gap, ...]:
@@ -106,16 +106,16 @@ def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog)
     ----------
     log : Log
     longest : float
-        s; what is longer is a gap.
+        s; a longer interval is a gap.
     largest_rate : float
         rad/s.
     found : GuaranteedLog
-        Of the log's rows.
+        The sets at the log's rows.
 
     Returns
     -------
     tuple of Gap
-        In order of time; those that have rows on both sides.
+        In order of time; only gaps with rows on both sides.
     """
     samples = _samples(log)
     durations = np.diff(samples)
@@ -156,7 +156,7 @@ class Bridged:
         self._longest_gap = 0.0, 0.0
 
     def add(self, log: Log) -> None:
-        """Look at the next rows. What is usual is what the first of them show."""
+        """Look at the next rows. The usual interval is that of the first rows."""
         if not self._has_gyro:
             return
         samples = np.unique(np.concatenate([self._last, _samples(log)]))
@@ -169,7 +169,7 @@ class Bridged:
             self._longest_gap = max(self._longest_gap, (float(intervals[at]), float(samples[at])))
 
     def summarize(self) -> dict[str, Any]:
-        """For ``summary.json``."""
+        """The figures for ``summary.json``."""
         duration, time = self._longest_gap
         said = []
         if self._count:
@@ -185,7 +185,7 @@ def _counted(count: int) -> str:
 
 
 def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
-    """For ``summary.json``: s, degrees; the longest ones are listed one by one."""
+    """The figures for ``summary.json``: s, degrees; the longest gaps are listed one by one."""
 
     def finite(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
@@ -217,7 +217,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
 
 
 def _said(summary: dict[str, Any]) -> list[str]:
-    """Lines about the gaps in a summary: what all of them cost, and what the longest did."""
+    """Lines about the gaps in a summary: the cost of all of them, and the longest one by one."""
     count = summary["count"]
     if not count:
         return []

@@ -1,4 +1,4 @@
-"""The guaranteed filter over a log: directions with an angle per row, flow, anchors, claims, and what was dropped."""
+"""Runs the guaranteed filter over a log: directions with an angle per row, flow, anchors, claims, what was dropped."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,32 +18,32 @@ from elliptude.typing import FloatArray
 
 CONDITIONAL = CLAIMS.index("conditional")
 
-# rad/s: where the bias is an error like noise, the state's is zero, and this is as good.
+# rad/s: if the bias counts as noise, the state's bias is zero, and this is as good.
 _NO_BIAS = 1e-9
-# rad; a bound so near to half a turn says next to nothing.
+# rad; a bound this near to half a turn says next to nothing.
 _NEXT_TO_NOTHING = 0.75 * np.pi
-# Of a turn that is integrated over n steps, rad: rounding in each, and of each radian that they turn.
+# Rounding of an integrated turn, rad: this for each step, and for each radian that the steps turn.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class GuaranteedRun:
-    """What the guaranteed filter made of a log."""
+    """One pass of the guaranteed filter over a log, with its sets and claims."""
 
-    measured: Log
+    log: Log
     """What it is of."""
-    log: GuaranteedLog
-    """Claims are at most conditional where anything contradicts its stated bounds anywhere in the log."""
+    sets: GuaranteedLog
+    """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
-    """Of the angle between estimated and true up, rad, NaN without a set, shape (N,); None where up is not known.
+    """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.
 
-    From the set, or from the measured direction of up, whichever is less.
+    From the set or from the measured direction of up, whichever is smaller.
     """
     starts_heading: bool
-    """Whether the heading counts from the first row, because nothing else tells it."""
+    """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
-    """Of the gyro, that no error bound speaks of."""
+    """Gaps of the gyro, which its error bounds do not cover."""
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
@@ -51,7 +51,7 @@ class GuaranteedRun:
         return self.rows.contradictions
 
     def sensors(self) -> tuple[str, ...]:
-        """Names of the columns of ``log.dropped``."""
+        """Names of the columns of ``sets.dropped``."""
         return (*self.rows.names, "rate", "attitude")
 
 
@@ -62,7 +62,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     ----------
     log : Log
     configuration : Configuration
-        Of ``estimator.mode = "guaranteed"``.
+        Its ``estimator.mode`` is "guaranteed".
 
     Returns
     -------
@@ -73,7 +73,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
     InconsistentMeasurement
         If sets do not meet, or a measurement contradicts its own bounds, and the policy is to raise.
     ValueError
-        If a bound cannot be had from what the log holds, or the log does not fit the filter.
+        If a bound does not follow from the log, or the log does not fit the filter.
     """
     measured = log
     if isinstance(configuration.flow, GyroFlow):
@@ -100,8 +100,8 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
     return GuaranteedRun(
-        measured=measured,
-        log=guaranteed,
+        log=measured,
+        sets=guaranteed,
         rows=rows,
         tilt_bounds=_tilt_bounds(guaranteed, rows),
         starts_heading=starts_heading,
@@ -134,7 +134,7 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
     )
     if configuration.rule is None or heading_is_measured:
         return None, False
-    # Nothing tells the heading: it counts from the first row, by a turn about the vertical of the reference frame that
+    # Nothing determines the heading: it counts from the first row, by a turn about the reference frame's vertical that
     # makes the error of the first attitude perpendicular to up. Theory, section 18.6.
     up, angle = rows.directions[0, 0], float(rows.angles[0, 0])
     if not angle < np.pi:
@@ -143,7 +143,7 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
 
 
 def _disc(normal: FloatArray, radius: float) -> FloatArray:
-    """A shape (3, 3) that holds a disc, and is nowhere so thin that rounding makes it less than flat; section 18.6."""
+    """A shape (3, 3) that holds a disc, nowhere so thin that rounding makes it indefinite; section 18.6."""
     # By rounding it may be flat within 16ε of its size, and the attitude across it off by 1e-14 rad.
     epsilon = float(np.finfo(np.float64).eps)
     thickness = 64.0 * epsilon * radius**2 + _NO_BIAS**2
@@ -168,8 +168,8 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
-    """True attitudes (N, 3, 3), their heading counted from the first row as the run's is; NaN if that is not known."""
-    up, estimated = run.rows.directions[0, 0], run.log.attitudes[0]
+    """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
+    up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
     sine = float(np.linalg.norm(axis))
@@ -204,7 +204,7 @@ def _filter(
 
 
 def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
-    """The core's flow from bounds of a gyro, (18.9): what does not grow with the rate, and what does.
+    """The core's flow from bounds of a gyro, (18.9): the part that does not grow with the rate, and the part that does.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
 
 
 def _off_the_line(flow: GyroFlow, interval: float) -> float:
-    """How far a rate that is filled in between samples may be off by what the body does there, rad/s; section 18.3."""
+    """How far a rate that is filled in may be off because of the motion between samples, rad/s; section 18.3."""
     share = 0.5 if flow.interval_rate == "mean_of_ends" else 1.0
     return share * float(np.deg2rad(flow.angular_acceleration_deg_per_s2)) * interval
 
@@ -237,7 +237,7 @@ def _off_the_line(flow: GyroFlow, interval: float) -> float:
 def _run(
     log: Log, configuration: Configuration, rows: DirectionRows, start: elliptude.StateEllipsoid | None
 ) -> GuaranteedLog:
-    """Row by row."""
+    """Predict each row from the one before."""
     flow = configuration.flow
     arguments: dict[str, Any] = {}
     vector_bound = None

@@ -1,7 +1,7 @@
 """Figures of an estimation for ``summary.json``, gathered piece by piece: plain numbers, in degrees.
 
-Shares and widths are over the rows with an update, as what holds between them is the update's carried on. The mean and
-the largest attitude error are over all rows with a set and a known truth, as `elliptude compare` has them.
+Shares and widths are over the rows with an update, because the rows between only carry the update on. The mean and
+the largest attitude error are over all rows with a set and a known truth, as in `elliptude compare`.
 """
 
 import platform
@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
-from elliptude.estimation import guaranteed_results
+from elliptude.estimation import guaranteed_result
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.io import tables
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.logs.plausibility import Heard
 from elliptude.typing import FloatArray
 
 SETTLED_UPDATE = 6
-"""Means "from the 6th update on" leave out what is left of the start."""
+"""Means "from the 6th update on" leave out the effect of the start."""
 
 
 class Summary:
-    """What is said of results in the end; each piece of them is added once, in their order."""
+    """The figures of a result. Its pieces are added once each, in their order."""
 
     def __init__(self) -> None:
         self._vector: tables.VectorName = "rate"
@@ -44,32 +44,32 @@ class Summary:
 
     @property
     def inside_share(self) -> float | None:
-        """Of all rows whose truth is known."""
+        """The share of all rows whose truth is known that have it inside."""
         return self._inside_rows.value()
 
-    def add(self, results: Results) -> None:
+    def add(self, result: Result) -> None:
         """Take the next rows into account."""
-        updated = np.array([bool(names) for names in results.used], dtype=np.bool_)
-        rows = np.flatnonzero(updated & np.isfinite(results.largest_angles))
+        updated = np.array([bool(names) for names in result.used], dtype=np.bool_)
+        rows = np.flatnonzero(updated & np.isfinite(result.largest_angles))
         settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
-        self._vector = results.vector
-        self._rows += len(results.times)
+        self._vector = result.vector
+        self._rows += len(result.times)
         self._updates += len(rows)
-        self._refused += sum(bool(names) for names in results.refused)
-        self._half_widths += np.rad2deg(results.half_widths[rows]).sum(axis=0)
-        self._largest.add(np.rad2deg(results.largest_angles), rows, settled)
-        if results.errors is None or results.forms is None:
+        self._refused += sum(bool(names) for names in result.refused)
+        self._half_widths += np.rad2deg(result.half_widths[rows]).sum(axis=0)
+        self._largest.add(np.rad2deg(result.largest_angles), rows, settled)
+        if result.errors is None or result.forms is None:
             return
         self._is_compared = True
-        # Of the center, at every row that has a set: what `elliptude compare` says too.
-        has_set = np.flatnonzero(np.isfinite(results.largest_angles))
-        self._angles.add(np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1)), has_set, settled)
-        self._rates.add(np.rad2deg(np.linalg.norm(results.errors[:, 3:], axis=1)), rows, settled)
-        self._inside_updates.add(results.forms[rows])
-        self._inside_rows.add(results.forms)
-        self._largest_form = float(np.fmax.reduce(results.forms, initial=self._largest_form))
-        if results.claims is not None:
-            self._inside_unconditional.add(results.forms[np.array(results.claims) == "unconditional"])
+        # The center's error at every row that has a set, as in `elliptude compare`.
+        has_set = np.flatnonzero(np.isfinite(result.largest_angles))
+        self._angles.add(np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1)), has_set, settled)
+        self._rates.add(np.rad2deg(np.linalg.norm(result.errors[:, 3:], axis=1)), rows, settled)
+        self._inside_updates.add(result.forms[rows])
+        self._inside_rows.add(result.forms)
+        self._largest_form = float(np.fmax.reduce(result.forms, initial=self._largest_form))
+        if result.claims is not None:
+            self._inside_unconditional.add(result.forms[np.array(result.claims) == "unconditional"])
 
     def to_dict(
         self,
@@ -81,7 +81,7 @@ class Summary:
         bridged: Bridged | None = None,
         heard: Heard | None = None,
     ) -> dict[str, Any]:
-        """For ``summary.json``; None for what is not known.
+        """The figures for ``summary.json``; None for what is not known.
 
         Parameters
         ----------
@@ -89,13 +89,13 @@ class Summary:
         vector_is_compared : bool
             Whether forms are of [ζ; δω], or of ζ alone.
         elapsed : float
-            What the filter took, s.
+            Time for the filter, s.
         guaranteed : GuaranteedRun, optional
-            What the results are of, in the guaranteed mode.
+            The run, in the guaranteed mode.
         bridged : Bridged, optional
             Gaps of the gyro, in the modes of first order.
         heard : Heard, optional
-            What a look at the log said.
+            What a check of the log found.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class Summary:
         if bridged is not None:
             summary["gaps"] = bridged.summarize()
         if guaranteed is not None:
-            summary |= guaranteed_results.summarize(guaranteed, configuration)
+            summary |= guaranteed_result.summarize(guaranteed, configuration)
             if self._is_compared:
                 summary |= {
                     "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
@@ -150,7 +150,7 @@ class Summary:
 
 
 class _Mean:
-    """Mean and maximum of what is finite."""
+    """Mean and maximum of the finite values."""
 
     def __init__(self) -> None:
         self._sum, self._count, self._maximum = 0.0, 0, -np.inf
@@ -169,7 +169,7 @@ class _Mean:
 
 
 class _Statistics:
-    """Of the updates, of those after the start has settled, and of the last row."""
+    """Statistics of all updates, of those after the start has settled, and of the last row."""
 
     def __init__(self) -> None:
         self._all, self._settled = _Mean(), _Mean()

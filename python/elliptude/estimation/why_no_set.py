@@ -1,4 +1,4 @@
-"""Why the guaranteed mode claims nothing at any row: which statements leave too little."""
+"""Explains why the guaranteed mode claims nothing at any row: which statements leave too little."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from elliptude.configuration.configuration import Configuration, GyroFlow
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.results import CLAIMS
 
-# rad; a turn that may be off by so much over a step says nothing of the attitude after it.
+# rad; a turn that may be off by this much over a step says nothing about the attitude after it.
 _ANY_TURN = 0.5 * np.pi
 
 
 def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
-    """Hints for somebody whose result has no set in it.
+    """Hints for a reader whose result has no set.
 
     Parameters
     ----------
@@ -23,9 +23,9 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
     list of str
         Empty where any row has a claim.
     """
-    if (run.log.claims != CLAIMS.index("none")).any():
+    if (run.sets.claims != CLAIMS.index("none")).any():
         return []
-    rows, log = run.rows, run.measured
+    rows, log = run.rows, run.log
     hints: list[str] = []
     says = rows.angles < np.pi
     for i, name in enumerate(rows.names):

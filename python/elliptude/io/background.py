@@ -1,4 +1,4 @@
-"""Work that is done while other work is done: NumPy, Arrow and the core let other threads run."""
+"""Work in the background: NumPy, Arrow and the core let other threads run."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,12 +8,12 @@ Item = TypeVar("Item")
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """The same items, the next one being made in the background while one is worked on.
+    """The same items; while one is used, the next is made in the background.
 
     Parameters
     ----------
     items : iterator
-        What it raises is raised here, where its next item would be.
+        An exception that it raises is raised here, instead of its next item.
 
     Yields
     ------

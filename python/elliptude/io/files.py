@@ -1,4 +1,4 @@
-"""Files that people give and get: one kind of error, and nothing half-written under a final name."""
+"""Errors of files, and files that are written whole or not at all."""
 
 import json
 import os
@@ -16,7 +16,7 @@ class FileError(Exception):
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary file that becomes ``path`` when the block ends well, and is removed when it does not.
 
-    It lies in the same folder, so that it takes its final name in one step: who reads ``path`` finds the old file or
+    It lies in the same folder, so that it takes its final name in one step: a reader of ``path`` finds the old file or
     the whole new one.
 
     Parameters
@@ -35,7 +35,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the system refuses: no such folder, no permission, no space.
     """
     final = Path(path)
-    # Not of `tempfile`, whose files nobody but their owner may read.
+    # Not from `tempfile`: only the owner may read its files.
     temporary = final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
     try:
         temporary.touch(exist_ok=False)

@@ -1,7 +1,7 @@
 """Tables of measurements and of results, as CSV or Parquet: the format is described in ``docs/tables.md``.
 
 A table has one row for each time and one named column for each number; an empty cell (null in Parquet) is what was not
-measured, and NaN in the arrays here. NaN and infinity as text are refused, as nobody can tell what is meant.
+measured, and NaN in the arrays here. NaN and infinity as text are refused, because their meaning is not clear.
 """
 
 import math
@@ -29,7 +29,7 @@ from elliptude.io.readers.parquet import ParquetTable
 from elliptude.typing import Chart, FloatArray
 
 VERSION = 1
-"""Of the format. A reader takes this version and older ones; a new column does not make a new version."""
+"""Version of the format. A reader takes this version and older ones; a new column does not make a new version."""
 
 Kind: TypeAlias = Literal["measurements", "results", "dropped"]
 VectorName: TypeAlias = Literal["rate", "bias"]
@@ -138,7 +138,7 @@ class Measurements:
 
 
 @dataclass(frozen=True, eq=False)
-class Results:
+class Result:
     """Estimates with their bounds. P is an ellipsoid's matrix, not a covariance; errors are on the body side.
 
     The guaranteed mode says more of each row; there numbers are NaN where no set is known.
@@ -151,7 +151,7 @@ class Results:
     vector: VectorName
     """What is estimated beside the attitude: the angular velocity or the gyro bias."""
     vectors: FloatArray
-    """rad/s, body axes, NaN with all that is said of them for a bias that is not estimated, shape (N, 3)."""
+    """rad/s, body axes, shape (N, 3). NaN, with their bounds, for a bias that is not estimated."""
     shapes: FloatArray
     """P of [x; δω] or [x; δβ], x the attitude error in `chart`, rad² and rad²/s², shape (N, 6, 6)."""
     half_widths: FloatArray
@@ -236,7 +236,7 @@ class Results:
 
         Returns
         -------
-        Results
+        Result
 
         Raises
         ------

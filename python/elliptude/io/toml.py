@@ -204,7 +204,7 @@ def unit(vector: Vector) -> Vector:
     largest = max(map(abs, vector))
     if largest == 0.0:
         raise ValueError("a direction must have a length")
-    # The squares of very large or small numbers are none.
+    # The squares of very large or small numbers overflow or vanish.
     x, y, z = (component / largest for component in vector)
     length = float(np.linalg.norm((x, y, z)))
     return (x / length, y / length, z / length)

@@ -1,4 +1,4 @@
-"""From a file and a configuration to one log in time order, and what is odd in it."""
+"""Logs: from a file and a configuration to rows in time order, and checks of them."""
 
 from elliptude.logs.log import Log, log_of, read_log, read_pieces
 

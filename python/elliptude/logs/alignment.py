@@ -1,4 +1,4 @@
-"""Sensors with time stamps, rates and delays of their own, put into rows in time order; batch by batch.
+"""Puts sensors with time stamps, rates and delays of their own into rows in time order, batch by batch.
 
 A `Channel` is one sensor's columns, a `Clock` some channels with the same stamps. `pieces` reads a file once, checks it
 as it goes, and yields rows as soon as no earlier stamp can come, so that no more than a few batches are in memory.
@@ -20,7 +20,7 @@ from elliptude.typing import FloatArray
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 Fill: TypeAlias = Literal["none", "linear", "previous", "next"]
-"""What a channel has between its samples: nothing, what is on the line between both, or one of them."""
+"""The value of a channel between two samples: none, one on the line between both, or one of them."""
 
 
 @dataclass(eq=False)
@@ -33,9 +33,9 @@ class Channel:
     """From what the file holds (n, k) to SI units and body axes (n, k)."""
     fill: Fill = "none"
     vectors: int = 0
-    """So many vectors of three among the columns must not be zero: a direction, and its reference if that moves."""
+    """How many vectors of three among the columns must not be zero: a direction, and its reference if that moves."""
     companions: int = 0
-    """So many columns at the end must be there where the others are, and may be without them."""
+    """How many columns at the end must be there if the others are, and may be there without them."""
     last_time: float = -np.inf
     times: list[FloatArray] = field(default_factory=list)
     values: list[FloatArray] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Clock:
     unit: units.TimeUnit
     delay: float
     is_own: bool
-    """The stamps are the channels' own: a row without both is no row."""
+    """Whether the stamps are the channels' own: a row without stamp and samples does not count."""
     channels: list[Channel]
     stream: str = ""
     last: float = -np.inf
@@ -59,7 +59,7 @@ class Clock:
     rows: list[NDArray[np.int64]] = field(default_factory=list)
 
     def columns(self) -> list[str]:
-        """All that are read."""
+        """All columns that are read."""
         return [self.column, *chain.from_iterable(channel.columns for channel in self.channels)]
 
 
@@ -86,7 +86,7 @@ class Piece:
 
 
 def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece]:
-    """Read what the clocks name, and put it into rows in time order.
+    """Read the columns of the clocks, and put them into rows in time order.
 
     Parameters
     ----------
@@ -98,12 +98,12 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
     Yields
     ------
     Piece
-        Of one row or more, later than those before.
+        At least one row, later than those before.
 
     Raises
     ------
     FileError
-        For the first row that is at fault, when the reading gets there.
+        For the first row that is at fault, once the reading gets there.
     """
     streams: list[_Stream] = []
     for name in dict.fromkeys(clock.stream for clock in clocks):
@@ -116,7 +116,7 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
     while True:
         waiting = [stream for stream in streams if not stream.is_finished]
         if waiting:
-            # The one that holds the others up.
+            # The stream that the others wait for.
             stream = min(waiting, key=lambda stream: min(clock.last - clock.delay for clock in stream.clocks))
             batch = next(stream.batches, None)
             if batch is None:
@@ -178,7 +178,7 @@ class _Rows:
             raise FileError(f"{self.file.path}: {self.file.place(column, self.first + int(np.argmax(bad)))}: {fault}")
 
     def missing(self, columns: tuple[str, ...]) -> BoolArray:
-        """Rows that do not have these numbers, which are there together or not at all; shape (N,)."""
+        """Rows without these numbers, shape (N,). The numbers of a row are there together or not at all."""
         empty = np.column_stack([self._empty(column) for column in columns])
         some = np.asarray(empty.any(axis=1), dtype=np.bool_)
         if self.timing.not_a_number == "refuse":
@@ -206,7 +206,7 @@ class _Stamps:
     present: BoolArray
     """Rows that have one and are not left out, shape (N,)."""
     times: FloatArray
-    """Of these rows, s, delay not subtracted; never less than the one before."""
+    """Stamps of these rows, s, delay not subtracted; never less than the one before."""
 
 
 def take(file: LogFile, clock: Clock, batch: Batch, first_row: int, origin: int, timing: Timing) -> None:
@@ -316,10 +316,10 @@ def _take_samples(rows: _Rows, clock: Clock, channel: Channel, stamps: _Stamps) 
 
 
 def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_mean_something: bool) -> Piece:
-    """The rows up to ``end``; what is later stays with the clocks and channels."""
+    """The rows up to ``end``; later samples stay with the clocks and channels."""
     stamps = [_cut(clock.stamps, end) for clock in clocks]
     every = stamps[0] if len(clocks) == 1 else np.unique(np.concatenate(stamps))
-    # Delays that should make stamps meet make them differ in the last digits.
+    # If delays should make stamps meet, these may still differ in the last digits.
     is_first = np.diff(every, prepend=-np.inf) > (timing.same_within_s if len(clocks) > 1 else 0.0)
     row_of = np.cumsum(is_first) - 1
     times = every[is_first]
@@ -357,7 +357,7 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
 
 
 def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill: Fill) -> tuple[FloatArray, BoolArray]:
-    """Values at all times, and which of these lie where there are any."""
+    """Values at all times, and at which of these times there are any."""
     if not len(sampled):
         return np.full((len(times), samples.shape[1]), np.nan), np.zeros(len(times), bool)
     inside = times <= sampled[-1]
@@ -370,7 +370,7 @@ def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill
 
 
 def _cut(pieces: list[FloatArray], end: float) -> FloatArray:
-    """Take from a list of increasing stamps what is not after ``end``."""
+    """Take the stamps that are not after ``end`` from a list of increasing ones."""
     whole = np.concatenate(pieces) if pieces else np.empty(0)
     count = int(np.searchsorted(whole, end, side="right"))
     pieces[:] = [whole[count:]]

@@ -1,4 +1,4 @@
-"""Whether a sensor's axes or signs are other than a configuration states: what is sure, and what would fit.
+"""Finds axes or signs of sensors that a configuration states wrongly, and what would fit.
 
 A choice of axes is contradicted where the vectors that it gives cannot be those of one gravity, or of one field, in the
 frame that the gyro carries along: where they differ by more than motion, field, sensors and gyro may by what is stated
@@ -38,13 +38,13 @@ from elliptude.logs.log import Log
 from elliptude.logs.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
 from elliptude.typing import FloatArray
 
-# What fits is so many times as near to what the bounds allow as what is stated, or nothing is sure.
+# Other axes must fit this many times better than the stated ones, or nothing is sure.
 _MARGIN = 2.0
-# Of the length that a vector must have: another one is a wrong unit, or no such vector, and nothing is said of axes.
+# Relative to the length that a vector must have. Beyond, the unit or the vector is wrong, and no axes are tried.
 _SHORTEST, _LONGEST = 0.5, 2.0
 _FIELD_UT = 45.0
 _MOST_NAMED = 4
-# Of the gyro's rates, as they are tried.
+# The signs of the gyro's rates that are tried.
 _SIGNS = (1.0, -1.0)
 _Choice: TypeAlias = tuple[int, int]
 """Which of these signs, and which of `elliptude.logs.sensor_axes.ROTATIONS`."""
@@ -57,7 +57,7 @@ class WrongAxes:
     sensor: str
     """Its name, or that of the gyro."""
     quotient: float
-    """The largest difference over what the bounds allow, as stated."""
+    """The largest difference as stated, divided by what the bounds allow."""
     fitting: tuple[tuple[float, FloatArray], ...]
     """What would fit, best first: the same quotient, and the axes (3, 3) as a configuration has them, left-handed ones
     too. Of the vector, the opposite fits as well."""
@@ -70,7 +70,7 @@ class AxesVerdict:
 
     wrong: tuple[WrongAxes, ...]
     is_told: bool
-    """Whether nothing but what is stated fits: more of the log cannot show anything else."""
+    """Whether only what is stated fits, so that more of the log cannot show anything else."""
 
 
 def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
@@ -124,7 +124,7 @@ def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
 
 
 def _wider_rule(rule: Rule) -> Rule:
-    """The rule, no bound of it less than for a sensor in the hand; such as one that was proposed from a recording."""
+    """The rule with no bound below that for a sensor in the hand; for rules that were proposed from a recording."""
     usual, stated = rules.hand_held().model_dump(), rule.model_dump(include=set(Rule.model_fields))
     for name, table in usual.items():
         if not isinstance(table, dict):
@@ -132,7 +132,7 @@ def _wider_rule(rule: Rule) -> Rule:
         if stated[name] is None:
             stated[name] = table
         for key, value in table.items():
-            # What is not stated of the increment is no bound; gravity, a delay and windows are none either.
+            # An increment that is not stated is not a bound; neither are gravity, a delay and windows.
             is_bound = isinstance(value, float) and key not in {"gravity_m_per_s2", "delay_s", "window_s"}
             if is_bound and name != "rest" and stated[name][key] is not None:
                 stated[name][key] = max(value, stated[name][key])
@@ -140,7 +140,7 @@ def _wider_rule(rule: Rule) -> Rule:
 
 
 def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule) -> tuple[FloatArray, GyroBounds]:
-    """The rates without their bias, and what they may be off."""
+    """The rates without their bias, and their error bounds."""
     flow, usual = configuration.flow, rule.gyro.bounds()
     if not isinstance(flow, GyroFlow):
         assert configuration.rate is not None
@@ -156,7 +156,7 @@ def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule)
         rates = rates - np.median(rates[still], axis=0)
     elif np.any(flow.known_bias_deg_per_s):
         rates = rates - np.deg2rad(flow.known_bias_deg_per_s)
-    else:  # what a gyro may show that is not calibrated
+    else:  # what a gyro that is not calibrated may show
         bias = np.deg2rad(rule.rest.rate_deg_per_s)
     increment = stated.increment
     if np.isinf(increment) and stated.noise <= usual.noise:
@@ -229,7 +229,7 @@ def _wider(motion: MotionBounds, bound: VelocityWindowBound) -> MotionBounds:
 
 
 def _scale(stated: float, sensor: Accelerometer | Magnetometer, usual: float) -> float:
-    """With the misalignment, which acts on every sample as a scale error does."""
+    """The scale error with the misalignment, which acts on every sample as a scale error does."""
     turned = 2.0 * math.sin(0.5 * math.radians(sensor.sensor_error.misalignment_deg))
     return min(max(stated, usual) + turned, 0.99)
 
@@ -246,7 +246,7 @@ def _verdict(found: dict[str, FloatArray], log: Log, configuration: Configuratio
             fitting[name] = dict(sorted(quotients.items(), key=lambda one: one[1]))
     if not any(fitting.values()):
         return []
-    # What is wrong with all sensors alike is one mistake, the gyro's; and no axes of a vector mirror its turn.
+    # If all sensors are wrong alike, that is one mistake, the gyro's; and no axes of a vector mirror its turn.
     common = set.intersection(*(set(fits) for fits in fitting.values())) if len(fitting) == len(found) else set()
     if common and (len(found) > 1 or all(i == 1 for i, _ in common)):
         largest = {choice: max(fits[choice] for fits in fitting.values()) for choice in common}
@@ -319,7 +319,7 @@ def _signs(
     vectors: dict[str, tuple[FloatArray, VectorStatement]],
     configuration: Configuration,
 ) -> tuple[list[WrongAxes], bool]:
-    """What the angle between gravity and the field says of their signs, and whether it says anything; (18.18)."""
+    """What the angle between gravity and the field shows about their signs, and whether it shows anything; (18.18)."""
     accelerometer = configuration.accelerometer
     if configuration.rule is not None or accelerometer is None or accelerometer.name not in vectors:
         return [], True
@@ -357,7 +357,7 @@ def _signs(
 
 
 def _stated_angle(sensor: AnyDirection) -> float:
-    """How far its direction may be off by its own angle, where it states one, and by reference and alignment, rad."""
+    """How far its direction may be off by its own angle, if it states one, and by reference and alignment, rad."""
     if sensor.bound_deg is None and sensor.bound_rad2 is None and not isinstance(sensor.bound_from, AngleBound):
         return sensor.added_angle
     return float(np.sqrt(np.linalg.eigvalsh(sensor.bound())[-1]))
@@ -407,7 +407,7 @@ def axes_in_words(matrix: FloatArray, columns: Sequence[str]) -> str:
     if np.linalg.det(matrix) > 0.0:
         return f"axes = {_toml(matrix)}"
     orders = [list(order) for order in itertools.permutations(range(3)) if np.linalg.det(np.eye(3)[list(order)]) < 0.0]
-    # The columns in another order are P x, and A x = A Pᵀ (P x): the one whose axes are the plainest.
+    # The columns in another order are P x, and A x = A Pᵀ (P x): the order whose axes are plainest.
     order = max(orders, key=lambda order: float(np.trace(matrix @ np.eye(3)[order].T)))
     names = ", ".join(f'"{columns[i]}"' for i in order)
     return f"columns = [{names}], axes = {_toml(matrix @ np.eye(3)[order].T)}"

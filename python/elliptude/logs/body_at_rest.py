@@ -14,7 +14,7 @@ from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
-# degrees; what is nearer to a body axis is said to be that axis.
+# degrees; a direction nearer than this to a body axis is called that axis.
 _NEAR_AN_AXIS = 30.0
 
 
@@ -30,7 +30,7 @@ class UpAtRest:
     """How far the field points below the horizontal; None without a magnetometer."""
 
     def __str__(self) -> str:
-        """In words, for somebody who knows how the body lay."""
+        """A sentence for a reader who knows how the body lay."""
         up = axis_in_words(np.array(self.up))
         words = f"at rest ({self.begin_s:.4g} to {self.end_s:.4g} s) the body's {up} is up"
         if self.dip_deg is not None:
@@ -43,7 +43,7 @@ class UpAtRest:
 
 
 def axis_in_words(direction: FloatArray) -> str:
-    """A direction (3,) as the body axis that it is near to, "+z" or "-x (12 degrees off)", or as a vector."""
+    """A direction (3,) as the nearest body axis, "+z" or "-x (12 degrees off)", or as a vector."""
     unit = direction / np.linalg.norm(direction)
     i = int(np.argmax(np.abs(unit)))
     across = float(np.linalg.norm(np.delete(unit, i)))
@@ -109,7 +109,7 @@ def up_at_rest(
         return None
     up, dip = force / length, None
     if fields is not None:
-        # Those of the same time: another sensor may have stamps of its own.
+        # Rows of the same time: another sensor may have stamps of its own.
         field = fields[rows[0] : rows[-1] + 1]
         field = field[np.isfinite(field).all(axis=1)]
         if len(field) and field.any():

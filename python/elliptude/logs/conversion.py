@@ -1,4 +1,4 @@
-"""Logs from one format to another, piece by piece and in whole or not at all."""
+"""Converts logs from one format to another, piece by piece. A file is written whole or not at all."""
 
 import os
 import zipfile
@@ -26,7 +26,7 @@ from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
 SUFFIXES = (".csv", ".parquet", ".npz")
-"""Of what can be written."""
+"""Endings of the names of files that can be written."""
 
 
 def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stream: str | None = None) -> int:
@@ -41,12 +41,12 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     target : path-like
         Ends in ``.csv``, ``.parquet`` or ``.npz``. An NPZ file holds all streams, the others one.
     stream : str, optional
-        Which one to write, where the log has several.
+        Which stream to write, if the log has several.
 
     Returns
     -------
     int
-        How many rows were written, of all streams.
+        The number of rows that were written, of all streams.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     chosen = streams if stream is None else [stream]
     if len(chosen) > 1 and Path(target).suffix != ".npz":
         raise FileError(f"{source}: more than one stream ({', '.join(chosen)}); --stream says which, or write .npz")
-    # Of two columns with one name one would be lost; commas at the end of each line are not meant to be any.
+    # If two columns have one name, one would be lost. Commas at the end of each line do not make columns.
     named = [name for name in file.columns if name or file.columns.count(name) == 1]
     numbers = [name for name in named if file.holds_numbers(name)]
     require_columns(file, numbers)
@@ -75,7 +75,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
 def convert_measurements(
     source: str | os.PathLike[str], target: str | os.PathLike[str], configuration: Configuration
 ) -> int:
-    """Write what a configuration takes from a log, as a table of measurements (docs/tables.md).
+    """Write the part of a log that a configuration uses as a table of measurements (docs/tables.md).
 
     Rows are those that the estimator sees. Directions are unit vectors in body axes, rates in rad/s.
 
@@ -100,7 +100,7 @@ def convert_measurements(
     label = f"elliptude measurements {tables.VERSION}"
     pieces = logs.read_pieces(source, configuration)
     if configuration.rule is not None and len(configuration.directions) > 1:
-        # The reference of the field is known once the rest at the start has been seen; the mode needs it whole as well.
+        # The field's reference is known once the rest at the start has been read; the mode needs the whole log anyway.
         pieces = iter([_with_field_of_rule(logs.joined(list(pieces)), configuration, str(source))])
     with replacing(target) as temporary, _writer(target, temporary, label) as write:
         for log in pieces:
@@ -161,7 +161,7 @@ def _copy(file: LogFile, columns: list[str], write: "_Write") -> int:
 # --- writing piece by piece -------------------------------------------------------------------------------------------
 
 _Write: TypeAlias = Callable[[Mapping[str, Cells]], None]
-"""Takes rows below those taken before, of the same columns."""
+"""Appends rows with the same columns to those written before."""
 
 
 def _writer(target: str | os.PathLike[str], temporary: Path, label: str) -> AbstractContextManager[_Write]:
@@ -222,7 +222,7 @@ def _parquet_writer(path: Path, label: str) -> Iterator[_Write]:
 
 @contextmanager
 def _npz_writer(path: Path) -> Iterator[_Write]:
-    """Holds all columns until the end, as an archive's arrays cannot grow."""
+    """Holds all columns until the end, because the arrays of an archive cannot grow."""
     parts: dict[str, list[NDArray[np.generic]]] = {}
 
     def write(columns: Mapping[str, Cells]) -> None:

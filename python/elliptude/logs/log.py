@@ -1,4 +1,4 @@
-"""From a file to one log in time order: what a configuration names, checked, in SI units and body axes.
+"""Reads a log in time order: the columns that a configuration names, checked, in SI units and body axes.
 
 Sensors may have stamps, rates and delays of their own. A log's rows are all stamps there are; where a sensor has no
 sample there is NaN, but for the gyro, whose rate is needed throughout. Everything is done piece by piece, so that a
@@ -42,7 +42,7 @@ _STILL = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What a configuration takes from a log of N rows with m directions; NaN where there was no measurement."""
+    """A log of N rows with m directions, as a configuration describes it; NaN where nothing was measured."""
 
     times: FloatArray
     """s, strictly increasing, shape (N,)."""
@@ -88,7 +88,7 @@ class Log:
         return f"{place} ({at})" if place else at
 
     def places_in_file(self, rows: Sequence[int]) -> list[str]:
-        """Which lines or rows of the file, "line 812", with nothing where that is not known; read once for all."""
+        """The lines or rows of the file, such as "line 812", empty if unknown; the file is read once for all."""
         if self.file is None or self.rows is None:
             return [""] * len(rows)
         there = [int(self.rows[k]) for k in rows]
@@ -97,7 +97,7 @@ class Log:
 
 
 def log_of(measurements: Measurements) -> Log:
-    """The log that a table of measurements is, without a detour by way of a file."""
+    """The log that a table of measurements is, without writing a file."""
     return Log(
         times=measurements.times,
         directions=measurements.directions,
@@ -109,7 +109,7 @@ def log_of(measurements: Measurements) -> Log:
 
 
 def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
-    """Read from a file what the configuration names.
+    """Read the log that a configuration describes from a file.
 
     Parameters
     ----------
@@ -124,13 +124,13 @@ def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
     Raises
     ------
     FileError
-        If the file does not have it; with the line and the column where that is at fault.
+        If the file does not fit; with the line and the column at fault.
     """
     return joined(list(read_pieces(path, configuration)))
 
 
 def joined(parts: Sequence[Log]) -> Log:
-    """The log whose pieces, one behind the other, these are; one or more, of one file and configuration."""
+    """The log that these pieces make up; at least one, all from one file and configuration."""
     if len(parts) == 1:
         return parts[0]
 
@@ -146,7 +146,7 @@ def joined(parts: Sequence[Log]) -> Log:
 
 
 def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> Iterator[Log]:
-    """`read_log` piece by piece: one behind the other they are the log.
+    """`read_log` piece by piece; together the pieces are the log.
 
     A piece is as long as a batch of the file (`elliptude.io.readers`), and no more than a few of them are in memory.
     NPZ and ULog come in one piece.
@@ -154,7 +154,7 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
     Yields
     ------
     Log
-        Of one row or more.
+        A piece of at least one row.
 
     Raises
     ------
@@ -187,12 +187,12 @@ def interval_rates(samples: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What one sensor measured, before sensors are put into rows together."""
+    """The measurements of one sensor, before sensors are put into common rows."""
 
     name: str
-    """Of a direction; else as `sensor_names` has it."""
+    """Name of a direction; for other sensors as in `sensor_names`."""
     rows: int
-    """How many the file has, empty ones among them."""
+    """The number of rows in the file, including empty ones."""
     times: FloatArray
     """s, strictly increasing, delay subtracted, shape (N,)."""
     values: FloatArray
@@ -216,14 +216,14 @@ def sensor_names(configuration: Configuration) -> list[str]:
 def read_samples(
     path: str | os.PathLike[str], configuration: Configuration, names: Sequence[str] | None = None
 ) -> list[Samples]:
-    """Read what each sensor measured, checked and converted as for `read_log`, each at its own times.
+    """Read the measurements of each sensor at its own times, checked and converted as in `read_log`.
 
     Parameters
     ----------
     path : path-like
     configuration : Configuration
     names : sequence of str, optional
-        Of the sensors; all if left out.
+        Names of sensors; all if left out.
 
     Returns
     -------
@@ -321,7 +321,7 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
         if truth.vector_columns is not None:
             scale = units.ANGULAR_VELOCITY[truth.vector_unit]
             add(truth, Channel("true vector", truth.vector_columns, _converted(scale, ("x", "y", "z"))))
-    if not clocks:  # nothing is measured: there are the times alone
+    if not clocks:  # nothing is measured: there are only the times
         require_columns(file, [configuration.time_column])
         stream = file.stream(configuration.time_column)
         return [Clock(configuration.time_column, configuration.time_unit, 0.0, False, [], stream)]
@@ -340,7 +340,7 @@ def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
 
     def convert(values: FloatArray) -> FloatArray:
         converted = values.copy()
-        # Component by component: a row's result must not depend on which rows are worked on with it.
+        # Component by component: the result of a row must not depend on the rows that are converted with it.
         for i in range(3):
             converted[:, i] = matrix[i, 0] * values[:, 0] + matrix[i, 1] * values[:, 1] + matrix[i, 2] * values[:, 2]
         return converted
@@ -384,7 +384,7 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
 
 
 def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> FloatArray:
-    """Rotations of quaternions, NaN where they are."""
+    """Rotations of quaternions; NaN where the quaternions are."""
     attitudes = np.full((len(quaternions), 3, 3), np.nan)
     known = np.isfinite(quaternions[:, 0])
     zero = ~quaternions.any(axis=1)
@@ -400,7 +400,7 @@ def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> Flo
 def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> FloatArray | None:
     """The reference vector (3,) of a direction sensor, if it does not move, with the length that belongs to it."""
     sensor, frame = configuration.directions[i], configuration.reference_frame
-    if configuration.rule is not None:  # only that it stands still is of use: the rule finds the field's direction
+    if configuration.rule is not None:  # only that it stands still matters: the rule finds the field's direction
         return np.array([0.0, 0.0, 1.0])
     if isinstance(sensor, Accelerometer):
         return sensor.gravity_m_per_s2 * references.up(frame)

@@ -1,9 +1,9 @@
-"""Whether sensors agree with one another as they would not if a unit, an order or an axis were stated wrongly.
+"""Checks whether sensors agree with one another: a unit, an order or an axis that is stated wrongly shows.
 
 A direction that stands still in the reference frame turns in the body by ḃ = b × ω, so over a short turn φ = ∫ω dt its
 change is b̄ × φ, b̄ the mean of both ends. The slope of the measured changes on these says what the gyro's numbers must
 be multiplied by: 1, or π/180 where degrees were declared as radians. A reference attitude C turns by C₁ᵀC₂ = exp(S(φ)).
-Nothing is concluded from logs that do not turn.
+A log that does not turn shows nothing.
 """
 
 from collections.abc import Iterable, Iterator
@@ -32,14 +32,14 @@ from elliptude.logs.quaternion_readings import (
 from elliptude.typing import FloatArray
 
 BLOCK_ROWS = 1 << 18
-"""Of a long log that are looked at together."""
+"""Rows of a long log that are checked together."""
 
 Severity: TypeAlias = Literal["error", "warning"]
 
 _PAIRS = 50_000
 # rad; a reference that moves by more is not used.
 _STILL = 0.02
-# Of an accelerometer's length about its median.
+# Relative scatter of an accelerometer's length about its median, below which it shows gravity alone.
 _GRAVITY_ALONE = 0.03
 _FACTORS = {
     np.pi / 180.0: "as if its degrees were declared as radians",
@@ -51,20 +51,20 @@ _FACTORS = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is, or may be, wrong."""
+    """A fault, or something that may be one."""
 
     severity: Severity
     sensor: str
     message: str
 
     def __str__(self) -> str:
-        """Both."""
+        """The kind of finding, and its message."""
         return f"{self.sensor}: {self.message}" if self.sensor else self.message
 
 
 @dataclass
 class Heard:
-    """What a look at a log says beside what is wrong, for whoever reads the results."""
+    """What a check of a log found besides faults, for the reader of the results."""
 
     ignored: list[str] = field(default_factory=list)
     """Errors that ``implausible = "ignore"`` goes on regardless of."""
@@ -77,7 +77,7 @@ class Heard:
 def plausible_pieces(
     pieces: Iterable[Log], configuration: Configuration, name: str, heard: Heard | None = None
 ) -> Iterator[Log]:
-    """Pass the pieces of a log on, after `contradictions` has looked at them.
+    """Pass the pieces of a log on after `contradictions` has checked them.
 
     A stated unit, order or axis holds for the whole log. So it is looked at in blocks, each before any of its rows is
     passed on, until one has moved enough to tell; a log of one block is looked at as a whole.
@@ -88,9 +88,9 @@ def plausible_pieces(
     configuration : Configuration
         Its key ``implausible`` may say to go on regardless.
     name : str
-        Of the log, for messages.
+        Name of the log, for messages.
     heard : Heard, optional
-        Takes what is found.
+        Collects what is found.
 
     Yields
     ------
@@ -100,7 +100,7 @@ def plausible_pieces(
     Raises
     ------
     FileError
-        With all the errors that were found, unless they are to be ignored.
+        With all errors that were found, unless the configuration says to ignore them.
     """
     waiting: list[Log] = []
     heard = Heard() if heard is None else heard
@@ -120,7 +120,7 @@ def plausible_pieces(
 
 
 def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
-    """Whether the log has moved enough to tell, or nothing more is to be said."""
+    """Whether the log has moved enough, or no further check would help."""
     heard.up = heard.up or up_in_log(log, configuration)
     findings, is_told = _look(log, configuration)
     errors = [str(finding) for finding in findings if finding.severity == "error"]
@@ -136,7 +136,7 @@ def _require_plausible(log: Log, configuration: Configuration, name: str, heard:
 
 
 def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
-    """What the sensors of a log say of one another's units, orders and axes.
+    """Check the units, orders and axes of a log's sensors against one another.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
 
 
 def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
-    """What was found, and whether the log has moved enough to tell of its directions and rates."""
+    """What was found, and whether the log has moved enough to check its directions and rates."""
     turns = _Turns(log)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
@@ -161,7 +161,7 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
         found = [replace(finding, severity="warning") for finding in found]
     axes = look_at_axes(log, configuration)
     if axes.wrong:
-        # What is sure, and says what would be right, goes before what a slope makes one suspect.
+        # What is sure, with what would be right, comes before what a slope only suggests.
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
         found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
@@ -197,7 +197,7 @@ def _gyro_against_direction(
     there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]))
     is_accelerometer = isinstance(sensor, Accelerometer)
     if is_accelerometer and len(there):
-        # Where it does not show gravity alone its direction does not stand still.
+        # If it shows more than gravity, its direction does not stand still.
         lengths = np.linalg.norm(log.directions[there, i], axis=1)
         there = there[np.abs(lengths / np.median(lengths) - 1.0) < _GRAVITY_ALONE]
     if not turns.is_known or len(there) <= FEWEST_PAIRS:
@@ -261,7 +261,7 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
 
 
 def _reference_against_directions(log: Log, configuration: Configuration) -> Finding | None:
-    """Where there is no rate: whether the attitude takes measured directions to their references."""
+    """Without a rate: whether the attitude takes measured directions to their references."""
     assert log.true_attitudes is not None
     assert configuration.truth is not None
     choices = readings(configuration.truth.order, configuration.truth.turns)
@@ -295,5 +295,5 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def _some(count: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Indices of at most so many as are enough, spread over all."""
+    """Indices spread over all rows, at most as many as are needed."""
     return np.unique(np.linspace(0, count - 1, min(count, _PAIRS)).astype(np.intp))

@@ -1,6 +1,6 @@
 """Ways to read the columns of a quaternion: scalar first or last, from body to reference axes or back.
 
-Which one fits is told by turns: an attitude C turns from one time to another by C₁ᵀC₂, whatever its frame. Read as its
+Turns show which one fits: an attitude C turns from one time to another by C₁ᵀC₂, whatever its frame. Read as its
 inverse that is C₁C₂ᵀ, a turn about the axis in the reference frame, against that in the body; read in the other order
 it is something else again.
 """
@@ -16,16 +16,16 @@ from elliptude.typing import FloatArray
 Order: TypeAlias = Literal["wxyz", "xyzw"]
 Turns: TypeAlias = Literal["body_to_reference", "reference_to_body"]
 
-# Of the slope: what counts as 1, and how well it must be known.
+# Which slopes count as 1, and how well a slope must be known.
 LEAST, MOST, STANDARD_ERROR = 0.7, 1.4, 0.1
-# rad; what a linear formula is good for.
+# rad; the largest turn for which a linear formula is good enough.
 LARGEST_TURN = 1.0
 FEWEST_PAIRS = 30
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What rotations would be if the order and the direction were others than declared."""
+    """A way to read rotations whose order or direction is other than declared."""
 
     declared_order: Order
     declared_turns: Turns
@@ -33,21 +33,21 @@ class Reading:
     turns: Turns
 
     def __call__(self, rotations: Rotation) -> Rotation:
-        """Read rotations anew that were read as declared."""
+        """Read rotations anew that were first read as declared."""
         of_file = rotations if self.declared_turns == "body_to_reference" else rotations.inv()
         columns = of_file.as_quat(scalar_first=self.declared_order == "wxyz")
         read = Rotation.from_quat(columns, scalar_first=self.order == "wxyz")
         return read if self.turns == "body_to_reference" else read.inv()
 
     def __str__(self) -> str:
-        """As a configuration says it, what differs from what is declared."""
+        """The difference from what is declared, in the configuration's syntax."""
         said = [f"order = '{self.order}'"] if self.order != self.declared_order else []
         said += [f"turns = '{self.turns}'"] if self.turns != self.declared_turns else []
         return f"as {', '.join(said)}" if said else "as declared"
 
 
 def readings(order: Order, turns: Turns) -> tuple[Reading, ...]:
-    """The four, what is declared first."""
+    """The four readings, the declared one first."""
     other_order: Order = "xyzw" if order == "wxyz" else "wxyz"
     other_turns: Turns = "reference_to_body" if turns == "body_to_reference" else "body_to_reference"
     choices = ((order, turns), (other_order, turns), (order, other_turns), (other_order, other_turns))
@@ -55,7 +55,7 @@ def readings(order: Order, turns: Turns) -> tuple[Reading, ...]:
 
 
 def slope(changes: FloatArray, predicted: FloatArray) -> tuple[float, float]:
-    """Of the least-squares line through 0, and its standard error."""
+    """The slope of the least-squares line through 0, and its standard error."""
     power = float((predicted * predicted).sum())
     if power == 0.0:
         return 0.0, np.inf
@@ -66,32 +66,32 @@ def slope(changes: FloatArray, predicted: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Misread:
-    """A reading that fits, where the declared one does not."""
+    """A quaternion that does not turn as declared, and the reading that fits."""
 
     slope: float
-    """How many times as far as they should the attitudes turn, as declared."""
+    """The slope of the attitudes' turns as declared: 1 if right."""
     fitting: str | None
-    """The reading that does; None where none does."""
+    """The reading that fits; None if none does."""
 
 
 def misread(
     first: Rotation, second: Rotation, turns_between: FloatArray, choices: tuple[Reading, ...]
 ) -> Misread | None:
-    """Whether attitudes turn as they should, and if not, how read they would.
+    """Check whether attitudes turn as they should, and if not, find the reading with which they would.
 
     Parameters
     ----------
     first, second : scipy.spatial.transform.Rotation
         n attitudes each, as declared.
     turns_between : (n, 3) array
-        The turns between them got another way, rotation vectors in rad, body axes.
+        The turns between them from another source, rotation vectors in rad, body axes.
     choices : tuple of Reading
-        Of `readings`.
+        Readings that `readings` returns.
 
     Returns
     -------
     Misread, optional
-        None where they do, or there is too little to tell.
+        None if they do, or if there is too little data.
     """
     small = np.linalg.norm(turns_between, axis=1) < LARGEST_TURN
     if small.sum() < FEWEST_PAIRS:

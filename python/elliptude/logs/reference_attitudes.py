@@ -1,4 +1,4 @@
-"""Attitudes to compare results with: of a table or a log, at the times of the rows compared."""
+"""Reference attitudes to compare results with, from a table or a log, at the times of the compared rows."""
 
 import os
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from elliptude.io.tables import QUATERNION, read_columns, stacked
 from elliptude.logs import log
 from elliptude.typing import FloatArray
 
-# s; stamps so near are the same.
+# s; stamps this near are the same.
 _SAME_TIME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Attitudes to compare with."""
+    """Reference attitudes and their times."""
 
     times: FloatArray
     """s, strictly increasing, shape (M,)."""
@@ -28,7 +28,7 @@ class Reference:
 
 
 def read_reference(path: str | os.PathLike[str], configuration: Configuration | None = None) -> Reference:
-    """Read attitudes to compare with.
+    """Read reference attitudes.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def attitudes_at(
     times : (N,) array
         s.
     rows : array of int
-        Of the times.
+        Rows of the times.
     largest_gap : float
         Between two samples of the reference no further apart it is interpolated, s.
 

@@ -1,4 +1,4 @@
-"""Which axes of a vector sensor fit the turn that the gyro shows: docs/theory.md, section 18.7.
+"""Finds the axes of a vector sensor that fit the turn that the gyro shows: docs/theory.md, section 18.7.
 
 The mean of gravity's or the field's vector over a window, carried along by the gyro, is nearly the same in every window
 if the sensor's axes are right: how far it may differ follows from bounds of motion, field and sensors. With wrong axes
@@ -19,12 +19,12 @@ from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.turns import attitudes_from_rates, running_integral
 from elliptude.typing import FloatArray
 
-# s; half-lengths of windows are multiples of a cell that is so long at least, and longer for a slow sensor.
+# s; half-lengths of windows are multiples of a cell, which is at least this long, and longer for a slow sensor.
 _CELL_S, _SAMPLES = 0.5, 4
 _HALF_LENGTHS = (1, 2, 4, 6, 8, 12)
-# Between the tops of two windows that are compared, of their half-length; from 2 on they do not overlap.
+# Distance between the tops of two compared windows, in half-lengths; from 2 on they do not overlap.
 _DISTANCES = (2, 3, 4, 6, 8)
-# Times the median step: nothing is known between samples that are further apart.
+# In median steps: nothing is known between samples that are further apart.
 _LONGEST_STEP = 10.0
 _CHUNK_ROWS = 1 << 15
 
@@ -46,19 +46,19 @@ ROTATIONS: FloatArray = _quarter_turns()
 
 @dataclass(frozen=True)
 class VectorStatement:
-    """What is stated of a sensor that shows one vector of the world, and of that vector; the sensor's unit."""
+    """Statements about a sensor that shows one vector of the world, and about that vector; in the sensor's unit."""
 
     offset: Callable[[float], float]
     """Bound of the mean of what is added in the world, acceleration or disturbance, over a window with weights like a
     triangle, by its half-length, s."""
     error: float
-    """Of a sample, as in `elliptude.bounds.samples.VectorSensorBounds`; the next two likewise."""
+    """Error of a sample, as in `elliptude.bounds.samples.VectorSensorBounds`; the next two likewise."""
     averaged_error: float
     scale_error: float
     time_offset: float
     """Bound of its time against the gyro's, s."""
     length: float | None = None
-    """Of the vector itself, where it is known."""
+    """Length of the vector itself, if it is known."""
     length_error: float = 0.0
 
 
@@ -81,7 +81,7 @@ def misfits(
     vectors : (N, 3) array
         The axes of the rates as stated; rows may be NaN.
     gyro : GyroBounds
-        Of the rates.
+        Error bounds of the rates.
     statement : VectorStatement
     sign : {1, -1}
         What the rates are multiplied by.
@@ -89,7 +89,7 @@ def misfits(
     Returns
     -------
     (24,) array, or None
-        By `ROTATIONS`: the largest quotient of difference and bound. None where no two windows have a bound.
+        For each of `ROTATIONS`, the largest quotient of difference and bound. None if no two windows have a bound.
     """
     carried = _carried(times, rates, [(vectors, statement)], gyro, sign)
     if carried is None:
@@ -112,7 +112,7 @@ class AngleMisfit:
     opposite: float
     """The same with the opposite of one of the vectors."""
     median: float
-    """Of the angle between the means over windows, rad."""
+    """Median of the angle between the means over windows, rad."""
 
 
 def angle_misfit(
@@ -124,7 +124,7 @@ def angle_misfit(
     angle: float,
     angle_error: float,
 ) -> AngleMisfit | None:
-    """Whether two vectors are as far from one another as is stated, or their opposites would be, (18.18).
+    """Whether two vectors are as far from one another as stated, or one and its opposite would be, (18.18).
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def angle_misfit(
     Returns
     -------
     AngleMisfit, optional
-        None where both were measured in no window.
+        None if no window has both.
     """
     carried = _carried(times, rates, [first, second], gyro, 1.0)
     if carried is None:
@@ -173,7 +173,7 @@ class _Frame:
 
     times: FloatArray
     steady: FloatArray
-    """How far it may have turned since the beginning by what does not average out."""
+    """How far it may have turned since the beginning by errors that do not average out."""
     turned: FloatArray
     """The angle that it turned."""
     gyro: GyroBounds
@@ -183,7 +183,7 @@ class _Frame:
 class _Carried:
     frame: _Frame
     cells: list["_Cells"]
-    """Of each sensor, of the same begin and duration."""
+    """The cells of each sensor, with the same begin and duration."""
 
 
 def _carried(
@@ -193,13 +193,13 @@ def _carried(
     gyro: GyroBounds,
     sign: float,
 ) -> _Carried | None:
-    """What is measured, in the frame that the gyro carries along; None where a sensor shows less than two vectors."""
+    """The measurements in the frame that the gyro carries along; None if a sensor has fewer than two vectors."""
     measured = [np.isfinite(vectors).all(axis=1) for vectors, _ in sensors]
     if any(there.sum() < 2 for there in measured):
         return None
     speeds = np.linalg.norm(rates, axis=1)
     elapsed, steps = times - times[0], np.diff(times)
-    # Over a gap the turn may be anything. Its length says nothing, and a stamp far ahead would make cells without end.
+    # Across a gap the turn may be anything. Its length does not matter, and a stamp far ahead would make endless cells.
     is_gap = steps > _LONGEST_STEP * np.median(steps)
     gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
     usual = max(float(np.median(np.diff(times[there]))) for there in measured)
@@ -318,12 +318,12 @@ class _Windows:
         return means, self._radii(both, statement) + turn
 
     def _shares(self) -> tuple[FloatArray, FloatArray]:
-        """Of the means, by what is before the top and what is after; NaN where a window is not whole."""
+        """Shares of the means from before the top and from after it; NaN where a window is not whole."""
         weight = np.where(self.whole, self.rising[:, _WEIGHT] + self.falling[:, _WEIGHT], np.nan)[:, None]
         return self.rising / weight, self.falling / weight
 
     def _radii(self, both: FloatArray, statement: VectorStatement) -> FloatArray:
-        """What world and sensor may do to each mean."""
+        """How far the world and the sensor may move each mean."""
         k = statement.scale_error
         radii: FloatArray = statement.offset(self.half_length) + statement.averaged_error + both[:, _OFFSET]
         return radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)

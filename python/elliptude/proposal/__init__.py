@@ -1,1 +1,1 @@
-"""What a recording shows of its errors, and a configuration to start from."""
+"""Proposals: what a recording shows of its errors, and a configuration to start from."""

@@ -1,14 +1,15 @@
-"""Which columns of a log are which sensors, where nobody has said yet how far each may be off.
+"""Which columns of a log are which sensors, before there are bounds.
 
 The tables of a configuration without bounds, as TOML has them: from a file, from columns that were named one by one,
-from a preset, or from headers that state sensor, axis and unit, such as ``Gyroscope X (deg/s)``. A unit is stated in
-any case; none is guessed from numbers.
+from a preset, or from headers that state sensor, axis and unit, such as ``Gyroscope X (deg/s)``. Units are always
+stated, never guessed from numbers.
 """
 
 import copy
 import os
 import re
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,37 +18,14 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
-from elliptude.io.toml import validate
+from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
 Tables: TypeAlias = dict[str, Any]
 
-PRESETS: Mapping[str, Tables] = {
-    # The excerpts of BROAD as NPZ: s, rad/s, m/s², µT, and the optical attitude.
-    "broad": {
-        "time_column": "t",
-        "reference_frame": "ENU",
-        "flow": {"kind": "gyro", "columns": ["gyr[0]", "gyr[1]", "gyr[2]"], "unit": "rad/s"},
-        "directions": [
-            {"name": "up", "kind": "accelerometer", "columns": ["acc[0]", "acc[1]", "acc[2]"], "unit": "m/s^2"},
-            {"name": "field", "kind": "magnetometer", "columns": ["mag[0]", "mag[1]", "mag[2]"], "unit": "uT"},
-        ],
-        "truth": {
-            "attitude_columns": ["q_ref[0]", "q_ref[1]", "q_ref[2]", "q_ref[3]"],
-            "label": "the optical attitude",
-            "error_deg": 0.5,
-        },
-    },
-    # A table of a spacecraft's attitudes and rates.
-    "fermi": {
-        "time_column": "met_s",
-        "flow": {"kind": "gyro", "columns": ["wx", "wy", "wz"], "unit": "rad/s"},
-        "truth": {"attitude_columns": ["qw", "qx", "qy", "qz"], "label": "the recorded attitude"},
-    },
-}
-"""Tables for formats that do not say their units in the file; their documentation does."""
+_PRESETS = resources.files("elliptude") / "data" / "presets"
 
 _HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
 _TIME = re.compile(r"time(stamp)?\s*[(\[](?P<unit>s|ms|us|ns)[)\]]", re.IGNORECASE)
@@ -59,8 +37,19 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
     "magnetometer": units.FIELD,
 }
 _NAMES = {"accelerometer": "up", "magnetometer": "field"}
-# Of a sensor's own steps: a gap up to so many is bridged.
+# A gap of up to this many of the sensor's own steps is bridged.
 _LARGEST_GAP = 3.0
+
+
+def presets() -> tuple[str, ...]:
+    """The names of formats whose units are in their documentation and not in the file."""
+    return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
+
+
+def of_preset(name: str) -> Tables:
+    """The tables for a format of `presets`."""
+    with resources.as_file(_PRESETS / f"{name}.toml") as file:
+        return load_toml(file)
 
 
 def of_sensors(
@@ -72,7 +61,7 @@ def of_sensors(
     ----------
     time_column, time_unit : str
     sensors : mapping
-        Of "gyroscope", "accelerometer", "magnetometer" to three columns and their unit.
+        From "gyroscope", "accelerometer", "magnetometer" to three columns and their unit.
     truth : sequence of str
         Four columns qw, qx, qy, qz from body to reference axes (ENU), or none.
 
@@ -98,7 +87,7 @@ def of_sensors(
 
 
 def of_headers(columns: Sequence[str]) -> Tables | None:
-    """The tables for columns whose names state sensor, axis and unit; None where time or gyro do not."""
+    """The tables for columns whose names state sensor, axis and unit; None if time or gyro do not."""
     times = [(column, match) for column in columns if (match := _TIME.fullmatch(column.strip()))]
     found: dict[str, dict[str, tuple[str, str]]] = {}
     for column in columns:
@@ -107,7 +96,7 @@ def of_headers(columns: Sequence[str]) -> Tables | None:
             for sensor, beginning in _SENSORS.items():
                 if match["sensor"].lower().startswith(beginning) and unit in _UNITS[sensor]:
                     if match["axis"].lower() in found.setdefault(sensor, {}):
-                        return None  # two such sensors: somebody must say which
+                        return None  # two such sensors: the user must say which
                     found[sensor][match["axis"].lower()] = column, unit
     sensors: dict[str, tuple[Sequence[str], str]] = {}
     for sensor, axes in found.items():
@@ -120,13 +109,13 @@ def of_headers(columns: Sequence[str]) -> Tables | None:
 
 
 def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:
-    """A configuration to read the log with: where the tables have no bounds it has some that mean nothing.
+    """A configuration to read the log with. Missing bounds are filled in with numbers that mean nothing.
 
     Parameters
     ----------
     tables : dict
     path : path-like
-        What the tables are of, for messages.
+        The file with the tables, for messages.
 
     Returns
     -------
@@ -157,9 +146,9 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
 
 
 def read_recording(path: str | os.PathLike[str], configuration: Configuration) -> tuple[Recording, int]:
-    """Read what bounds are proposed from, at the gyro's times.
+    """Read the recording that bounds are proposed from, at the gyro's times.
 
-    What other sensors measured at other times is on the line between their samples, which smooths a part of their noise
+    Measurements at other times are interpolated between their samples, which smooths part of their noise
     away. The reference attitude is turned to a frame whose third axis is up.
 
     Parameters

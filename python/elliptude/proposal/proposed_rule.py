@@ -1,9 +1,9 @@
-"""A rule to start from: the numbers that the guaranteed mode needs, from a recording where it shows them.
+"""Proposes a rule to start from: the numbers that the guaranteed mode needs, as far as a recording shows them.
 
-A recording shows some numbers in full: against a reference attitude the error of a vector is seen as it is. Others it
-shows in part: without a reference the length of a vector alone, of the gyro what it does at rest. One that is seen in
-full stands, times the margin. One that is seen in part is never made smaller by it than the rule for a sensor in the
-hand has it (`elliptude.configuration.rules.hand_held`), which was stated for reasons of its own. None is a guarantee.
+A recording shows some numbers in full: with a reference attitude the error of a vector is visible. It shows others
+in part: without a reference only the length of a vector, and of the gyro only what it does at rest. A number seen in
+full is proposed, times the margin. A number seen in part never makes the bound smaller than in the rule for a sensor in
+the hand (`elliptude.configuration.rules.hand_held`), which has reasons of its own. None is a guarantee.
 """
 
 import math
@@ -13,10 +13,12 @@ from typing import Any, TypeAlias
 import tomlkit
 
 from elliptude.configuration import rules
-from elliptude.proposal.proposals import DelayProposal, Proposal, Quantiles, StartProposal
+from elliptude.proposal.delays import DelayProposal
+from elliptude.proposal.proposals import Proposal, StartProposal
+from elliptude.proposal.statistics import Quantiles
 
 _DEGREES = math.degrees(1.0)
-# An increment that is explained by the reference is compared with the noise over this window, s.
+# An increment with a reference is compared with the noise over this window, s.
 _SHORTEST_WINDOW_S = 1.0
 _LARGEST_SCALE_ERROR = 0.99
 NOT_SEEN = "not seen in the recording: the rule for a sensor in the hand"
@@ -28,7 +30,7 @@ class Proposed:
 
     value: Any
     how: str
-    """From what it comes, for a comment."""
+    """Where it comes from, for a comment."""
 
 
 RuleTables: TypeAlias = dict[str, dict[str, Proposed]]
@@ -44,20 +46,20 @@ def upward(value: float) -> float:
 
 
 def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -> RuleTables:
-    """A rule to start from, each number with how it was got.
+    """A rule to start from; each number says where it comes from.
 
     Parameters
     ----------
     proposed : Proposal
     margin : float
-        What maxima are multiplied by.
+        The factor for maxima.
     from_start : bool
-        Whether bias and field are those of the rest at the start, if there is one, or of all rest.
+        Whether bias and field come from the rest at the start, if there is one, or from all rest.
 
     Returns
     -------
     dict
-        What `elliptude.configuration.rules.Rule` takes. Without a magnetometer in the recording there is no table of
+        Tables for `elliptude.configuration.rules.Rule`. Without a magnetometer in the recording there is no table for
         it.
     """
     standard = rules.hand_held().model_dump(mode="json", exclude_none=True)
@@ -76,7 +78,7 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -
 
 
 def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed, *, in_full: bool) -> Proposed:
-    """A maximum times the margin; where it was seen in part, the standard number if that is larger."""
+    """A maximum times the margin; if it was only seen in part, the standard number if that is larger."""
     if found is None or found.maximum == 0.0:  # no sensor is without an error
         return standard
     value = upward(margin * found.maximum)
@@ -100,8 +102,8 @@ def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal |
     noise, sums, unexplained = (_in_degrees(one) for one in (gyro.noise, gyro.sums_rest, gyro.unexplained))
     moved = _in_degrees(gyro.bias_spread if start is None else start.bias_moved)
     noise_what, sums_what = "the rate at rest less the bias", "what the noise adds up to in a phase of rest"
-    # Against a reference the gyro is seen in motion, too. A window of one second that is off by so much has a noise of
-    # so much in the mean.
+    # With a reference the gyro's errors in motion are visible, too. An angle by which the turn over a second is off
+    # is the mean noise, per second.
     in_full = noise is not None and unexplained is not None
     if unexplained is not None:
         what = "what a turn over 1 to 16 s is off against the reference, bias and scale taken out"
@@ -147,7 +149,7 @@ def _accelerometer(table: dict[str, Proposed], proposed: Proposal, margin: float
 def _magnetometer(table: dict[str, Proposed], proposed: Proposal, start: StartProposal | None, margin: float) -> None:
     vector, delay = proposed.magnetometer, proposed.magnetometer_delay
     assert vector is not None
-    # What calibration leaves does not show where nothing but the field itself is measured.
+    # Errors that calibration leaves do not show if only the field itself is measured.
     scatter = "a sample at rest less the mean over its 0.5 s"
     table["error_ut"] = _seen(vector.scatter_rest, scatter, margin, table["error_ut"], in_full=False)
     in_full = vector.reference is not None
@@ -171,12 +173,12 @@ def _magnetometer(table: dict[str, Proposed], proposed: Proposal, start: StartPr
 
 
 def _offset_bound(delay: DelayProposal, margin: float) -> float:
-    """The scatter over the recording, and half a row, below which nothing is known."""
+    """The scatter over the recording, and half a row, because less cannot be resolved."""
     return margin * (delay.scatter + 0.5 * delay.step)
 
 
 def numbers_of(tables: RuleTables) -> dict[str, dict[str, Any]]:
-    """The tables without how their numbers were got."""
+    """The tables with the numbers alone."""
     return {name: {key: one.value for key, one in table.items()} for name, table in tables.items()}
 
 

@@ -1,7 +1,7 @@
-"""A whole configuration to start from: the mapping of a log, and bounds proposed from it, each with how it was got.
+"""A whole configuration to start from: the mapping of a log, and bounds proposed from it, with where each comes from.
 
-In the guaranteed mode a rule states the bounds, where the recording is one that a rule can be of; where not, each
-sensor states its own. In the mode of first order directions have one angle each. Bounds are what the recording showed,
+In the guaranteed mode a rule states the bounds, if a rule can describe the recording; if not, each
+sensor states its own. In the mode of first order each direction has one angle. Bounds are what the recording showed,
 times a margin, and guarantee nothing about another recording.
 """
 
@@ -18,20 +18,22 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
 from elliptude.proposal.mapping import Tables
-from elliptude.proposal.proposals import Proposal, Quantiles, VectorProposal
+from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
+from elliptude.proposal.statistics import Quantiles
+from elliptude.proposal.vectors import VectorProposal
 
 Mode: TypeAlias = Literal["guaranteed", "first_order"]
 Place: TypeAlias = tuple[str, ...]
-"""Of a number in a configuration: the tables' names, directions by their own, and the key."""
+"""Where a number stands in a configuration: the names of the tables (of directions, their own names) and the key."""
 
-# A direction that is off by more says next to nothing.
+# A direction with a larger bound says next to nothing.
 _WIDEST_DEG = 90.0
-# s; the longest phase of rest is the magnetic reference if it is so long.
+# s; the longest phase of rest gives the magnetic reference if it is at least this long.
 _SHORTEST_REST = 1.0
-# °/s; what the bias of a small gyro that is not calibrated may be by its datasheet.
+# °/s; the bias of a small, uncalibrated gyro, from datasheets.
 _BIAS_BY_DATASHEET = 5.0
-# s; a prediction in the guaranteed mode begins anew so often. Changes how large sets are, not whether they hold.
+# s; time between anchors in the guaranteed mode. It changes how large sets are, not whether they hold.
 _ANCHOR_S = 4.0
 
 
@@ -50,10 +52,10 @@ def starting_configuration(
     Parameters
     ----------
     tables : dict
-        Of `elliptude.proposal.mapping`: which columns are which sensors. Bounds that they have stay.
+        Tables of `elliptude.proposal.mapping`: which columns are which sensors. Bounds that they have stay.
     proposed : Proposal
     margin : float
-        What maxima are multiplied by.
+        The factor for maxima.
     mode : "guaranteed" or "first_order"
     log : str
         The recording's name.
@@ -69,7 +71,7 @@ def starting_configuration(
     Raises
     ------
     ValueError
-        If there are no two directions to start from and a rule does not do with one, if sensors never have the same
+        If there are no two directions to start from and a rule cannot do with one, if sensors never have the same
         stamp, or nothing says where the magnetic field points.
     """
     full = copy.deepcopy(tables)
@@ -107,7 +109,7 @@ def _first_order(full: Tables, comments: dict[Place, str], proposed: Proposal, m
         full["start"] = {"kind": "first_measurement", "bias_bound_deg_per_s": bias}
         comments["start", "bias_bound_deg_per_s"] = f"no guarantee: {how}"
     if "estimator" not in full:
-        # Bounds that one recording showed are broken by the next one: such rows are said, not fatal.
+        # The next recording breaks bounds that one recording showed: such rows are reported, not fatal.
         full["estimator"] = {"mode": "first_order", "when_sets_do_not_meet": "skip"}
 
 
@@ -116,7 +118,7 @@ def _has_bound(sensor: Tables) -> bool:
 
 
 def _vector_of(sensor: Tables, proposed: Proposal) -> VectorProposal:
-    """What was proposed of a sensor, or ValueError."""
+    """What was proposed for a sensor; ValueError if nothing was."""
     vector = {"magnetometer": proposed.magnetometer, "accelerometer": proposed.accelerometer}.get(
         sensor.get("kind", "direction")
     )
@@ -157,7 +159,7 @@ def _bias(proposed: Proposal, margin: float) -> tuple[float, str]:
 
 
 def _angle(vector: VectorProposal, dip: Quantiles | None, margin: float) -> tuple[float, str]:
-    """The bound of a direction in degrees, and how it was got."""
+    """The bound of a direction in degrees, and where it comes from."""
     against_reference = [found for found in (vector.angle_rest, vector.angle_moving) if found is not None]
     if against_reference:
         seen = max(math.degrees(found.maximum) for found in against_reference)
@@ -168,7 +170,7 @@ def _angle(vector: VectorProposal, dip: Quantiles | None, margin: float) -> tupl
         )
     else:
         lengths = [found.maximum for found in (vector.norm_rest, vector.norm_moving) if found is not None]
-        # A disturbance across the vector that is as long as the largest seen along it.
+        # A disturbance across the vector, as long as the largest one seen along it.
         share = max(lengths) / vector.magnitude
         seen = math.degrees(math.asin(min(share, 1.0)))
         how = f"its length was off by up to {100.0 * share:.3g} %: arcsin of that"
@@ -181,7 +183,7 @@ def _angle(vector: VectorProposal, dip: Quantiles | None, margin: float) -> tupl
 
 
 def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, Any, str]:
-    """Key, value, and how it was got."""
+    """Key, value, and where it comes from."""
     magnetometer = proposed.magnetometer
     if magnetometer is not None and magnetometer.reference is not None:
         field = from_enu(magnetometer.reference, frame)
@@ -191,7 +193,7 @@ def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, 
         raise ValueError(
             f"no rest of {_SHORTEST_REST:g} s in the recording: state the magnetometer's reference in a configuration"
         )
-    # Inwards, so that rounding takes no row that moves.
+    # Rounded inwards, so that no row that moves is included.
     phase = {
         "kind": "rest_phase",
         "from_s": math.ceil(1e3 * (begin + origin)) / 1e3,
@@ -212,9 +214,9 @@ def _guaranteed(
     origin: int,
     shared_stamps: float,
 ) -> list[str]:
-    """Put in what is missing; what to say at the top of the file."""
+    """Put in what is missing; returns the comment at the top of the file."""
     if "estimator" not in full:
-        # Bounds that one recording showed are broken by the next one: what contradicts them is left out and listed.
+        # The next recording breaks bounds that one recording showed: what contradicts them is left out and listed.
         full["estimator"] = {"mode": "guaranteed", "policy": "drop_measurement"}
         comments["estimator", "policy"] = "what contradicts the bounds is left out, and listed in dropped.csv"
         if proposed.magnetometer is None:
@@ -254,7 +256,7 @@ def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables) -> No
 
 
 def _no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
-    """Why a rule cannot be of this recording, or None."""
+    """Why a rule cannot describe this recording, or None."""
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
@@ -372,7 +374,7 @@ def _bound_magnetometer(
     magnetometer = proposed.magnetometer
     assert magnetometer is not None
     if "time_offset_bound_s" not in sensor and "delay_s" not in sensor:
-        # A delay would move its samples away from those of the other sensors: the bound takes all of it.
+        # A delay would move its samples away from those of the other sensors: the bound covers all of it.
         delay, left = table["magnetometer"]["delay_s"], table["magnetometer"]["time_offset_bound_s"]
         sensor["time_offset_bound_s"] = upward(abs(delay.value) + left.value)
         how = NOT_SEEN if left.how == NOT_SEEN else "no guarantee"
@@ -442,7 +444,7 @@ def _document(
 
 
 def _section(table: Tables, place: Place, comments: dict[Place, str]) -> tomlkit.items.Table:
-    """A table; within it, a table whose own keys have comments is one with lines of its own, and they come last."""
+    """A table of the file. Tables within it whose keys have comments get lines of their own and come last."""
     section = tomlkit.table()
     deeper = {key for key in table if any(one[:-1] == (*place, key) for one in comments)}
     for key, value in table.items():

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.typing import Chart, FloatArray
 
 _BISECTIONS = 40
-# Of the longest semi-axis: the others are drawn as if they were as long as this at least.
+# Relative to the longest semi-axis: shorter ones are drawn as if they were this long.
 _FLATTEST = 1e-6
 
 
@@ -56,12 +56,12 @@ def axis_patches(
     meridians : int
         Directions on each ring.
     rings : int
-        1 is the rim alone.
+        1 for the rim alone.
 
     Returns
     -------
     (N, rings, meridians, 3) array
-        Unit vectors in reference axes, the rim first. NaN where the set is not known, or so large that the image has no
+        Unit vectors in reference axes, the rim first. NaN if the set is not known, or so large that the image has no
         rim that every meridian meets, as where attitude errors reach half a turn in the exponential chart.
     """
     patches = np.full((len(attitudes), rings, meridians, 3), np.nan)

@@ -1,4 +1,4 @@
-"""Results against a reference attitude: whether it is in the sets, how far off centers are, how wide sets are."""
+"""Compares results with a reference attitude: whether it is in the sets, how far centers are off, how wide sets are."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +15,9 @@ from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
-# s; between attitudes whose turn is compared, the shortest; each next one is so many times as long.
+# s; the shortest time between attitudes whose turn is compared, and the factor to the next one.
 _SHORTEST_SPAN, _LONGER = 0.5, 4.0
-# Degrees and share: a reading is wrong where it is so far off and another one nearer than this share of that.
+# Degrees and share: a reading is wrong if it is this far off and another one is nearer than this share of that.
 _FAR_OFF, _MUCH_NEARER = 20.0, 0.25
 
 
@@ -26,7 +26,7 @@ class Comparison:
     """The rows that have an attitude and a reference, n of them."""
 
     rows: int
-    """Of the table."""
+    """Rows of the table."""
     times: FloatArray
     """s, shape (n,)."""
     estimated: Rotation
@@ -34,7 +34,7 @@ class Comparison:
     true: Rotation
     """n references."""
     angles: FloatArray
-    """Between them, rad, shape (n,)."""
+    """Angles between them, rad, shape (n,)."""
     inside: NDArray[np.bool_]
     """Whether the reference, as far as it is known, is in the set, shape (n,)."""
     half_widths_body: FloatArray
@@ -46,11 +46,11 @@ class Comparison:
 
     @property
     def broken_promises(self) -> int:
-        """Rows that claim to hold without a condition, and do not."""
+        """How many rows claim to hold without a condition, and do not."""
         return 0 if self.claims is None else int((~self.inside & (self.claims == "unconditional")).sum())
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures in degrees: of all rows compared, and by claim where the table has it."""
+        """Figures in degrees: for all compared rows, and for each claim if the table has claims."""
         count = len(self.times)
         result: dict[str, Any] = {"rows": self.rows, "all": self._figures(np.ones(count, dtype=np.bool_))}
         claims = self.claims
@@ -112,9 +112,9 @@ def compare(run: Run, reference: Reference, *, largest_gap: float = 0.0, referen
     run : Run
     reference : Reference
     largest_gap : float
-        Where the reference has no sample at a row's time it is interpolated between two that are no further apart, s.
+        If the reference has no sample at a row's time, it is interpolated between two that are no further apart, s.
     reference_error : float
-        Angle by which the reference may itself be off, rad: a row counts as inside if any attitude so near is.
+        Angle by which the reference may itself be off, rad: a row counts as inside if any attitude that near is.
 
     Returns
     -------
@@ -153,24 +153,24 @@ def compare(run: Run, reference: Reference, *, largest_gap: float = 0.0, referen
 def misread_reference(
     run: Run, reference: Reference, choices: tuple[Reading, ...], *, largest_gap: float = 0.0
 ) -> str | None:
-    """What tells that the reference's quaternions are read in a wrong order or as their inverse.
+    """Check whether the reference's quaternions are read in a wrong order or as their inverse.
 
-    They are where the reference does not turn as the estimate does, or is far off from it, and is not when its columns
-    are read another way: the test of `elliptude check`, with the estimate in the gyro's place.
+    They are if the reference does not turn as the estimate does, or is far off from it, and is not when its columns
+    are read another way: the test of `elliptude check`, with the estimate instead of the gyro.
 
     Parameters
     ----------
     run : Run
     reference : Reference
     choices : tuple of Reading
-        Of `elliptude.logs.quaternion_readings.readings`: what is declared, and the others.
+        Readings that `elliptude.logs.quaternion_readings.readings` returns: the declared one, and the others.
     largest_gap : float
         As in `compare`.
 
     Returns
     -------
     str, optional
-        In words; None where nothing is wrong, or there is too little to tell.
+        In words; None if nothing is wrong, or there is too little data.
     """
     rows, read = attitudes_at(reference, run.times, np.flatnonzero(run.known), largest_gap)
     if len(rows) < 2:

@@ -14,9 +14,9 @@ from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 PIECES = 500
-"""Of rows, of each of which the extremes are drawn."""
+"""Pieces of rows; the extremes of each are drawn."""
 
-# Of the names of lanes, px; all plots over time have it, so that their times are below one another.
+# Width of the names of lanes, px; all plots over time have it, so that their times are below one another.
 _LANES_WIDTH = 110
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 _DASHES = ("solid", "dash", "dashdot")
@@ -24,7 +24,7 @@ _DASHES = ("solid", "dash", "dashdot")
 
 def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[Spell]) -> dict[str, Any]:
     """Plotly's data and layout for each place in the page."""
-    # What the list has is marked below the size of the set.
+    # The measurements in the list are marked below the size of the set.
     if run.listed is not None:
         spells = [spell for spell in spells if spell.what == "refused"]
     plots = {
@@ -41,7 +41,7 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
 
 
 def _list(values: FloatArray) -> list[float | None]:
-    """For JSON, to six digits; None where there is nothing."""
+    """Values for JSON, to six digits; None where there is nothing."""
     return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
 
 
@@ -50,7 +50,7 @@ def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
 
 
 def _time_axis(run: Run) -> dict[str, Any]:
-    """The same for all plots, so that they can be compared; times since 1970 are no "1.7B"."""
+    """The time axis of all plots, so that they can be compared; times since 1970 are not written as "1.7B"."""
     first, last = float(run.times[0]), float(run.times[-1])
     return {
         "title": {"text": "time (s)"},
@@ -60,8 +60,11 @@ def _time_axis(run: Run) -> dict[str, Any]:
     }
 
 
+_OUTSIDE = "outside the band"
+
+
 def plot_layout(**more: Any) -> dict[str, Any]:
-    """Of any plot of the page."""
+    """The layout that all plots of the page share."""
     return {
         "margin": {"l": 55, "r": 10, "t": 10, "b": 45},
         "paper_bgcolor": "rgba(0,0,0,0)",
@@ -129,7 +132,7 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
 
 
 def _drop_marks(run: Run, listed: DroppedMeasurements) -> list[dict[str, Any]]:
-    """A lane of marks for each sensor that was left out; of those that would hide one another the farthest off."""
+    """A lane of marks for each sensor that was left out. If marks would hide one another, the farthest off is drawn."""
     edges = run.times[[piece.start for piece in pieces(len(run.times), PIECES)]]
     bins = np.searchsorted(edges, listed.times, side="right")
     sensors = np.array(listed.sensors, dtype=object)
@@ -163,7 +166,7 @@ def _why(listed: DroppedMeasurements, row: int) -> str:
 
 
 def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
-    time, known = _times(run, rows), run.known[rows]
+    known = run.known[rows]
     traces: list[dict[str, Any]] = []
     bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
     limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
@@ -171,54 +174,14 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     for i, axis in enumerate("xyz"):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
-        x, y = _band(run.times[rows], bound)
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": "bound",
-                "legendgroup": "bound",
-                "showlegend": i == 0,
-                "x": x,
-                "y": y,
-                "fill": "toself",
-                "fillcolor": "rgba(0,114,178,0.22)",
-                "line": {"color": _BLUE, "width": 1},
-                "hoverinfo": "skip",
-                **place,
-            }
-        )
+        traces.append(_bound_trace(run.times[rows], bound, i) | place)
         if run.errors is not None and run.compared.any():
             error = np.rad2deg(run.errors[rows, i])
             outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
-            traces.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "name": f"error against {label}",
-                    "legendgroup": "error",
-                    "showlegend": i == 0,
-                    "x": time,
-                    "y": _list(error),
-                    "line": {"width": 1.2},
-                    "meta": "ink",
-                    **place,
-                }
-            )
+            traces.append(_error_trace(_times(run, rows), error, i, label) | place)
             if outside.any():
-                traces.append(
-                    {
-                        "type": "scatter",
-                        "mode": "markers",
-                        "name": "outside the band",
-                        "legendgroup": "outside",
-                        "x": _times(run, rows[outside]),
-                        "y": _list(error[outside]),
-                        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
-                        "showlegend": not any(trace["name"] == "outside the band" for trace in traces),
-                        **place,
-                    }
-                )
+                is_first = not any(trace["name"] == _OUTSIDE for trace in traces)
+                traces.append(_outside_trace(_times(run, rows[outside]), error[outside], is_first) | place)
         layout[f"yaxis{i + 1}" if i else "yaxis"] = {
             "title": {"text": f"about {axis} (deg)"},
             "zeroline": True,
@@ -227,8 +190,55 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     return {"data": traces, "layout": layout}
 
 
+def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]:
+    """The band of the error about axis i."""
+    x, y = _band(times, bound)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": "bound",
+        "legendgroup": "bound",
+        "showlegend": i == 0,
+        "x": x,
+        "y": y,
+        "fill": "toself",
+        "fillcolor": "rgba(0,114,178,0.22)",
+        "line": {"color": _BLUE, "width": 1},
+        "hoverinfo": "skip",
+    }
+
+
+def _error_trace(times: list[float], error: FloatArray, i: int, label: str) -> dict[str, Any]:
+    """The error about axis i."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": f"error against {label}",
+        "legendgroup": "error",
+        "showlegend": i == 0,
+        "x": times,
+        "y": _list(error),
+        "line": {"width": 1.2},
+        "meta": "ink",
+    }
+
+
+def _outside_trace(times: list[float], error: FloatArray, is_first: bool) -> dict[str, Any]:
+    """The rows whose error is outside the band."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": _OUTSIDE,
+        "legendgroup": "outside",
+        "x": times,
+        "y": _list(error),
+        "marker": {"color": _ORANGE, "symbol": "x", "size": 7},
+        "showlegend": is_first,
+    }
+
+
 def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
-    """The outline of -bound to bound, a closed one for each piece between gaps."""
+    """The outline from -bound to bound, closed for each piece between gaps."""
     known = np.flatnonzero(np.isfinite(bound))
     x: list[float | None] = []
     y: list[float | None] = []
@@ -274,7 +284,7 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
         own = [spell for spell in spells if name in spell.sensors.split()]
         lane = f"{name} left out"
         lanes.append(lane)
-        # A line from first to last, and marks at both ends: a single measurement is seen too.
+        # A line from first to last with marks at both ends, so that a single measurement is visible too.
         traces.append(
             {
                 "type": "scatter",

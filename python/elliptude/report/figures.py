@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 from elliptude.io.files import replacing
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.typing import FloatArray
 
-# Okabe and Ito's colours, which the colour-blind can tell apart.
+# Okabe and Ito's colours, which the colour-blind can distinguish.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
@@ -29,13 +29,13 @@ _NOISE_STYLES = {
     "alternating": ("#E69F00", "v"),
     "search": (ORANGE, "x"),
 }
-# Of what is drawn; a form is beyond all numbers where P is flat.
+# The highest form that is drawn; a form is infinite if P is flat.
 _HIGHEST_FORM = 1e4
 # Forms beyond this are drawn on a log axis.
 _FAR_OUT = 10.0
 # A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
 _NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 3.1, 8
-# Fewer points than this are marked, as the lines between them are only there to guide the eye.
+# Fewer points than this are marked, because the lines between them only guide the eye.
 _MARK_BELOW = 150
 
 Style: TypeAlias = dict[str, Any]
@@ -48,17 +48,17 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
 
 
-def estimate_figure(results: Results, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
+def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
     """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
 
     Parameters
     ----------
-    results : Results
+    result : Result
     title : str
     label : str
         What the estimates are compared with.
     inside_share : float, optional
-        Of all rows, where ``results`` are only some of them.
+        The share of all rows, if ``result`` has only some of them.
 
     Returns
     -------
@@ -67,22 +67,22 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
     figure = new_figure(8.4)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(4, 2)
-    time = results.times
-    marks = _marks(results)
-    is_bias = results.vector == "bias"
-    errors = results.errors
+    time = result.times
+    marks = _marks(result)
+    is_bias = result.vector == "bias"
+    errors = result.errors
     columns = (
         ("attitude error", r"$\zeta_{}$ (deg)", slice(0, 3)),
         ("gyro bias error", r"$\delta\beta_{}$ (deg/s)", slice(3, 6))
         if is_bias
         else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
     )
-    # A bias that is an error of the gyro and not estimated has nothing to show.
-    is_alone = not np.isfinite(results.half_widths[:, 3:]).any()
+    # A bias that is not estimated has nothing to show.
+    is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
     for j, (name, unit, part) in enumerate(columns):
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
-        bounds = np.rad2deg(results.half_widths[:, part])
+        bounds = np.rad2deg(result.half_widths[:, part])
         deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
         limit = error_limit(bounds, deviations)
         heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
@@ -91,33 +91,23 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
         for i in range(3):
             axes = figure.add_subplot(grid[i, :] if is_alone else grid[i, j], sharex=first)
             first = first or axes
-            _shade_gaps(axes, results)
+            _shade_gaps(axes, result)
             axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
             if deviations is not None:
                 axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
             axes.axhline(0.0, color=GREY, linewidth=0.5)
             axes.set_ylim(-limit, limit)
             axes.set_ylabel(unit.format(_AXES[i]))
-            # Panels of the whole width are not above those with the times.
+            # Panels of the whole width are not aligned with those below.
             axes.tick_params(labelbottom=is_alone and i == 2)
             if i == 0:
                 axes.set_title(heading, fontsize=9.5)
     below = figure.add_subplot(grid[3, 0], sharex=first)
-    _shade_gaps(below, results)
-    _draw_form(below, time, [("form", results.forms, BLACK)], inside_share, **marks)
+    _shade_gaps(below, result)
+    _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[3, 1], sharex=first)
-    _shade_gaps(size, results)
-    size.plot(
-        time, np.rad2deg(results.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
-    )
-    if errors is not None:
-        size.plot(
-            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
-        )
-    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
-    size.set_title(f"size of the set: {what}", fontsize=9.5)
-    size.set_ylabel("angle (deg)")
-    plain_log_axis(size)
+    _shade_gaps(size, result)
+    _draw_size(size, result, **marks)
     for axes in (below, size):
         axes.set_xlabel("time (s)")
     assert first is not None
@@ -128,9 +118,25 @@ def estimate_figure(results: Results, title: str, *, label: str = "truth", insid
     return figure
 
 
+def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
+    """The largest angle in the set, and the error."""
+    time, errors = result.times, result.errors
+    axes.plot(
+        time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+    )
+    if errors is not None:
+        axes.plot(
+            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
+        )
+    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+    axes.set_title(f"size of the set: {what}", fontsize=9.5)
+    axes.set_ylabel("angle (deg)")
+    plain_log_axis(axes)
+
+
 def about_line_figure(
     time: FloatArray,
-    runs: Sequence[tuple[str, Results, FloatArray, FloatArray]],
+    runs: Sequence[tuple[str, Result, FloatArray, FloatArray]],
     title: str,
     *,
     line: str,
@@ -157,12 +163,12 @@ def about_line_figure(
     figure = new_figure(7.2)
     figure.suptitle(title, fontsize=11)
     widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
-    for (name, results, about, across), (strong, light) in zip(runs, _TONES, strict=False):
+    for (name, result, about, across), (strong, light) in zip(runs, _TONES, strict=False):
         widths.plot(time, np.rad2deg(about), color=strong, linewidth=1.5, label=f"{name}:\nabout the {line}")
         widths.plot(time, np.rad2deg(across), color=light, linewidth=1.5, label="across it")
-        errors.plot(time, np.rad2deg(results.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
-        if results.errors is not None:
-            angles = np.rad2deg(np.linalg.norm(results.errors[:, :3], axis=1))
+        errors.plot(time, np.rad2deg(result.largest_angles), color=light, linewidth=1.5, label=f"{name}:\nbound")
+        if result.errors is not None:
+            angles = np.rad2deg(np.linalg.norm(result.errors[:, :3], axis=1))
             errors.plot(time, angles, color=strong, linewidth=0.8, label="error")
     widths.set_title("half-widths of the set", fontsize=9.5)
     widths.set_ylabel("half-width (deg)")
@@ -183,7 +189,7 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
     Parameters
     ----------
     summary : mapping
-        Of `elliptude.validation.summarize`.
+        What `elliptude.validation.summarize` returns.
 
     Returns
     -------
@@ -247,19 +253,19 @@ def validation_figure(summary: Mapping[str, Any]) -> Figure:
 
 
 def new_figure(height: float) -> Figure:
-    """A figure with the Agg canvas; pyplot is left alone, as it keeps every figure that a program makes."""
+    """A figure with the Agg canvas. Not from pyplot, which keeps every figure that a program makes."""
     figure = Figure(figsize=(9.0, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _shade_gaps(axes: Axes, results: Results) -> None:
+def _shade_gaps(axes: Axes, result: Result) -> None:
     """Grey where no set is known, from the last row that has one to the next."""
-    is_gap = ~np.isfinite(results.largest_angles)
+    is_gap = ~np.isfinite(result.largest_angles)
     if is_gap.any():
         beside = is_gap | np.append(is_gap[1:], False) | np.append(False, is_gap[:-1])
         axes.fill_between(
-            results.times,
+            result.times,
             0.0,
             1.0,
             where=beside.tolist(),
@@ -271,12 +277,12 @@ def _shade_gaps(axes: Axes, results: Results) -> None:
         )
 
 
-def _marks(results: Results) -> Style:
-    return {"marker": "o", "markersize": 2.5} if len(results.times) < _MARK_BELOW else {}
+def _marks(result: Result) -> Style:
+    return {"marker": "o", "markersize": 2.5} if len(result.times) < _MARK_BELOW else {}
 
 
 def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
-    """Where the axis of errors ends: what settles fills it; a start many times as wide is cut."""
+    """Where the axis of errors ends: the settled part fills it, and a start many times as wide is cut."""
     known = bounds[np.isfinite(bounds).all(axis=1)]
     settled = known[len(known) // 8 :]
     values = [settled[np.isfinite(settled)], np.array([]) if errors is None else np.abs(errors[np.isfinite(errors)])]
@@ -307,7 +313,7 @@ def _draw_form(
         shares.append(share if len(curves) == 1 else f"{name} {share}")
         highest = max(highest, float(known.max()))
     axes.set_ylim(0.0, 1.15 * highest)
-    if highest > _FAR_OUT:  # or the edge could not be seen
+    if highest > _FAR_OUT:  # otherwise the edge would not be visible
         plain_log_axis(axes)
         axes.set_ylim(1e-2, 2.0 * min(highest, _HIGHEST_FORM**2))
     axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
@@ -315,7 +321,7 @@ def _draw_form(
 
 
 def log_ticks(low: float, high: float) -> list[float]:
-    """Where a log axis over a range has ticks: at least two within it, and not so many that their labels meet.
+    """Ticks of a log axis over a range: at least two within it, and not so many that their labels meet.
 
     Parameters
     ----------
@@ -350,14 +356,14 @@ class _PlainLogLocator(Locator):
 
 
 def _plain(value: float, _: object) -> str:
-    """0.5 and 20 as they are, powers of ten where there would be many zeros."""
+    """0.5 and 20 as they are; powers of ten instead of many zeros."""
     if 1e-3 <= value < 1e4:
         return f"{value:g}"
     return f"$10^{{{round(np.log10(value))}}}$" if np.log10(value) % 1.0 == 0.0 else f"{value:g}"
 
 
 def plain_log_axis(axes: Axes) -> None:
-    """A log axis that says 0.5, 2 and 10 instead of powers of ten, and says something on narrow ranges too."""
+    """Make an axis logarithmic, with labels such as 0.5, 2 and 10, on narrow ranges too."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(_PlainLogLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(_plain))

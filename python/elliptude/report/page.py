@@ -24,22 +24,22 @@ from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
 LISTED = 500
-"""Spells of measurements left out that the report lists."""
+"""How many spells of left-out measurements the report lists."""
 EACH_LISTED = 20_000
-"""Measurements left out that it lists one by one."""
+"""How many left-out measurements it lists one by one."""
 
-# Spells that are shown without being asked for.
+# How many spells are visible at first.
 _OPEN = 12
 
 
 def summarize(run: Run, label: str) -> dict[str, Any]:
-    """The figures of a run: plain numbers, None for what is not known.
+    """The figures of a run: plain numbers; None for what is not known.
 
     Parameters
     ----------
     run : Run
     label : str
-        What it is compared with.
+        What the run is compared with.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     ----------
     run : Run
     path : path-like
-        Of the HTML file.
+        Path of the HTML file.
     title : str
     label : str
         What the run is compared with.
@@ -120,7 +120,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     Returns
     -------
     dict
-        Of `summarize`, with what was left out of the pictures as ``drawn``.
+        What `summarize` returns, with what was left out of the pictures as ``drawn``.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     }
     page = _text("report.html")
     pieces_of_page = page.split("@")
-    # Between two @ stands a name.
+    # A name between two @ is replaced.
     pieces_of_page[1::2] = [parts[name] for name in pieces_of_page[1::2]]
     with replacing(path) as temporary:
         temporary.write_text("".join(pieces_of_page), encoding="utf-8")
@@ -190,6 +190,16 @@ def _text(name: str) -> str:
 
 
 def _summary_table(summary: dict[str, Any]) -> str:
+    cells = [(escape(name), escape(text)) for name, text in _lines_of_the_run(summary)]
+    for one in reversed(summary.get("implausible", [])):
+        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
+    cells += _lines_of_the_comparison(summary)
+    body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
+    return f"<table>\n{body}\n</table>"
+
+
+def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and figures of the run itself, as text."""
     rate, count = summary["median_rate_hz"], summary["rows"]
     lines = [
         (
@@ -200,7 +210,7 @@ def _summary_table(summary: dict[str, Any]) -> str:
         ("rows with an update", f"{summary['rows_with_an_update']}"),
     ]
     if summary["rows_with_a_set"] < count:
-        lines.append(("rows of which nothing is known", f"{count - summary['rows_with_a_set']}"))
+        lines.append(("rows without a set", f"{count - summary['rows_with_a_set']}"))
     if summary["claims"] is not None:
         recording = summary.get("bounds_from_recording")
         shares = [
@@ -221,7 +231,7 @@ def _summary_table(summary: dict[str, Any]) -> str:
         share = _share(number, summary["rows_with_a_set"])
         lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
     if summary["heading_from_start"]:
-        lines.append(("heading", "counts from the first row, as nothing told it"))
+        lines.append(("heading", "counts from the first row, because nothing determines it"))
     lines += [("" if i else "gaps in the gyro", line) for i, line in enumerate(summary["gaps"])]
     names = {
         "dropped": "measurements dropped",
@@ -233,31 +243,27 @@ def _summary_table(summary: dict[str, Any]) -> str:
         lines.append(("left out from beginning to end", ", ".join(summary["left_out_from_beginning_to_end"])))
     if "up_at_rest" in summary:
         lines.append(("up", summary["up_at_rest"]))
-    cells = [(escape(name), escape(text)) for name, text in lines]
-    for one in reversed(summary.get("implausible", [])):
-        cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
+    return lines
+
+
+def _lines_of_the_comparison(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and figures of the comparison with a reference, as HTML."""
     if summary["compared_with"] is None:
-        cells.append(("compared with", "nothing: there is no reference"))
-    else:
-        compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
-        if summary["reference_error_deg"]:
-            compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
-        cells.append(("compared with", compared))
-        cells.append(("error", _degrees(summary["error_deg"])))
-        escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
-        if summary["escapes"]:
-            if summary["escapes_by_claim"] is not None:
-                escapes += ", " + ", ".join(
-                    f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items()
-                )
-            escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
-        cells.append(("outside the set", escapes))
-    body = "\n".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in cells)
-    return f"<table>\n{body}\n</table>"
+        return [("compared with", "nothing: there is no reference")]
+    compared = f"{escape(summary['compared_with'])}, at {summary['rows_compared']} rows"
+    if summary["reference_error_deg"]:
+        compared += f"; it may itself be off by {summary['reference_error_deg']:.3g}°"
+    escapes = f"{summary['escapes']} ({_share(summary['escapes'], summary['rows_compared'])})"
+    if summary["escapes"]:
+        if summary["escapes_by_claim"] is not None:
+            by_claim = ", ".join(f"{number} {claim}" for claim, number in summary["escapes_by_claim"].items())
+            escapes += f", {by_claim}"
+        escapes = f'<span class="warn">{escapes}; the first at {_seconds(summary["first_escape_s"])} s</span>'
+    return [("compared with", compared), ("error", _degrees(summary["error_deg"])), ("outside the set", escapes)]
 
 
 def _seconds(time: float) -> str:
-    """To a microsecond, of any size."""
+    """A time to a microsecond, of any size."""
     return f"{time:.6f}".rstrip("0").rstrip(".")
 
 
@@ -286,7 +292,7 @@ def _spell_table(spells: list[Spell]) -> str:
     more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
     return (
         '<p class="faint">Dropped: this measurement alone contradicted the others. Refused: the sets of its row did '
-        "not meet, and none of them was used. Own bound: it contradicts what is stated of its sensor, whatever the "
+        "not meet, and none of them was used. Own bound: it contradicts what is stated about its sensor, at any "
         f"attitude. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
         f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
         '<div class="scroll tall"><table><thead>\n'
@@ -296,7 +302,7 @@ def _spell_table(spells: list[Spell]) -> str:
 
 
 def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
-    """Measurements left out, column by column; the farthest off where there are very many."""
+    """Left-out measurements, column by column; only those farthest off if there are very many."""
     if listed is None or not len(listed.times):
         return None
     count = len(listed.times)
@@ -315,7 +321,7 @@ def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
 
 
 def _strip_key(run: Run) -> str:
-    """What the colours of the strip mean; of the claims those that are made."""
+    """What the colours of the strip mean; only for claims that occur."""
     colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in (run.claims or ())}
     entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
     if run.prediction_used is not None:
@@ -343,7 +349,7 @@ def _magnified(factor: int) -> str:
 
 
 def _strip_heading(run: Run, spells: list[Spell]) -> str:
-    """What the strip has, as a heading."""
+    """The heading of the strip."""
     parts = ["claims"] * (run.claims is not None) + ["use of the prediction"] * (run.prediction_used is not None)
     parts += ["measurements left out"] * bool(spells and run.listed is None)
     return " and ".join([", ".join(parts[:-1])] * (len(parts) > 1) + parts[-1:]).capitalize()

@@ -1,9 +1,9 @@
-"""What pictures and the report show of a run: a table of results, whole or with gaps, and what it is compared with.
+"""A run for pictures and the report: a table of results, whole or with gaps, and what it is compared with.
 
 A table of results (docs/tables.md) may have empty cells where nothing is known, and may have these columns:
 
 ``claim``
-    ``unconditional``, ``conditional`` or ``none``: what the estimator says of the row's set.
+    ``unconditional``, ``conditional`` or ``none``: what the row's set rests on.
 ``dropped``
     The sensors whose measurements were left out as contradictory, with a space between their names.
 ``chart``
@@ -11,7 +11,7 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
 ``prediction_used``, ``tilt_bound``
     Whether the prediction went into the row's set; how far the estimated up may be off.
 
-Of the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
+In the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
 
 import json
@@ -46,54 +46,54 @@ from elliptude.results import CLAIMS, Claim
 from elliptude.typing import Chart, FloatArray
 
 SPELL_GAP = 1.0
-"""Measurements that were left out no later than this after one another are listed together, s."""
-# Sets up to this large are magnified by one of these, so that they are no larger than this, rad.
+"""Measurements left out within this time of one another are listed together, s."""
+# Sets up to the first size are magnified by one of these factors, so that they are at most the second, rad.
 _LARGEST_DRAWN = np.deg2rad(20.0)
 _MAGNIFICATIONS: tuple[int, ...] = tuple(digit * scale for scale in (1, 10, 100, 1000, 10_000) for digit in (1, 2, 5))
 
 
 class Refusal(NamedTuple):
-    """A measurement that did not go in."""
+    """Measurements of one row that did not go into its set."""
 
     time: float
     """s."""
     sensors: str
-    """Names, a space between them."""
+    """Names, with a space between them."""
     what: Literal["dropped", "refused", "own bound"]
-    """By itself, or with all others of its row because the sets did not meet, or because its own bound excludes it."""
+    """Left out by itself, with all others of its row because the sets did not meet, or by its own bound."""
 
 
 class Spell(NamedTuple):
-    """Measurements that did not go in, one soon after the other."""
+    """Refusals of the same measurements, one soon after the other."""
 
     first: float
     """s."""
     last: float
     """s."""
     sensors: str
-    """Names, a space between them."""
+    """Names, with a space between them."""
     what: str
-    """As of `Refusal`."""
+    """As in `Refusal`."""
     measurements: int
     """How many."""
 
 
 @dataclass(frozen=True, eq=False)
 class DroppedMeasurements:
-    """Measurements that were left out, n of them, in order of time; of ``dropped.csv``."""
+    """n measurements that were left out, in order of time, from ``dropped.csv``."""
 
     times: FloatArray
     """s, shape (n,)."""
     places: tuple[str, ...]
     """Lines or rows of the log."""
     sensors: tuple[str, ...]
-    """A name each."""
+    """Name of each sensor."""
     contradicts: tuple[str, ...]
     """``prediction`` or ``own_bound``."""
     margins: FloatArray
     """How far the sets were from meeting, or minus what is missing to the own bound, shape (n,)."""
     units: tuple[str, ...]
-    """Of the margins; nothing for those of sets."""
+    """Units of the margins; empty for those of sets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,40 +111,40 @@ class Run:
     largest_angles: FloatArray
     """The largest attitude error in the set, rad, shape (N,)."""
     used: tuple[str, ...]
-    """The sensors that went into each row, a space between their names."""
+    """The sensors that went into each row, with a space between their names."""
     refused: tuple[str, ...]
-    """Those of rows whose sets did not meet, likewise."""
+    """The sensors of rows whose sets did not meet, likewise."""
     dropped: tuple[str, ...] | None = None
-    """Those that were left out by themselves, likewise; None where the table does not say."""
+    """The sensors that were left out by themselves, likewise; None if the table does not say."""
     claims: tuple[str, ...] | None = None
-    """A `Claim`, or nothing, for each row; None where the table does not say."""
+    """A `Claim`, or empty, for each row; None if the table does not say."""
     chart: Chart = "exponential"
     """The coordinates of the error whose shape P is."""
     errors: FloatArray | None = None
     """ζ of the reference from the estimate, rotation vectors in rad, body axes, shape (N, 3)."""
     forms: FloatArray | None = None
-    """The quadratic form of the reference, or the least of all attitudes that it may stand for, shape (N,).
+    """The quadratic form of the reference, or the least of all attitudes within its error, shape (N,).
 
     At most 1 inside the set; infinite for a set without volume.
     """
     reference_error: float = 0.0
     """Angle by which the reference may itself be off, rad."""
     prediction_used: FloatArray | None = None
-    """1 where the prediction went into the set, 0 where it did not, shape (N,); None where the table does not say."""
+    """1 where the prediction went into the set, 0 where it did not, shape (N,); None if the table does not say."""
     tilt_bounds: FloatArray | None = None
-    """Of the angle between estimated and true up, rad, shape (N,); None where the table does not say."""
+    """Bound of the angle between estimated and true up, rad, shape (N,); None if the table does not say."""
     listed: DroppedMeasurements | None = None
-    """All that was left out by itself; None where there is no list."""
+    """Every measurement that was left out by itself; None without a list."""
     void: tuple[str, ...] = ()
     """Sensors that were left out from beginning to end because they contradict their own bounds."""
     heading_from_start: bool = False
-    """Whether the heading counts from the first row, because nothing told it."""
+    """Whether the heading counts from the first row, because nothing determines it."""
     gaps: tuple[str, ...] = ()
     """Lines about gaps in the gyro, and what they cost."""
     implausible: tuple[str, ...] = ()
-    """What in the log contradicted the configuration, and was gone on with regardless."""
+    """Contradictions between log and configuration that were ignored."""
     bounds_from_recording: str | None = None
-    """Which recording the bounds are proposals from; None where there is a reason for them."""
+    """The recording that the bounds are proposals from; None if they have reasons."""
     up_at_rest: str | None = None
     """Which body axis was up at rest, in words."""
 
@@ -183,7 +183,7 @@ class Run:
         return np.array([one == claim for one in self.claims])
 
     def refusals(self) -> Iterator[Refusal]:
-        """Each row's measurements that did not go in, in time order."""
+        """The measurements of each row that did not go in, in time order."""
         dropped = self.dropped if self.dropped is not None and self.listed is None else ("",) * len(self.times)
         found = [] if self.listed is None else self._of_list(self.listed)
         for time, alone, together in zip(self.times, dropped, self.refused, strict=True):
@@ -201,7 +201,7 @@ class Run:
         ]
 
     def refusal_spells(self) -> list[Spell]:
-        """The same in spells: one sensor or set of sensors, no more than `SPELL_GAP` between one time and the next."""
+        """The refusals in spells of the same sensors, with at most `SPELL_GAP` between one time and the next."""
         spells: list[Spell] = []
         last: dict[tuple[str, str], int] = {}
         for refusal in self.refusals():
@@ -220,16 +220,16 @@ class Run:
         Parameters
         ----------
         reference : Reference
-            Of `elliptude.logs.reference_attitudes.read_reference`.
+            What `elliptude.logs.reference_attitudes.read_reference` returns.
         largest_gap : float
-            Where the reference has no sample at a row's time it is interpolated between two no further apart, s.
+            If the reference has no sample at a row's time, it is interpolated between two no further apart, s.
         reference_error : float
-            Angle by which the reference may itself be off, rad: its form is the least of all attitudes so near.
+            Angle by which the reference may itself be off, rad: its form is the least of all attitudes that near.
 
         Returns
         -------
         Run
-            With errors and forms of the attitude; NaN where there is no reference. Where the heading counts from the
+            With errors and forms of the attitude; NaN where there is no reference. If the heading counts from the
             first row, so does the reference's, as in what `elliptude estimate` compares.
 
         Raises
@@ -272,7 +272,7 @@ class Run:
         return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
 
     def true_axes(self, magnification: int = 1) -> FloatArray:
-        """The reference's body axes as columns, its error so many times as large; NaN where not known, (N, 3, 3)."""
+        """The reference's body axes as columns, its error magnified; NaN where not known, (N, 3, 3)."""
         axes = np.full((len(self.times), 3, 3), np.nan)
         if self.errors is None:
             return axes
@@ -373,7 +373,7 @@ def _table_of(result: Path) -> Path:
 
 
 class _Summary(NamedTuple):
-    """What a summary beside a table may say of it."""
+    """What a summary beside a table may say about it."""
 
     label: str = "truth"
     truth_error_deg: float = 0.0
@@ -386,7 +386,7 @@ class _Summary(NamedTuple):
 
 
 def _read_summary(path: Path) -> _Summary:
-    """What the errors are against and how far that may be off, and sensors left out altogether; if there is one."""
+    """What the errors are against, how far that may be off, and which sensors were left out altogether."""
     try:
         read = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
 """Pictures of a run: errors in their bands, the size of the set, where the body's axes may point; as PNG.
 
-Where nothing is known the curves have gaps. A strip below them says what the estimator claims, and which measurements
+Where nothing is known, the curves have gaps. A strip below them shows what the estimator claims, and which measurements
 it left out.
 """
 
@@ -22,11 +22,11 @@ from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, wo
 from elliptude.typing import FloatArray
 
 AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
-"""Of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can tell apart."""
+"""Colours of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can distinguish."""
 AXIS_LINES = ("-", "--", "-.")
 CLAIM_COLOURS = {"unconditional": "#56B4E9", "conditional": "#E69F00", "none": "#BBBBBB"}
 PREDICTION_COLOURS = {"every row": "#5E3C99", "some rows": "#B2ABD2"}
-"""Of `elliptude.report.thinning.prediction_shares`."""
+"""Colours of the words that `elliptude.report.thinning.prediction_shares` returns."""
 TILT_COLOUR = "#CC79A7"
 
 _MOST_PIECES = 1000
@@ -58,7 +58,7 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     limit = error_limit(bounds, errors)
     for i, panel in enumerate(axes):
         panel.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
-        # A band that is thinner than a pixel, and one between two gaps, is seen all the same.
+        # Lines, so that a band thinner than a pixel, or between two gaps, is visible too.
         for sign in (-1.0, 1.0):
             panel.plot(time, sign * bounds[:, i], color=BLUE, linewidth=0.7)
         if errors is not None:
@@ -207,7 +207,7 @@ def time_text(run: Run, row: int) -> str:
 
 
 def _over_time(run: Run, title: str, count: int, height: float) -> tuple[Figure, list[Axes], Axes | None]:
-    """A figure with panels above each other, and a strip below them if there is anything to say there."""
+    """A figure with panels above each other, and a strip below them if it has anything to show."""
     lanes = _lanes(run)
     figure = new_figure(height + 0.22 * lanes)
     figure.suptitle(title, fontsize=11)
@@ -232,7 +232,7 @@ def _lanes(run: Run) -> int:
 
 
 def _lane_names(run: Run) -> list[str]:
-    """Of the strip, from top to bottom."""
+    """Names of the strip's lanes, from top to bottom."""
     said = [("claim", run.claims is not None), ("prediction used", run.prediction_used is not None)]
     return [name for name, is_said in said if is_said] + [f"{name} left out" for name in _names(run)]
 
@@ -321,11 +321,11 @@ def _draw_patch(panel: Axes, seen: FloatArray, colour: str) -> None:
     closed = np.concatenate([seen, seen[:, :1]], axis=1)
     corners = np.stack([closed[:-1, :-1], closed[:-1, 1:], closed[1:, 1:], closed[1:, :-1]], axis=2).reshape(-1, 4, 3)
     in_front = corners[..., 2] >= 0.0
-    # What is behind goes to the limb, so that the area ends there.
+    # Corners behind the sphere go to the limb, so that the area ends there.
     limb = corners[..., :2] / np.maximum(np.hypot(corners[..., 0], corners[..., 1]), 1e-12)[..., None]
     flat = np.where(in_front[..., None], corners[..., :2], limb)
     quads = flat[in_front.any(axis=1)]
-    # One path of them all is filled once: no seams.
+    # One path for all quads is filled once, without seams.
     outlines = np.concatenate([quads, quads[:, :1]], axis=1)
     codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(quads))
     if len(quads):

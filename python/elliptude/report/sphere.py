@@ -13,13 +13,14 @@ from elliptude.report.run_figures import AXIS_COLOURS, time_text
 from elliptude.typing import FloatArray
 
 FRAMES = 240
-"""Times at which the sphere is drawn."""
+"""How many times the sphere is drawn at."""
 
 _MERIDIANS, _RINGS = 36, 4
 _LARGEST = np.deg2rad(60.0)
-"""Of the errors of a set that is drawn: patches, flat between their rings, would cut through the globe if larger."""
+"""The largest errors of a set that is drawn: patches, flat between their rings, would cut through the globe."""
 _INT16 = 32767
 _NOT_KNOWN = -32768
+_NOTHING: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
 
 
 def frame_rows(run: Run) -> NDArray[np.intp]:
@@ -87,7 +88,7 @@ def _packed(directions: FloatArray) -> str:
 
 
 def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[int]]:
-    """Of a disc whose vertices are rings of meridians; the last ring is a point."""
+    """The triangles of a disc whose vertices are rings of meridians; the last ring is a point."""
     i, j, k = [], [], []
     for ring in range(rings - 1):
         for one in range(meridians):
@@ -101,7 +102,7 @@ def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[i
 
 
 def _globe() -> dict[str, Any]:
-    """The sphere of directions, below the patches, which are flat between their vertices."""
+    """The sphere of directions, slightly smaller than the patches, which are flat between their vertices."""
     latitudes, longitudes = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25), np.linspace(0.0, 2.0 * np.pi, 49)
     across = np.cos(latitudes)[:, None]
     sphere = 0.98 * np.stack(
@@ -127,7 +128,7 @@ def _globe() -> dict[str, Any]:
 
 
 def _circles() -> dict[str, Any]:
-    """Where the planes of the reference axes meet the sphere, and these axes themselves."""
+    """The circles in which the planes of the reference axes meet the sphere, and these axes."""
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
     points: list[list[float | None]] = []
     for normal in range(3):
@@ -153,8 +154,6 @@ _STILL = 3
 
 def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
     """Plotly's data and layout."""
-    i, j, k = _triangles(_MERIDIANS, _RINGS)
-    nothing: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
     names = {
         "type": "scatter3d",
         "mode": "text",
@@ -162,53 +161,18 @@ def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
         "text": ["X", "Y", "Z"],
         "hoverinfo": "skip",
     }
+    axes = list(zip("xyz", AXIS_COLOURS, strict=True))
     traces: list[dict[str, Any]] = [_globe(), _circles(), names]
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "mesh3d",
-                "name": f"body {axis}",
-                **{name: [0.0] * (_RINGS * _MERIDIANS) for name in "xyz"},
-                "i": i,
-                "j": j,
-                "k": k,
-                "color": colour,
-                "flatshading": True,
-                "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-                "hoverinfo": "name",
-            }
-        )
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "scatter3d",
-                "mode": "lines",
-                "name": f"rim of body {axis}",
-                **nothing,
-                "line": {"color": colour, "width": 4},
-                "hoverinfo": "skip",
-            }
-        )
-    for axis, colour in zip("xyz", AXIS_COLOURS, strict=True):
-        traces.append(
-            {
-                "type": "scatter3d",
-                "mode": "lines+text",
-                "name": f"estimated body {axis}",
-                **nothing,
-                "text": ["", axis],
-                "textfont": {"color": colour, "size": 26},
-                "line": {"color": colour, "width": 5},
-                "hoverinfo": "name",
-            }
-        )
+    traces += [_patch(axis, colour) for axis, colour in axes]
+    traces += [_rim(axis, colour) for axis, colour in axes]
+    traces += [_estimate(axis, colour) for axis, colour in axes]
     if compares:
         traces.append(
             {
                 "type": "scatter3d",
                 "mode": "markers",
                 "name": label,
-                **nothing,
+                **_NOTHING,
                 "marker": {"size": 4},
                 "meta": "ink",
                 "hoverinfo": "name",
@@ -231,3 +195,46 @@ def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
         uirevision="kept",
     )
     return {"data": traces, "layout": layout}
+
+
+def _patch(axis: str, colour: str) -> dict[str, Any]:
+    """Where a body axis may point."""
+    i, j, k = _triangles(_MERIDIANS, _RINGS)
+    return {
+        "type": "mesh3d",
+        "name": f"body {axis}",
+        **{name: [0.0] * (_RINGS * _MERIDIANS) for name in "xyz"},
+        "i": i,
+        "j": j,
+        "k": k,
+        "color": colour,
+        "flatshading": True,
+        "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+        "hoverinfo": "name",
+    }
+
+
+def _rim(axis: str, colour: str) -> dict[str, Any]:
+    """The edge of that patch."""
+    return {
+        "type": "scatter3d",
+        "mode": "lines",
+        "name": f"rim of body {axis}",
+        **_NOTHING,
+        "line": {"color": colour, "width": 4},
+        "hoverinfo": "skip",
+    }
+
+
+def _estimate(axis: str, colour: str) -> dict[str, Any]:
+    """Where a body axis is estimated to point."""
+    return {
+        "type": "scatter3d",
+        "mode": "lines+text",
+        "name": f"estimated body {axis}",
+        **_NOTHING,
+        "text": ["", axis],
+        "textfont": {"color": colour, "size": 26},
+        "line": {"color": colour, "width": 5},
+        "hoverinfo": "name",
+    }

@@ -1,6 +1,6 @@
-"""Some rows of long results, for a picture: more points than pixels show nothing more.
+"""Chooses some rows of long results for a picture: more points than pixels show nothing more.
 
-`Thinned` takes rows as they are estimated and keeps of each so many the worst; `chosen_rows` has all rows, and keeps
+`Thinned` takes rows as they are estimated and keeps the worst of each group; `chosen_rows` has all rows, and keeps
 every extreme that a curve shows.
 """
 
@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
 LIMIT = 10_000
-"""Results of more rows are thinned, to between half as many and as many."""
+"""Results with more rows are thinned, to between half of this and this."""
 
 
 class Thinned:
-    """Of each so many rows the one with the truth furthest out, or without a truth the one with the largest set.
+    """Keeps from each group of rows the one with the truth furthest out, or without a truth the largest set.
 
-    How many rows stand for one doubles when there are too many, so memory does not grow. A picture of what is left
+    When there are too many rows, the groups double, so memory does not grow. A picture of what is left
     shows every escape that a picture of all would show.
     """
 
@@ -30,14 +30,14 @@ class Thinned:
         self._stride = 1
         self._rows = 0
         self._numbers: NDArray[np.intp] = np.empty(0, dtype=np.intp)
-        self._kept: Results | None = None
+        self._kept: Result | None = None
 
-    def add(self, results: Results) -> None:
+    def add(self, result: Result) -> None:
         """Take the next rows."""
-        numbers = np.arange(self._rows, self._rows + len(results.times))
+        numbers = np.arange(self._rows, self._rows + len(result.times))
         self._rows += len(numbers)
-        worst = _worst(results, numbers // self._stride)
-        part = chosen(results, worst)
+        worst = _worst(result, numbers // self._stride)
+        part = chosen(result, worst)
         self._kept = part if self._kept is None else _joined(self._kept, part)
         self._numbers = np.concatenate([self._numbers, numbers[worst]])
         while len(self._numbers) > LIMIT:
@@ -45,8 +45,8 @@ class Thinned:
             worst = _worst(self._kept, self._numbers // self._stride)
             self._kept, self._numbers = chosen(self._kept, worst), self._numbers[worst]
 
-    def results(self) -> Results:
-        """What is left.
+    def result(self) -> Result:
+        """The rows that were kept.
 
         Raises
         ------
@@ -58,18 +58,18 @@ class Thinned:
         return self._kept
 
 
-def _worst(results: Results, bins: NDArray[np.intp]) -> NDArray[np.intp]:
+def _worst(result: Result, bins: NDArray[np.intp]) -> NDArray[np.intp]:
     """The worst row of each bin, in order."""
-    size: FloatArray = np.where(np.isnan(results.largest_angles), np.inf, results.largest_angles)
+    size: FloatArray = np.where(np.isnan(result.largest_angles), np.inf, result.largest_angles)
     known = np.zeros(len(size), dtype=np.bool_)
-    if results.forms is not None:
-        known = np.isfinite(results.forms)
-        size = np.where(known, results.forms, size)
+    if result.forms is not None:
+        known = np.isfinite(result.forms)
+        size = np.where(known, result.forms, size)
     return largest_of_each(bins, known, size)
 
 
 def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np.intp]:
-    """The row of each bin with the largest score, and of such the first; of several scores the first one counts most.
+    """The first row of each bin with the largest score; if there are several scores, the first one counts most.
 
     Bins must not decrease, and no score may be NaN.
     """
@@ -83,7 +83,7 @@ def largest_of_each(bins: NDArray[np.intp], *scores: NDArray[Any]) -> NDArray[np
     return rows[np.diff(bins[rows], prepend=bins[0] - 1) > 0]
 
 
-def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
+def chosen(result: Result, rows: NDArray[np.intp]) -> Result:
     """Some rows of results."""
 
     def of(value: Any) -> Any:
@@ -91,22 +91,22 @@ def chosen(results: Results, rows: NDArray[np.intp]) -> Results:
             return value
         return value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
 
-    return Results(**{field.name: of(getattr(results, field.name)) for field in fields(Results)})
+    return Result(**{field.name: of(getattr(result, field.name)) for field in fields(Result)})
 
 
-def _joined(first: Results, second: Results) -> Results:
+def _joined(first: Result, second: Result) -> Result:
     def of(one: Any, other: Any) -> Any:
         if one is None or isinstance(one, str):
             return one
         return np.concatenate([one, other]) if isinstance(one, np.ndarray) else [*one, *other]
 
-    return Results(
-        **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Results)}
+    return Result(
+        **{field.name: of(getattr(first, field.name), getattr(second, field.name)) for field in fields(Result)}
     )
 
 
 def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
-    """The weakest claim in each piece of rows; nothing where a row says nothing."""
+    """The weakest claim in each piece of rows; empty if a row has none."""
     ranks = {word: rank for rank, word in enumerate((*CLAIMS, ""))}
     coded = np.array([ranks[word] for word in claims])
     order = (*CLAIMS, "")
@@ -114,7 +114,7 @@ def worst_claims(claims: tuple[str, ...], chunks: list[slice]) -> list[str]:
 
 
 def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
-    """At how many rows of each piece that have a set the prediction went into it: "every row", "some rows", "none"."""
+    """How many of a piece's rows with a set have the prediction in it: "every row", "some rows" or "none"."""
     shares = []
     for chunk in chunks:
         known = used[chunk][np.isfinite(used[chunk])]
@@ -131,9 +131,9 @@ def pieces(count: int, most: int) -> list[slice]:
 def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     """Rows to draw instead of all: every extreme stays, each row as it is.
 
-    Of each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
+    From each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
     the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
-    of which nothing is known.
+    without a set.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from elliptude.simulation.simulated import Simulation
 
 
 def configuration_tables(scenario: Scenario, simulated: Simulation) -> dict[str, object]:
-    """What `elliptude estimate` needs to know of these measurements, by the keys of `elliptude.configuration`."""
+    """What `elliptude estimate` needs to know about these measurements, by the keys of `elliptude.configuration`."""
     degrees = math.degrees(simulated.direction_bound)
     first = simulated.measurements.references[0]
     return {

@@ -1,7 +1,7 @@
 """An hour of the Fermi spacecraft: attitude from its solar arrays and its rates, compared with what it recorded.
 
-What is in the data, where they come from and how far each measurement is trusted: ``data/fermi/README.md`` and
-``data/fermi/estimate.toml`` beside this module. The star is synthetic; the Sun and the rates are Fermi's.
+``data/fermi/README.md`` says what is in the data, where they come from and how far each measurement is trusted;
+``data/fermi/estimate.toml`` is the configuration. The star is synthetic; the Sun and the rates are Fermi's.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.io import tables
-from elliptude.io.tables import Measurements, Results
+from elliptude.io.tables import Measurements, Result
 from elliptude.typing import FloatArray
 
 _FOLDER = resources.files("elliptude") / "data" / "fermi"
@@ -40,7 +40,7 @@ class Telemetry:
     angular_velocities: FloatArray
     """rad/s, body axes, shape (N, 3)."""
     array_angles: FloatArray
-    """Of the +Y solar array, rad, shape (N,)."""
+    """Angles of the +Y solar array, rad, shape (N,)."""
 
 
 def telemetry() -> Telemetry:
@@ -70,7 +70,7 @@ def configuration() -> Configuration:
 
 
 def sun_in_body(array_angles: FloatArray) -> FloatArray:
-    """The Sun's direction in body axes, shape (N, 3), as the +Y solar array's angle (rad, shape (N,)) has it.
+    """The Sun's direction in body axes, shape (N, 3), from the +Y solar array's angle (rad, shape (N,)).
 
     The array turns about Y and follows the Sun. It measures nothing along Y; Fermi keeps the Sun near the X-Z plane.
     """
@@ -87,7 +87,7 @@ def measurements(recorded: Telemetry, *, star_until: int | None = None, seed: in
     star_until : int, optional
         The star is measured in this many rows only; in all if left out.
     seed : int
-        Of the star's errors, uniform in a ball of rotation vectors.
+        Seed of the star's errors, which are uniform in a ball of rotation vectors.
 
     Returns
     -------
@@ -121,12 +121,12 @@ def _in_unit_ball(draws: np.random.Generator, count: int) -> FloatArray:
     return vectors
 
 
-def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far attitude is bounded about a line and across it.
+def half_widths_about(result: Result, line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far the attitude is bounded about a line and across it.
 
     Parameters
     ----------
-    results : Results
+    result : Result
         N rows.
     line : (N, 3) array
         Unit vectors in reference axes.
@@ -138,13 +138,13 @@ def half_widths_about(results: Results, line: FloatArray) -> tuple[FloatArray, F
     across : (N,) array
         The largest one perpendicular to it, rad.
     """
-    about, across = np.full((2, len(results.times)), np.nan)
-    known = np.isfinite(results.shapes[:, 0, 0])
-    shapes = results.shapes[known, :3, :3]
-    in_body = np.einsum("nji,nj->ni", results.attitudes[known], line[known])
+    about, across = np.full((2, len(result.times)), np.nan)
+    known = np.isfinite(result.shapes[:, 0, 0])
+    shapes = result.shapes[known, :3, :3]
+    in_body = np.einsum("nji,nj->ni", result.attitudes[known], line[known])
     about[known] = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
     projectors = np.eye(3) - in_body[:, :, None] * in_body[:, None, :]
     across[known] = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
-    if results.chart == "gibbs":
+    if result.chart == "gibbs":
         about, across = 2.0 * np.arctan(0.5 * about), 2.0 * np.arctan(0.5 * across)
     return about, across

@@ -1,6 +1,6 @@
-"""Scenarios: a body, its motion, and how it is measured, as TOML files of one form; some are built in.
+"""Scenarios: a body, its motion, and how it is measured, as TOML files; some are built in.
 
-SI units and radians, but for keys that end in ``_deg``. What each key means: ``docs/scenarios.md``.
+SI units and radians, except in keys that end in ``_deg``. What each key means: ``docs/scenarios.md``.
 """
 
 import os
@@ -42,7 +42,7 @@ class GravityGradient(Model):
     orbit_rate: Positive
     """n in rad/s."""
     radial_direction: Literal["(cos nt, sin nt, 0)"] = "(cos nt, sin nt, 0)"
-    """r(t) in reference axes; the key is there to be read."""
+    """r(t) in reference axes; only for the reader."""
 
 
 Potential = Annotated[Free | UniformGravity | GravityGradient, Field(discriminator="kind")]
@@ -64,7 +64,7 @@ class Estimate0(Model):
 
 
 def _as_matrix(value: object) -> object:
-    """Principal moments as the matrix they stand for; anything else is left for pydantic to judge."""
+    """Principal moments as a matrix; pydantic checks everything else."""
     if isinstance(value, list) and len(value) == 3 and not any(isinstance(item, list) for item in value):
         return [[value[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
     return value
@@ -95,7 +95,7 @@ class Scenario(Model):
     """
 
     name: str = Field(min_length=1)
-    """The draws of the noise depend on it; a file's is that of the file without ``.toml``, unless it says otherwise."""
+    """The random errors depend on it; if left out, the name of the file without ``.toml``."""
     description: str = ""
     inertia: Inertia
     potential: Potential
@@ -106,7 +106,7 @@ class Scenario(Model):
     step: Positive
     """An estimator's step, s; the truth does not depend on it."""
     integrator_order: Literal[2, 4, 6, 8] = 4
-    """Of an estimator."""
+    """Order of an estimator's integrator."""
     steps_between_measurements: Count
     measurements: Count
     directions: Annotated[dict[str, DirectionSet], Field(min_length=1)]
@@ -114,7 +114,7 @@ class Scenario(Model):
     bound_deg: Annotated[tuple[BoundDeg, ...], Field(min_length=1)]
     """Bounds that figures are quoted for: of a direction's error, and the same number per s of the rate's."""
     weights: Literal["equal"] = "equal"
-    """Of the directions, in an estimator."""
+    """Weights of the directions, in an estimator."""
     estimate0: Estimate0
 
     @property

@@ -1,7 +1,7 @@
 """Simulated measurements: a true motion and bounded errors.
 
-The motion is that of the continuous equations, from an integrator that is not the filter's, with torques that are not
-the core's; so the estimate is never judged by its own model. Errors are as in the paper: b = exp(S(ν)) b̃ and ω = ω̃ + v,
+The motion solves the continuous equations, by an integrator that is not the filter's and with torques that are not
+the core's, so that no estimate is judged by its own model. Errors are as in the paper: b = exp(S(ν)) b̃, ω = ω̃ + v,
 where b and ω are true, b̃ and ω̃ measured, all in body axes.
 """
 
@@ -27,7 +27,7 @@ Noise: TypeAlias = Literal["inside", "perpendicular", "common"]
 """
 NOISES: tuple[Noise, ...] = get_args(Noise)
 
-# Of DOP853, relative and absolute.
+# Tolerance of DOP853, relative and absolute.
 _TOLERANCE = 1e-12
 
 _Torque: TypeAlias = Callable[[float, FloatArray], FloatArray]
@@ -55,17 +55,17 @@ class Simulation:
     noise: Noise
     seed: int
     direction_bound: float
-    """Of ‖ν‖, rad."""
+    """Bound of ‖ν‖, rad."""
     rate_bound: float
-    """Of ‖v‖, rad/s."""
+    """Bound of ‖v‖, rad/s."""
     measurements: Measurements
-    """With the truth beside them. Where an estimator starts from a given set, the first row is at time 0 and empty."""
+    """Measurements with their truth. If an estimator starts from a given set, the first row is at time 0 and empty."""
 
 
 def truth(scenario: Scenario) -> Truth:
     """Integrate the motion of a scenario.
 
-    SciPy's DOP853 on the nine entries of C and ω, tolerance 1e-12, relative and absolute. Only what is returned is made
+    SciPy's DOP853 on the nine entries of C and ω, tolerance 1e-12, relative and absolute. Only the results are made
     orthogonal.
 
     Parameters
@@ -79,7 +79,7 @@ def truth(scenario: Scenario) -> Truth:
     Raises
     ------
     ArithmeticError
-        If numbers grow beyond bounds on the way.
+        If numbers overflow on the way.
     """
     inertia = scenario.inertia_matrix
     inverse = np.linalg.inv(inertia)
@@ -90,7 +90,7 @@ def truth(scenario: Scenario) -> Truth:
         momentum_rate = torque(time, attitude) - _cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
 
-    from scipy.integrate import solve_ivp  # here, as every command would take longer to start
+    from scipy.integrate import solve_ivp  # here, because every command would start more slowly
 
     times = scenario.interval * np.arange(scenario.measurements + 1, dtype=np.float64)
     states = np.empty((len(times), 12))
@@ -98,7 +98,7 @@ def truth(scenario: Scenario) -> Truth:
     # One call for each interval: at the end of a call the state has the full order, in between it is interpolated.
     for i, interval in enumerate(pairwise(times)):
         try:
-            # SciPy would go on with NaN without end.
+            # SciPy would go on with NaN for ever.
             with np.errstate(over="raise", invalid="raise", divide="raise"):
                 solution = solve_ivp(motion, interval, states[i], method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE)
         except (ArithmeticError, ValueError) as error:
@@ -134,7 +134,7 @@ def measure(
     ----------
     scenario : Scenario
     truth : Truth
-        Of this scenario. Many seeds share one.
+        The scenario's truth. Many seeds share one.
     seed : int
         Not negative.
     directions : str, optional

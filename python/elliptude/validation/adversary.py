@@ -1,4 +1,4 @@
-"""What `elliptude.validation` tries the filters with: scenarios from any start, and errors that use up their bounds."""
+"""What `elliptude.validation` tries the filters with: scenarios from any start, and errors that reach their bounds."""
 
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Protocol, TypeAlias, get_args
@@ -23,7 +23,7 @@ Noise: TypeAlias = Literal["inside", "perpendicular", "common", "alternating", "
 NOISES: tuple[Noise, ...] = get_args(Noise)
 DIRECTIONS = ("two", "three", "five")
 BOUNDS_DEG = (0.1, 1.0, 7.0, 20.0)
-"""Of a direction's error, and the same number per second of the rate's."""
+"""Bounds of a direction's error, and the same numbers per second of the rate's."""
 DESCRIPTIONS = {
     "disturbed": "orbit, with an unknown torque of up to 0.01 N m beside the known ones",
     "free": "free body of any spin of up to 5 rad/s, an update each 0.1 s",
@@ -33,14 +33,14 @@ DESCRIPTIONS = {
 }
 SCENARIOS = tuple(DESCRIPTIONS)
 
-# What rounding adds to an error: rad and rad/s. Bounds are used up but for it.
+# What rounding adds to an error, rad and rad/s: errors reach their bounds up to this.
 _ROUNDING = 1e-14
 INSIDE = 1.0 - 1e-12
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is varied from one part of a validation to another."""
+    """One combination of scenario, directions, bound, noise and kind of trial."""
 
     scenario: str
     directions: str
@@ -66,14 +66,14 @@ class Errors:
     directions: FloatArray
     """ν with b = exp(S(ν)) b̃, body axes, shape (T, U, m, 3)."""
     rates: FloatArray
-    """Of the measured angular velocity or the gyro, shape (T, U, 3)."""
+    """Errors of the measured angular velocity or of the gyro, shape (T, U, 3)."""
     inputs: FloatArray
-    """Of the intervals: unknown torque, or angular acceleration and drift of the bias, shape (T, U, 2, 3)."""
+    """Inputs of the intervals: unknown torque, or angular acceleration and drift of the bias, shape (T, U, 2, 3)."""
     start: FloatArray
     """The true initial state in the first set, shape (T, 6)."""
 
     def of(self, rows: NDArray[np.intp]) -> "Errors":
-        """Those of some trials."""
+        """The rows of some trials."""
         return Errors(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
@@ -90,7 +90,7 @@ class Starts:
     roots: FloatArray
     """L, shape (T, 6, 6)."""
     from_measurement: NDArray[np.bool_]
-    """Trials that are not told the set, shape (T,)."""
+    """Trials whose filter is not told the set, shape (T,)."""
 
     @property
     def shapes(self) -> FloatArray:
@@ -100,7 +100,7 @@ class Starts:
         return symmetric
 
     def of(self, rows: NDArray[np.intp]) -> "Starts":
-        """Those of some trials."""
+        """The rows of some trials."""
         return Starts(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def true_states(self, errors: Errors) -> tuple[FloatArray, FloatArray]:
@@ -118,12 +118,12 @@ class Motion:
     rates: FloatArray
     """Angular velocities, rad/s, body axes, shape (T, U + 1, 3)."""
     vectors: FloatArray
-    """What the filter estimates beside the attitude: the rates, or the gyro bias, shape (T, U + 1, 3)."""
+    """The vector that the filter estimates beside the attitude: rates or gyro biases, shape (T, U + 1, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the filter is given in T trials; row 0 is at time 0, where no direction is measured."""
+    """The measurements of T trials; row 0 is at time 0, where no direction is measured."""
 
     directions: FloatArray
     """Body axes, shape (T, U + 1, m, 3)."""
@@ -144,11 +144,11 @@ class Plant(Protocol):
 
     @property
     def bound(self) -> float:
-        """Of a direction's error, rad."""
+        """Bound of a direction's error, rad."""
 
     @property
     def rate_bound(self) -> float:
-        """Of the error of a measured rate or a gyro's sample, rad/s."""
+        """Bound of the error of a measured rate or a gyro's sample, rad/s."""
 
     @property
     def has_gyro(self) -> bool:
@@ -156,16 +156,16 @@ class Plant(Protocol):
 
     @property
     def largest_rate(self) -> float:
-        """Of the true initial rates, rad/s."""
+        """Largest of the true initial rates, rad/s."""
 
     def motion(self, starts: Starts, errors: Errors) -> Motion:
         """The true motion."""
 
     def flow(self) -> _core.RigidBodyFlow | _core.GyroFlow:
-        """Of the modes of first order."""
+        """The flow for the modes of first order."""
 
     def guaranteed_flow(self) -> Any:
-        """Of the guaranteed mode."""
+        """The flow for the guaranteed mode."""
 
 
 def measure(of: Plant, motion: Motion, errors: Errors) -> Measured:
@@ -254,7 +254,7 @@ def draw_errors(of: Plant, noise: Noise, starts: Starts, updates: int, draws: np
             inputs=simulated.in_ball(draws, (count, updates, 2)),
             start=_normalized(draws.standard_normal((count, 6))) * draws.random((count, 1)) ** (1.0 / 6.0),
         )
-    # In time the errors of a trial are drawn anew, the same, or the same but for their sign.
+    # Over time the errors of a trial are drawn anew, stay the same, or only change sign.
     in_time = draws.integers(3, size=count)
     shared = draws.integers(2, size=count) == 1
     if noise != "search":
@@ -275,7 +275,7 @@ def draw_errors(of: Plant, noise: Noise, starts: Starts, updates: int, draws: np
 
 
 def propose(errors: Errors, draws: np.random.Generator) -> Errors:
-    """Errors near the given ones: in each trial all are moved, or those of one time, of one sensor or of the start.
+    """Errors near the given ones: each trial moves all of them, or those of one time, of one sensor or of the start.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def propose(errors: Errors, draws: np.random.Generator) -> Errors:
     Returns
     -------
     Errors
-        Still in the unit balls; most of what was changed is on their spheres.
+        Still in the unit balls; most changed ones are on their spheres.
     """
     count, updates, sensors, _ = errors.directions.shape
     what = draws.integers(5, size=(count, 1))
@@ -300,7 +300,7 @@ def propose(errors: Errors, draws: np.random.Generator) -> Errors:
     def moved(old: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
         each = (count,) + (1,) * (old.ndim - 1)
         steps = draws.standard_normal(old.shape)
-        if old.ndim > 2:  # from a time on all alike, as what adds up does the most
+        if old.ndim > 2:  # from a time on all alike, because errors that add up do the most
             steps = np.where(from_a_time.reshape(each), steps[:, :1], steps)
         new = old + scales.reshape(each) * steps
         length = np.linalg.norm(new, axis=-1, keepdims=True)

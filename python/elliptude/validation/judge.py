@@ -1,4 +1,4 @@
-"""Where the truth is in a set: by NumPy, in the chart that the set belongs to, with as many digits as it takes."""
+"""Judges whether the truth is in a set: by NumPy, in the set's own chart, with as many digits as needed."""
 
 from decimal import Decimal, localcontext
 from typing import Any, Literal, TypeAlias
@@ -9,8 +9,8 @@ from elliptude.typing import FloatArray
 
 Mode: TypeAlias = Literal["guaranteed", "first_order", "paper"]
 FORM_EDGES = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 51), [np.inf]])
-"""Of the histogram of forms."""
-# Where the truth is this near to the edge there are more digits, and where P, scaled, is this near to being singular.
+"""Edges of the histogram of forms."""
+# More digits are used if the truth is this near to the edge, or if P, scaled, is this near to singular.
 _NEAR_EDGE = 1e-2
 _NEARLY_SINGULAR = 1e-9
 _EXACT_DIGITS = 50
@@ -37,7 +37,7 @@ def forms_of(
     Returns
     -------
     (...) array
-        At most 1 inside; infinite where P is not positive definite or the error is a half turn, NaN where there is no
+        At most 1 inside; infinite if P is not positive definite or the error is a half turn, NaN if there is no
         set.
     """
     arguments = (attitudes, vectors, true_attitudes, true_vectors)
@@ -49,7 +49,7 @@ def forms_of(
         along = np.einsum("nij,ni->nj", axes, states[known] / scales)
         of_known = np.sum(along**2 / eigenvalues, axis=-1)
     values[known] = np.where(np.all(eigenvalues > 0.0, axis=-1) & np.isfinite(of_known), of_known, np.inf)
-    # Thin sets cost digits: where that may decide, there are more of them.
+    # Thin sets cost digits: where that may matter, more of them are used.
     singular = np.zeros(values.shape, bool)
     singular[known] = eigenvalues[:, 0] < _NEARLY_SINGULAR
     for chosen, precisely in ((np.abs(values - 1.0) < _NEAR_EDGE, _precise_forms), (singular, _exact_forms)):
@@ -85,7 +85,7 @@ def exact_root(shape: FloatArray) -> list[list[Decimal]] | None:
 
 
 def _exact_forms(shapes: Any, states: Any) -> Any:
-    """As `_precise_forms`, in 50 digits."""
+    """`_precise_forms` in 50 digits."""
     values = np.full(len(shapes), np.inf)
     for n, (shape, state) in enumerate(zip(shapes, states, strict=True)):
         root = exact_root(shape.astype(np.float64))

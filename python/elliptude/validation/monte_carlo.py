@@ -1,9 +1,9 @@
 """Adversarial Monte Carlo: whether the truth stays in the set, whatever the errors within their bounds.
 
 Every trial is a motion, a first set with the truth in it or on its boundary, and measurements with errors within the
-bounds, drawn at random or driven by a search that pushes the truth out of the set. The truth is that of the continuous
-equations, from an integrator of its own; containment is judged here by NumPy, in the chart that the set belongs to.
-What is drawn and what comes of it is a function of the arguments alone.
+bounds, drawn at random or by a search that pushes the truth out of the set. The truth solves the continuous
+equations, by an integrator of its own; NumPy judges containment, in the chart of the set.
+All draws and results are functions of the arguments alone.
 """
 
 import math
@@ -35,29 +35,29 @@ from elliptude.validation.plants import guaranteed, plant
 
 MODES: tuple[Mode, ...] = get_args(Mode)
 CHUNK_TRIALS = 480
-"""What is drawn at once, and the least that is kept of an interrupted run."""
+"""Trials that are drawn at once; an interrupted run keeps whole chunks of them."""
 SEARCH_RUNS = 240
-"""A search is this many runs, each a trial."""
+"""The number of runs in a search; each is a trial."""
 SEARCH_DRAWN = 0.3
-"""The share of them that is drawn at random; from the worst of these the search climbs."""
+"""The share of them that is drawn at random; the search climbs from the worst of these."""
 SETTLED_UPDATE = 6
 """Sizes are means from this update on."""
 
 _COUNTS = ("updates", "escapes", "refused", "without_set", "failed", "predictions", "used")
-# Of trials of other kinds than honest ones, too.
+# With the counts of the other kinds of trials.
 _ALL_COUNTS = tuple(dict.fromkeys((*_COUNTS, *trials.COUNTS)))
 _SIZES = ("trace", "volume_radius", "largest_angle_rad")
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """All that a validation depends on."""
+    """Everything that a validation depends on."""
 
     mode: Mode
     trials: int
-    """For each case."""
+    """Trials of each case."""
     updates: int
-    """In each trial."""
+    """Updates in each trial."""
     seed: int
     cases: tuple[Case, ...]
 
@@ -68,8 +68,8 @@ class Arguments:
 
 
 HOLDS, REFUSED, WITHOUT_SET, FAILED = range(4)
-"""What a filter says at an update: a set; that measurements contradict each other or the prediction; that nothing is
-known of the attitude; nothing at all, as it gave up."""
+"""Outcomes of an update: there is a set; measurements contradict each other or the prediction; the attitude is not
+known; the filter gave up."""
 
 
 # --- the filters ------------------------------------------------------------------------------------------------------
@@ -77,7 +77,7 @@ known of the attitude; nothing at all, as it gave up."""
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """What a filter made of T trials, at the U updates; NaN where it gave up."""
+    """The sets of a filter in T trials, at the U updates; NaN where it gave up."""
 
     attitudes: FloatArray
     """Shape (T, U, 3, 3)."""
@@ -125,7 +125,7 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured) -> Runs:
             sets = (
                 _guaranteed(of, flow, *arguments) if mode == "guaranteed" else _first_order(of, flow, mode, *arguments)
             )
-        except ValueError:  # given up: too long a step, a set beyond all numbers
+        except ValueError:  # given up: a step that is too long, a set that overflows
             continue
         for field, values in zip(fields(runs), sets, strict=True):
             getattr(runs, field.name)[trial] = values
@@ -188,7 +188,7 @@ def _guaranteed(
     return log.attitudes[updates], log.vectors[updates], shapes, log.prediction_used[updates], claims
 
 
-# By name, member of an enumeration or number. A claim that rests on dropped measurements has taken true ones for wrong.
+# A claim by name, member of an enumeration or number. A conditional one means that true measurements were dropped.
 _CLAIMS = {
     **{"unconditional": HOLDS, "conditional": REFUSED, "none": WITHOUT_SET},
     **{"0": HOLDS, "1": REFUSED, "2": WITHOUT_SET},
@@ -196,9 +196,9 @@ _CLAIMS = {
 
 
 def measured_alone(of: Plant, mode: Mode, measured: Measured) -> FloatArray | None:
-    """The shapes that each update's measurements give without any prediction, (T, U, 6, 6).
+    """The shapes from the measurements of each update without any prediction, (T, U, 6, 6).
 
-    None for a gyro, as directions say nothing of its bias.
+    None for a gyro, because directions say nothing about its bias.
     """
     if of.has_gyro:
         return None
@@ -211,7 +211,7 @@ def measured_alone(of: Plant, mode: Mode, measured: Measured) -> FloatArray | No
             directions, rate = measured.directions[trial, row], measured.rates[trial, row]
             try:
                 if mode == "guaranteed":
-                    # Of the first row of a log without a set to start from.
+                    # The first row of a log without a set to start from.
                     sets = _guaranteed(of, flow, None, times, np.array([nothing, directions]), np.array([rate, rate]))
                     shapes[trial, row - 1] = sets[2][0]
                 else:
@@ -259,7 +259,7 @@ def validate_chunk(arguments: Arguments, case: Case, number: int) -> dict[str, A
     arguments : Arguments
     case : Case
     number : int
-        Of the chunk in its case.
+        Number of the chunk in its case.
 
     Returns
     -------
@@ -295,7 +295,7 @@ def validate_chunk(arguments: Arguments, case: Case, number: int) -> dict[str, A
 def _search(
     of: Plant, arguments: Arguments, count: int, draws: np.random.Generator, tally: "_Tally"
 ) -> tuple[Starts, Errors]:
-    """Searches with `count` runs in all, side by side; where each of them ended."""
+    """Searches with `count` runs in total, side by side; returns where each of them ended."""
     searches = -(-count // SEARCH_RUNS)
     drawn = max(searches, round(SEARCH_DRAWN * count))
     starts = draw_starts(of, drawn, draws)
@@ -336,7 +336,7 @@ class _Tally:
     def add(self, starts: Starts, runs: Runs, values: FloatArray) -> None:
         judged = (runs.claims == HOLDS) | (runs.claims == REFUSED)
         values = np.where(judged & np.isnan(values), np.inf, values)
-        # A measurement that a filter starts from meets no prediction.
+        # There is no prediction for a measurement that a filter starts from.
         predictions = values.size - int(np.sum(starts.from_measurement))
         counted = {
             "updates": values.size,
@@ -361,12 +361,12 @@ class _Tally:
     def to_dict(self) -> dict[str, Any]:
         worst = self.worst
         if worst is not None and math.isinf(worst["form"]):
-            worst = worst | {"form": float(np.finfo(float).max)}  # JSON knows no infinity
+            worst = worst | {"form": float(np.finfo(float).max)}  # JSON has no infinity
         return self.counts | {"worst": worst, "histogram": self.histogram.tolist()}
 
 
 def _mean_sizes(compared: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """Means of sizes (T, U, 3) over the settled updates at which all that are compared have one."""
+    """Means of sizes (T, U, 3) over the settled updates at which all compared filters have a set."""
     settled = {name: of[:, SETTLED_UPDATE - 1 :].reshape(-1, 3) for name, of in compared.items()}
     known = np.logical_and.reduce([np.isfinite(of).all(axis=1) for of in settled.values()])
     if not known.any():

@@ -1,4 +1,4 @@
-"""What `elliptude.validation` moves: a body or a gyro, its true motion, and what a filter is told of it."""
+"""Bodies and gyros for `elliptude.validation`: their true motion, and what a filter is told about it."""
 
 import math
 from dataclasses import dataclass
@@ -28,11 +28,11 @@ class RigidBodyPlant:
     unknown_torque: float
     """N m."""
     added_orbit_rate: float = 0.0
-    """Of a gravity gradient beside the scenario's potential, rad/s; the filter knows of it."""
+    """Orbit rate of a gravity gradient beside the scenario's potential, rad/s; the filter knows it."""
     eccentricity: float = 0.0
-    """Of the true orbit; the filter takes it for a circle, and is told by how much the torque may be off."""
+    """Eccentricity of the true orbit. The filter takes it for a circle, and is told how far the torque may be off."""
     precise: bool = False
-    """Whether the truth is calculated to the last digit of a double, which takes longer."""
+    """Whether to calculate the truth to the last digit of a double, which takes longer."""
     has_gyro: bool = False
 
     @property
@@ -47,7 +47,7 @@ class RigidBodyPlant:
 
     @property
     def largest_rate(self) -> float:
-        """At the start, rad/s."""
+        """Largest rate at the start, rad/s."""
         return float(np.linalg.norm(self.scenario.rate0))
 
     def motion(self, starts: Starts, errors: Errors) -> Motion:
@@ -103,7 +103,7 @@ class RigidBodyPlant:
         return self.unknown_torque + self._eccentric_torque() or None
 
     def _eccentric_torque(self) -> float:
-        """By how much the torque on an eccentric orbit may differ from that on a circle, at any attitude, N m.
+        """How far the torque on an eccentric orbit may differ from that on a circle, at any attitude, N m.
 
         3 n² r̂ × J r̂ is that of J less the middle of its moments, which is as large as half their difference D: the
         nearness s = (a/r)³ adds at most 3 n² (s − 1) D/2, and the direction, off by a chord c, at most 3 n² D c.
@@ -122,7 +122,7 @@ class RigidBodyPlant:
         return float(3.0 * potential.orbit_rate**2 * difference * (0.5 * (nearness - 1.0) + 1.001 * nearness * chord))
 
     def flow(self) -> _core.RigidBodyFlow:
-        """Of the modes of first order."""
+        """The flow for the modes of first order."""
         return _core.RigidBodyFlow(
             self._body,
             self._potential,
@@ -132,7 +132,7 @@ class RigidBodyPlant:
         )
 
     def guaranteed_flow(self) -> Any:
-        """Of the guaranteed mode."""
+        """The flow for the guaranteed mode."""
         return guaranteed("GuaranteedRigidBodyFlow")(
             self._body, self._potential, step=self.scenario.step, unknown_torque=self._whole_unknown_torque
         )
@@ -145,9 +145,9 @@ class GyroPlant:
     reference: FloatArray
     bound: float
     rate_bound: float
-    """Of the errors of the gyro's samples, rad/s."""
+    """Bound of the errors of the gyro's samples, rad/s."""
     noise: float
-    """What the filter is told of them, rad/s."""
+    """The noise bound that the filter is told, rad/s."""
     drift: float
     """Bound of the rate of change of the bias, rad/s²."""
     interval: float = 0.1
@@ -164,7 +164,7 @@ class GyroPlant:
         accelerations, drifts = np.moveaxis(INSIDE * errors.inputs, 2, 0)
         times = _times(self, errors)
         if self.angular_acceleration == 0.0:
-            # The sample, not the rate, is a number of 53 digits: a gyro without errors has none in the last one either.
+            # The sample, not the rate, is a double: a gyro without errors has none in the last digit either.
             rate = (starts.rates + biases).astype(_LONG) - biases
             attitudes, rates = _turned(attitudes, rate, times), np.repeat(rate[:, None], len(times), axis=1)
         else:
@@ -175,12 +175,12 @@ class GyroPlant:
         return Motion(attitudes, rates, biases[:, None] + np.pad(added, ((0, 0), (1, 0), (0, 0))))
 
     def flow(self) -> _core.GyroFlow:
-        """Of the modes of first order: the sample's error is that of the interval's mean rate."""
+        """The flow for the modes of first order: the sample's error is that of the interval's mean rate."""
         change = 0.5 * self.interval * (self.angular_acceleration + self.drift)
         return _core.GyroFlow(self.noise + change, self.drift)
 
     def guaranteed_flow(self) -> Any:
-        """Of the guaranteed mode."""
+        """The flow for the guaranteed mode."""
         return guaranteed("GuaranteedGyroFlow")(
             noise=self.noise,
             drift=self.drift if self.tells_drift else 0.0,
@@ -193,7 +193,7 @@ _UNKNOWN_TORQUE = 0.01
 
 
 def plant(case: Case) -> Plant:
-    """What a case moves and measures."""
+    """The body or gyro of a case."""
     orbit = scenarios.load("orbit")
     reference = np.array(orbit.directions[case.directions])
     bound = math.radians(case.bound_deg)
@@ -205,7 +205,7 @@ def plant(case: Case) -> Plant:
 
 
 def guaranteed(name: str) -> Any:
-    """A class of the guaranteed mode."""
+    """The class of the guaranteed mode with this name."""
     return getattr(elliptude, name)
 
 
@@ -215,7 +215,7 @@ def _times(of: Plant, errors: Errors) -> FloatArray:
 
 
 def _turned(attitudes: FloatArray, rates: Any, times: FloatArray) -> FloatArray:
-    """C exp(S(t ω)) at all times, by Rodrigues' formula in long double: to the last digit, however many turns."""
+    """C exp(S(t ω)) at all times, by Rodrigues' formula in long double: to the last digit for any number of turns."""
     speeds = np.sqrt(np.sum(rates**2, axis=1))
     axes = rates / np.where(speeds > 0.0, speeds, _LONG(1.0))[:, None]
     angles = (speeds[:, None] * times)[..., None, None]

@@ -1,7 +1,7 @@
-"""What `elliptude validate` tries beside honest logs: liars, gaps, thin sets, extreme bodies, and the filter's options.
+"""Kinds of trials besides honest logs: liars, gaps, thin sets, extreme bodies, and the filter's options.
 
-A kind says where it makes sense, what it changes of what moves and of the first sets, and what the filter of a trial
-is told, with what of that is a lie. What came of it is judged for all kinds alike, by `elliptude.validation.trials`.
+A kind says where it makes sense, how it changes the motion and the first sets, and what it tells the filter of a trial,
+including which of that is a lie. `elliptude.validation.trials` judges all kinds alike.
 """
 
 import math
@@ -21,7 +21,7 @@ from elliptude.validation.plants import GyroPlant, RigidBodyPlant
 
 BODIES = tuple(name for name in SCENARIOS if name != "gyro")
 LIE_SIZES = (1e-3, 1e300)
-"""Added to an angle (rad) or a rate (rad/s); their logarithms are uniform."""
+"""Range of lies that are added to an angle (rad) or a rate (rad/s); their logarithms are uniform."""
 REGAIN_AFTER = (1, 3, 10)
 
 
@@ -31,13 +31,13 @@ class Trial:
 
     of: Plant
     starts: Starts
-    """Of all trials."""
+    """First sets of all trials."""
     motion: Motion
-    """Of all trials."""
+    """Motion of all trials."""
     measured: Measured
-    """Of all trials."""
+    """Measurements of all trials."""
     number: int
-    """Which of them."""
+    """Index of the trial."""
 
     @property
     def vectors(self) -> FloatArray:
@@ -48,10 +48,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What the filter of one trial is told, R rows in the order in which they come; the first has no measurement."""
+    """Everything that the filter of one trial is told: R rows in the order of arrival; the first has no measurement."""
 
     rows: NDArray[np.intp]
-    """Of which update of the motion, shape (R,). One that is before its predecessor comes too late to be used."""
+    """The update of the motion of each row, shape (R,). A row before its predecessor comes too late to be used."""
     directions: FloatArray
     """Body axes, NaN where none was measured, shape (R, m, 3)."""
     rates: FloatArray
@@ -59,17 +59,17 @@ class Told:
     lies: NDArray[np.bool_]
     """Which directions and, last, rates are further off than their bounds, shape (R, m + 1)."""
     attitude: FloatArray
-    """The first set's center, (3, 3)."""
+    """The first set's center, the attitude, (3, 3)."""
     vector: FloatArray
-    """The first set's other center, rad/s, (3,)."""
+    """The first set's center, the vector, rad/s, (3,)."""
     shape: FloatArray | None
-    """P of the first set, which the filter is not told if this is None."""
+    """P of the first set; None if the filter is not told a first set."""
     chart: str
-    """Of the first set."""
+    """Chart of the first set."""
     start_lies: bool
     """Whether the truth may not be in the first set."""
     options: dict[str, Any]
-    """Of the filter."""
+    """Options of the filter."""
     most_lies: int = 0
     """How many measurements of an update may be lies without harm to the filter's promise."""
     increments: FloatArray | None = None
@@ -92,13 +92,13 @@ class Kind:
     """A kind of trial."""
 
     tries: str
-    """In words."""
+    """A description."""
     tell: Tell
-    """What the filter is told of a trial."""
+    """A function that draws what the filter of a trial is told."""
     plant: Callable[[Plant, np.random.Generator], Plant] = _same_plant
-    """What moves instead of the scenario's body or gyro, for the trials of a chunk."""
+    """A function that replaces the scenario's body or gyro, for the trials of a chunk."""
     starts: Callable[[Plant, Starts, np.random.Generator], Starts] = _same_starts
-    """The first sets instead of those that were drawn."""
+    """A function that replaces the first sets that were drawn."""
     scenarios: tuple[str, ...] = field(default=SCENARIOS)
     """Where the kind makes sense."""
 
@@ -181,7 +181,7 @@ def _one_liar(trial: Trial, draws: np.random.Generator) -> Told:
     sensor = int(draws.integers(sensors + (told.shape is not None)))
     if sensor == sensors:
         return _wrong_start(told, draws)
-    # A gyro's last sample is of no interval.
+    # The last sample of a gyro belongs to no interval.
     first = 0 if trial.of.has_gyro and sensor == sensors - 1 else 1
     early = draws.random() < 0.3
     row = first if early else int(draws.integers(first, last + first))
@@ -212,7 +212,7 @@ def _rows(told: Told, rows: NDArray[np.intp]) -> Told:
 
 
 def _with_gaps(trial: Trial, draws: np.random.Generator) -> Told:
-    """One to four times nothing comes for up to half of the time."""
+    """One to four gaps, of up to half of the time, in which nothing comes."""
     told = _bounded_vector(trial, _honest(trial, draws), draws) if draws.random() < 0.5 else _honest(trial, draws)
     kept = np.ones(len(told.rows), bool)
     for _ in range(int(draws.integers(1, 5))):
@@ -243,7 +243,7 @@ def _disordered(trial: Trial, draws: np.random.Generator) -> Told:
 
 
 def _seldom_measured(trial: Trial, draws: np.random.Generator) -> Told:
-    """Nine of ten updates have no measurement, so that what rounding does to a prediction adds up."""
+    """Nine of ten updates have no measurement, so that the rounding of predictions adds up."""
     told = _honest(trial, draws)
     seldom = draws.random(len(told.rows)) > 0.1
     told.directions[seldom] = np.nan
@@ -253,7 +253,7 @@ def _seldom_measured(trial: Trial, draws: np.random.Generator) -> Told:
 
 
 def _with_increments(trial: Trial, draws: np.random.Generator) -> Told:
-    """The flow is told of much noise, and of each interval how little of it there was."""
+    """The flow is told a large noise, and for each interval how small it really was."""
     told = _honest(trial, draws)
     return replace(told, increments=np.full(len(told.rows), trial.of.rate_bound * trial.of.interval))
 
@@ -264,12 +264,12 @@ def _bias_not_estimated(trial: Trial, draws: np.random.Generator) -> Told:
 
 
 def _relaxed(trial: Trial, draws: np.random.Generator) -> Told:
-    """Up to as many measurements of each update are lies as may be; some hold, so that contradictions are none."""
+    """As many measurements of each update as allowed may lie; some are true, so nothing should contradict."""
     told = _honest(trial, draws)
     sensors = told.lies.shape[1] - (1 if trial.of.has_gyro else 0)
     most = min(int(draws.integers(1, 3)), sensors - 1)
     share = draws.random()
-    # Whether it starts from one update of which some may be wrong is not what is tried: that needs many sensors.
+    # Not tried: a start from one update of which some may be wrong, which needs many sensors.
     for row in range(1, len(told.rows)):
         for sensor in draws.permutation(sensors)[:most]:
             if draws.random() < share:
@@ -287,15 +287,15 @@ def _body(of: Plant, moments: list[float], draws: np.random.Generator) -> RigidB
 
 
 def _needle(of: Plant, draws: np.random.Generator) -> Plant:
-    """One moment is up to 1e5 times smaller than the others, which differ by as much as a body's may."""
+    """One moment is up to 1e5 times smaller than the others, which differ as much as physics allows."""
     smallest = 10.0 ** -draws.uniform(1.0, 5.0)
     needle = _body(of, [smallest, 1.0, 1.0 + smallest * draws.random()], draws)
-    # As much as it is for the scenario's body: it spins up about the needle.
+    # As large as for the scenario's body, although the body spins up about the needle.
     return replace(needle, unknown_torque=smallest * needle.unknown_torque)
 
 
 def _nearly_spherical(of: Plant, draws: np.random.Generator) -> Plant:
-    """Moments that differ by 1e-2 to 1e-14 of themselves."""
+    """Moments that differ by 1e-2 to 1e-14 of their size."""
     apart = 10.0 ** -draws.uniform(2.0, 14.0)
     return _body(of, [1.0, 1.0 + apart, 1.0 + apart * draws.random()], draws)
 
@@ -340,7 +340,7 @@ def _much_noise(of: Plant, draws: np.random.Generator) -> Plant:
 
 
 def _any_bias(of: Plant, draws: np.random.Generator) -> Plant:
-    """A bias that moves as it likes, and nothing but the ellipsoid that it stays in is told."""
+    """A bias that moves freely within an ellipsoid, which is all that the filter is told."""
     assert isinstance(of, GyroPlant)
     return replace(of, drift=of.rate_bound * 10.0 ** draws.uniform(-1.0, 1.5), tells_drift=False)
 
@@ -350,7 +350,7 @@ def _any_bias(of: Plant, draws: np.random.Generator) -> Plant:
 
 @dataclass(frozen=True, eq=False)
 class ThinStarts(Starts):
-    """First sets {Ĉ R(γ), x̂ + δ} in the Gibbs chart; their roots are those of P as it is in doubles."""
+    """First sets {Ĉ R(γ), x̂ + δ} in the Gibbs chart; their roots are those of P as stored in doubles."""
 
     told_shapes: FloatArray
     shares: FloatArray
@@ -401,7 +401,7 @@ def _thin_starts(
             exact = exact_root(shape)
             if exact is not None:
                 break
-            ratio *= 1.1  # rounding has made it indefinite
+            ratio *= 1.1  # rounding made it indefinite
         shapes[trial], roots[trial] = shape, np.array(exact, np.float64)
         shares[trial] = max(0.0, 1.0 - 3e-15 / (lengths if in_six else lengths[:3]).min())
     return ThinStarts(
@@ -422,7 +422,7 @@ def _thin(of: Plant, starts: Starts, draws: np.random.Generator) -> Starts:
 
 
 def _tiny(of: Plant, starts: Starts, draws: np.random.Generator) -> Starts:
-    """Of 1e-8 to 1e-12 rad, so that the rounding of their centers shows."""
+    """First sets of 1e-8 to 1e-12 rad, so that the rounding of their centers shows."""
     count = len(starts.vectors)
     return _thin_starts(of, starts, 10.0 ** -draws.uniform(8.0, 12.0, count), 10.0 ** -draws.random(count), draws)
 
@@ -430,10 +430,10 @@ def _tiny(of: Plant, starts: Starts, draws: np.random.Generator) -> Starts:
 KINDS = {
     "liar": Kind("one lie of any size, at the start or later", _one_liar),
     "liars": Kind("several lies of any size, at the start and in the first half", _several_liars),
-    "gaps": Kind("nothing comes for up to half of the time", _with_gaps),
+    "gaps": Kind("gaps of up to half of the time without any measurement", _with_gaps),
     "rows": Kind("rows and measurements are lost, rows come twice or late", _disordered),
     "thin": Kind(
-        "first sets of which one axis is 1e-3 to 1e-8 of another, seldom measured",
+        "first sets with one axis 1e-3 to 1e-8 times as long as another, seldom measured",
         _seldom_measured,
         plant=_exact_and_short,
         starts=_thin,
@@ -453,7 +453,7 @@ KINDS = {
         scenarios=("disturbed", "free", "orbit"),
     ),
     "spherical": Kind(
-        "a body with moments that differ by 1e-2 to 1e-14 of themselves",
+        "a body with moments that differ by 1e-2 to 1e-14 of their size",
         _honest,
         plant=_nearly_spherical,
         scenarios=("disturbed", "free", "orbit"),
@@ -465,13 +465,13 @@ KINDS = {
         scenarios=("pendulum",),
     ),
     "eccentric": Kind(
-        "an eccentric orbit that the filter takes for a circle, with what it makes as an unknown torque",
+        "an eccentric orbit that the filter takes for a circle, with the difference as an unknown torque",
         _honest,
         plant=_eccentric,
         scenarios=("disturbed", "orbit"),
     ),
     "increment": Kind(
-        "a noisy gyro with bounds of what its errors make in each interval",
+        "a noisy gyro with a bound of the angle that its errors make in each interval",
         _with_increments,
         plant=_much_noise,
         scenarios=("gyro",),

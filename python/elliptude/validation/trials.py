@@ -1,7 +1,7 @@
 """Runs the guaranteed filter over trials of a kind, and judges what it claims: `elliptude validate --kind`.
 
-A set must hold the truth whenever what it rests on kept its bounds. Whether it did is followed here from what was told
-and what the filter says that it dropped: a lie that it has kept is in its set until a conditional claim is regained.
+A set must hold the truth if everything that it rests on kept its bounds. This module follows that from what was told
+and from what the filter dropped: a lie that it kept is in its set until a conditional claim is regained.
 """
 
 from dataclasses import dataclass, fields
@@ -21,7 +21,7 @@ from elliptude.validation.trial_kinds import KINDS, Told, Trial
 
 UNCONDITIONAL, CONDITIONAL, NO_SET = (CLAIMS.index(name) for name in ("unconditional", "conditional", "none"))
 FAILED, TOO_LATE = 3, 4
-"""Claims of rows at which the filter gave up, and of rows that came too late and were refused, as they must be."""
+"""Claims of rows at which the filter gave up, and of rows that came too late and were rightly refused."""
 
 COUNTS = (
     "updates",
@@ -41,7 +41,7 @@ COUNTS = (
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What the filter says after each of the R rows of a trial."""
+    """The filter's sets and claims after each of the R rows of a trial."""
 
     attitudes: FloatArray
     """Shape (R, 3, 3), as all that follows NaN where there is no set."""
@@ -56,16 +56,16 @@ class Outcome:
     contradicted: NDArray[np.bool_]
     """Shape (R,)."""
     refused: NDArray[np.bool_]
-    """Where the measurements were refused as a whole, with an error: nothing of them is in the set, shape (R,)."""
+    """Rows whose measurements were refused as a whole, with an error: none of them is in the set, shape (R,)."""
     forgotten: NDArray[np.bool_]
-    """Where an input was refused, so that a new filter begins that knows nothing, shape (R,)."""
+    """Rows at which an input was refused, so that a new filter begins that knows nothing, shape (R,)."""
 
 
 # --- the filter over a trial ------------------------------------------------------------------------------------------
 
 
 class _Runner:
-    """The filter of one trial, fed as many rows at once as it takes."""
+    """The filter of one trial, which gets as many rows at once as it takes."""
 
     def __init__(self, of: Plant, flow: Any, told: Told) -> None:
         self.of, self.flow, self.told = of, flow, told
@@ -84,7 +84,7 @@ class _Runner:
         self.filter = self._first()
 
     def _first(self) -> Any:
-        """A filter that is told the first set; one that is refused, which only a lie may be, is not told."""
+        """A filter that is told the first set, unless that is refused, which only a lie may be."""
         told = self.told
         if told.shape is None:
             return self._new(None, self.times[0])
@@ -117,7 +117,7 @@ class _Runner:
         return self.outcome
 
     def _offer_late(self, row: int, last: int) -> int:
-        """A row of a time that is past must be refused; the filter goes on as if it had not come."""
+        """A row whose time is past must be refused; the filter goes on as if it had not come."""
         before = (self.filter.time, self.filter.claim)
         try:
             self.filter.predict(self.times[row], **self._input(row - 1))
@@ -129,7 +129,7 @@ class _Runner:
         return row
 
     def _input(self, row: int) -> dict[str, Any]:
-        """Of the interval from this row on."""
+        """Input of the interval from this row on."""
         if not self.of.has_gyro:
             return {}
         told = self.told
@@ -162,7 +162,7 @@ class _Runner:
         return True
 
     def _one_by_one(self, rows: NDArray[np.intp]) -> bool:
-        """Feed rows of which one is refused; false if that is one without a lie, and the trial ends."""
+        """Feed rows one of which is refused; False if that one has no lie, and the trial ends."""
         told, into = self.told, self.outcome
         for before, row in pairwise(rows):
             try:
@@ -284,7 +284,7 @@ def overclaimed(told: Told, outcome: Outcome) -> NDArray[np.bool_]:
         if outcome.claims[row] == TOO_LATE or outcome.refused[row]:
             continue
         if outcome.claims[row] == NO_SET:
-            agreeing = None  # what comes next does not rest on what was dropped, as nothing was kept
+            agreeing = None  # nothing was kept, so what comes next does not rest on what was dropped
         elif outcome.contradicted[row]:
             agreeing = 0
         elif agreeing is not None and _has_measurement(told, row):
@@ -300,9 +300,9 @@ def _has_measurement(told: Told, row: int) -> bool:
 
 
 def recovery(told: Told, outcome: Outcome, inside: NDArray[np.bool_]) -> tuple[int | None, bool]:
-    """After how many updates from the first contradiction a liar did no more harm, and whether that was too many.
+    """How many updates after the first contradiction the filter recovered from a liar, and whether that was too many.
 
-    The first contradiction is that from the last lie on. None if there is none, or if the log is too short to tell.
+    The first contradiction is that since the last lie. None if there is none, or if the log is too short.
 
     Parameters
     ----------
@@ -334,15 +334,15 @@ def recovery(told: Told, outcome: Outcome, inside: NDArray[np.bool_]) -> tuple[i
 
 
 def try_kind(case: Case, count: int, updates: int, draws: np.random.Generator) -> dict[str, Any]:
-    """Some trials of a kind, as plain numbers.
+    """Run some trials of a kind; returns plain numbers.
 
     Parameters
     ----------
     case : Case
     count : int
-        Of the trials.
+        Number of trials.
     updates : int
-        In each of them, as far as none are lost.
+        Updates in each of them, if none are lost.
     draws : numpy.random.Generator
 
     Returns
@@ -366,7 +366,7 @@ def try_kind(case: Case, count: int, updates: int, draws: np.random.Generator) -
 
 
 def _forms(told: Told, outcome: Outcome, truth: Motion) -> FloatArray:
-    """Of the truth in each set; the larger of both parts where the vector is not estimated, as the set is a product."""
+    """Forms of the truth in each set; the larger of both parts if the vector is not estimated (a product)."""
     centers = (outcome.attitudes, outcome.vectors)
     true = (truth.attitudes[0], truth.vectors[0])
     if told.options.get("estimate_vector", True):
@@ -425,7 +425,7 @@ class Tally:
         self.trials += 1
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON, which knows no infinity."""
+        """The counts for JSON, which has no infinity."""
         worst = self.worst
         if worst is not None and np.isinf(worst["form"]):
             worst = worst | {"form": float(np.finfo(float).max)}

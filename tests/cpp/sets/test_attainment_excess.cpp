@@ -152,7 +152,7 @@ double excess_about(const Matrix3d& curvature, const Vector3d& slope, double lev
 TEST_CASE("the radius of a sum of cones is raised by its own rounding") {
   Random random(5);
   for (int trial = 0; trial < 200; ++trial) {
-    // Of a ball all three semi-axes are raised alike: by 16 of the radius and 64 of the longest.
+    // All three semi-axes of a ball are raised alike: by 16 of the radius and 64 of the longest.
     const double excess = excess_about(Matrix3d::Identity(), Vector3d::Zero(), random.log_uniform(1e-9, 1e-3));
     CHECK(excess > 73 * epsilon);
     CHECK(excess < 90 * epsilon);

@@ -51,7 +51,7 @@ struct GibbsChart {
     return center * cayley(scalar::constant<Scalar>(0.5L) * gamma);
   }
 
-  /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). Of a component γᵢ alone it bounds |ζᵢ|. (theory, section 16)
+  /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). For a single component γᵢ it bounds |ζᵢ|. (theory, section 16)
   template <typename Scalar>
   [[nodiscard]] static Scalar angle(const Scalar& length) noexcept {
     return Scalar(2) * scalar::atan2(Scalar(scalar::constant<Scalar>(0.5L) * length), Scalar(1));

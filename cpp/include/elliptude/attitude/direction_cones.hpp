@@ -1,14 +1,14 @@
 #pragma once
 
 /// \file
-/// Measured directions with bounds as cones of attitudes, and what these say when they are added up. (theory, section 15)
+/// Measured directions with bounds as cones of attitudes, and weighted sums of these cones. (theory, section 15)
 ///
 /// "The directions eᵢ and b̃ᵢ are at most rᵢ apart in attitude C", ∠(Cᵀeᵢ, b̃ᵢ) ≤ rᵢ, is a cone. With C = Ĉ C(q), q = (w, x) a unit
-/// quaternion, it is exactly xᵀNᵢx − 2w dᵢᵀx ≤ sᵢ, and so is every sum of cones with weights μᵢ ≥ 0. Whatever the weights, the
-/// sum holds all attitudes that the cones have in common; which weights are taken decides only how small the ellipsoid is.
+/// quaternion, it is exactly xᵀNᵢx − 2w dᵢᵀx ≤ sᵢ, and so is every sum of cones with weights μᵢ ≥ 0. With any weights the
+/// sum holds all attitudes that the cones have in common; the weights only decide how small the ellipsoid is.
 ///
-/// Rounding is on the safe side throughout: an attitude that satisfies every cone is in the set that comes out, and data
-/// that are called contradictory are so. What that adds to the set is of the size of a few roundings of the directions.
+/// Rounding is on the safe side throughout: an attitude that satisfies every cone is in the resulting set, and data
+/// that are called contradictory are so. This widens the set by a few roundings of the directions.
 
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/detail/weight_search.hpp"
@@ -45,9 +45,9 @@ struct ConeSum {
   Scalar margin;              ///< see `WahbaSet`
 };
 
-/// The ellipsoid of the chart's coordinates that a sum of cones is bounded by; the smallest there is about it. (eqs. 15.6, 15.7)
+/// The smallest ellipsoid, in the chart's coordinates, about a sum of cones. (eqs. 15.6, 15.7)
 /// \return `empty_intersection` if no attitude satisfies the sum, which is a proof that some bound is wrong; `unbounded` if half
-/// turns about Ĉ satisfy it, so that it reaches beyond every chart, or rounding cannot tell.
+/// turns about Ĉ satisfy it, so that it reaches beyond every chart, or if rounding hides whether they do.
 template <typename Chart, typename Scalar>
 [[nodiscard]] Status bounding_ellipsoid(const ConeSum<Scalar>& sum, Ellipsoid<Scalar, 3>& ellipsoid) noexcept {
   SymmetricEigen<Scalar, 3> eigen;
@@ -161,7 +161,7 @@ class DirectionCones {
     return weights;
   }
 
-  /// The cones added up about the Wahba solution for the weights, whatever these are: as shares of the largest.
+  /// The sum of the cones about the Wahba solution for the weights, which count as shares of the largest.
   /// \return `not_finite`; `out_of_range` if a weight is negative or all are zero.
   [[nodiscard]] Status add_up(const Weights& weights, ConeSum<Scalar>& sum) const noexcept {
     Scalar largest(0);
@@ -213,8 +213,8 @@ class DirectionCones {
 
   /// Weights that make the ellipsoid of the Gibbs chart about the solution for `weights_by_bound` small: at most twelve Newton
   /// steps in log μ from there, each of which makes it smaller. If half turns are in the set for the first weights, it looks
-  /// for others that exclude them. Any weights give a valid set, so nothing depends on how far the search came. If cones
-  /// added up prove on the way that the data contradict each other, it ends with those weights. (theory, 15.6)
+  /// for others that exclude them. Any weights give a valid set, so nothing depends on how far the search got. If a sum of
+  /// cones on the way proves that the data contradict each other, it ends with those weights. (theory, 15.6)
   [[nodiscard]] Weights minimal_weights(const Matrix3<Scalar>& attitude, WahbaCriterion criterion) const noexcept;
 
  private:
@@ -237,7 +237,7 @@ class DirectionCones {
     return seen;
   }
 
-  /// A bound of the relative rounding of the sums in `add_up`, and of all that follows from them.
+  /// A bound of the relative rounding of the sums in `add_up`, and of everything computed from them.
   [[nodiscard]] Scalar rounding() const noexcept {
     return rounding::share<Scalar>(rounding::cone_sum(static_cast<int>(count_)));
   }

@@ -46,14 +46,14 @@ template <typename State, typename Chart>
   return quadratic_form(ellipsoid.in_coordinates(), state_error<Chart>(ellipsoid.center, state), value);
 }
 
-/// What a report says of the set about the attitude and the vector beside it, as angles in any chart; of the Gibbs chart the
+/// How far a set reaches, as angles of the attitude and in the vector beside it, in any chart; in the Gibbs chart the
 /// half-widths of ζ are bounds.
 template <typename Scalar>
 struct Extent {
   Vector6<Scalar> half_widths_body;       ///< of ζ (rad) and of the vector (rad/s), along body axes
   Vector3<Scalar> half_widths_reference;  ///< of ζ along reference axes, rad
   Scalar largest_angle;                   ///< largest ‖ζ‖ in the set, rad
-  Vector3<Scalar> largest_angle_axis;     ///< unit vector in body axes: the turn that is known least
+  Vector3<Scalar> largest_angle_axis;     ///< unit vector in body axes: the axis of the turn that is known least
   Vector6<Scalar> greatest_uncertainty;   ///< unit eigenvector of P to its largest eigenvalue (paper, §3.3)
 };
 
@@ -89,8 +89,8 @@ template <typename State, typename Chart>
 
 namespace detail {
 
-/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls of what the rounding of the new
-/// center moves attitude (rad) and vector.
+/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls for the rounding of the new
+/// center, in attitude (rad) and vector.
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> with_attitude_added(const Matrix6<Scalar>& shape, const Scalar& factor,
                                                   const Scalar& attitude_slip, const Scalar& vector_slip) noexcept {
@@ -116,7 +116,7 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// The ellipsoid of errors [γ; δ] about a center put about its own center. Where g = γ/2 is seen from ĝ it is
+/// Moves the ellipsoid of errors [γ; δ] about a center to its own center. Where g = γ/2 is seen from ĝ it is
 /// g⁺ = (g − ĝ − ĝ×g)/(1 + ĝ·g), so that γ⁺ = σ B (γ − γ̂) with B = (I − S(ĝ))/(1 + ‖ĝ‖²) and |σ − 1| ≤ e/(1 − e),
 /// e = √(ĝᵀPĝ)/(2(1 + ‖ĝ‖²)): the result contains the set without remainder. (theory, section 16)
 /// \return `unbounded` if e ≥ 1: about the new center the set may hold half turns; `not_finite`.
@@ -138,7 +138,7 @@ template <typename State>
   Matrix3<Scalar> b = (Scalar(-1) / scale) * hat(g);
   b.diagonal().array() += Scalar(1) / scale;
   State moved = retract<GibbsChart>(center, ellipsoid.center);
-  moved.attitude = renormalized(moved.attitude);  // many updates without a prediction between must not add up
+  moved.attitude = renormalized(moved.attitude);  // the rounding of many updates without a prediction must not add up
   // A turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little more as a is not nothing; rounding of B acts on γ.
   const Scalar stretch = Scalar(1) / (Scalar(1) - e);
   const Scalar square_reach = stretch * stretch * ellipsoid.shape.template topLeftCorner<3, 3>().trace();
@@ -167,7 +167,7 @@ template <typename State, typename Chart>
 
 /// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ, with τ at the
 /// largest angle in the set. (theory, section 16)
-/// \return what `validate` says; `unbounded` if the set holds half turns.
+/// \return the status of `validate`; `unbounded` if the set holds half turns.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,
                                StateEllipsoid<State, GibbsChart>& to) noexcept {
@@ -185,14 +185,14 @@ template <typename State>
   const Scalar stretch = rounding::enlarged(gibbs_stretch(angle), rounding::product);
   const Matrix6<Scalar> shape =
       detail::with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
-  if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π and beyond
+  if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π or beyond
     return Status::unbounded;
   }
   to = {from.center, shape};
   return Status::ok;
 }
 
-/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return what `validate` says.
+/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return the status of `validate`.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, GibbsChart>& from,
                                StateEllipsoid<State, ExponentialChart>& to) noexcept {

@@ -17,7 +17,7 @@ template <typename Scalar>
 struct WahbaSolution {
   Matrix3<Scalar> attitude;
   Scalar cost;       ///< ½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² for unit directions
-  Scalar condition;  ///< largest over smallest curvature of the cost at C: large where a rotation is almost free
+  Scalar condition;  ///< largest over smallest curvature of the cost at C: large if a rotation is almost free
 };
 
 /// Which algorithm solves it. All three find the same attitude where they apply.
@@ -27,7 +27,7 @@ enum class WahbaMethod : std::uint8_t {
   qr,         ///< the paper's Theorem 1, only for det L > 0
 };
 
-/// The condition beyond which directions count as collinear: what is left of 1/ε for an answer with any digits.
+/// The condition beyond which directions count as collinear: a larger one leaves the answer no digits.
 template <typename Scalar>
 [[nodiscard]] Scalar wahba_condition_limit() noexcept {
   return Scalar(1) / rounding::share<Scalar>(rounding::condition);
@@ -43,7 +43,7 @@ template <typename Scalar>
 /// L = Σ wᵢ eᵢ b̃ᵢᵀ of directions made unit vectors.
 /// \param weights m numbers, not negative.
 /// \return `not_finite`; `out_of_range` if a weight is negative, all are zero, or the sizes differ; `zero_direction`;
-/// `beyond_domain` if L is beyond all numbers, or the weights' sum below the least normal one: L would have no right digits.
+/// `beyond_domain` if L overflows, or the weights' sum is below the least normal number: L would have no right digits.
 template <typename Reference, typename Body, typename Weights>
 [[nodiscard]] Status attitude_profile(const Eigen::MatrixBase<Reference>& reference,
                                       const Eigen::MatrixBase<Body>& body, const Eigen::MatrixBase<Weights>& weights,
@@ -224,7 +224,7 @@ template <typename Scalar>
 /// \param reference 3 × m, directions in reference axes.
 /// \param body 3 × m, the same directions as measured in body axes.
 /// \param weights m numbers, not negative, not all zero.
-/// \return what `attitude_profile` and the method say; `attitude_undetermined` for collinear directions.
+/// \return the status of `attitude_profile` or of the method; `attitude_undetermined` for collinear directions.
 template <typename Reference, typename Body, typename Weights>
 [[nodiscard]] Status solve_wahba(const Eigen::MatrixBase<Reference>& reference, const Eigen::MatrixBase<Body>& body,
                                  const Eigen::MatrixBase<Weights>& weights, WahbaMethod method,

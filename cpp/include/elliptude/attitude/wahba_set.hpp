@@ -16,7 +16,7 @@ struct WahbaSet {
   Scalar margin;               ///< R as a share of Σ μᵢ 2 sin²(rᵢ/2): 1 for directions that fit exactly
 };
 
-/// Directions within their bounds, added up with given weights: everything that `wahba_set` knows, also where it finds no set.
+/// The sum of directions within their bounds, with given weights: everything that `wahba_set` uses, even if it finds no set.
 /// \return what `DirectionCones::make` and `add_up` say; `out_of_range` if the number of weights differs.
 template <typename Reference, typename Body, typename Bounds, typename Weights>
 [[nodiscard]] Status cone_sum(const Eigen::MatrixBase<Reference>& reference, const Eigen::MatrixBase<Body>& body,
@@ -37,15 +37,15 @@ template <typename Reference, typename Body, typename Bounds, typename Weights>
   return cones.add_up(chosen, sum);
 }
 
-/// An ellipsoid that contains every attitude for which each direction is within its bound: the smallest about what the directions
-/// say, added up with the weights.
+/// An ellipsoid that contains every attitude for which each direction is within its bound: the smallest about the sum of the
+/// directions' cones with the weights.
 /// \tparam Chart `ExponentialChart` or `GibbsChart`, in whose coordinates the ellipsoid is.
 /// \param reference 3 × m, directions in reference axes, of any length; m is at most 32.
 /// \param body 3 × m, the same directions as measured in body axes.
-/// \param bounds m angles between 0 and π, rad: the measured direction is at most so far from the true one.
+/// \param bounds m angles between 0 and π, rad: the largest angle between the measured direction and the true one.
 /// \param weights m numbers of any magnitude, not negative, not all zero: they count as shares of the largest. A direction with
 /// weight zero is not used.
-/// \return what `cone_sum` says; `empty_intersection`, a proof that some bound is wrong; `unbounded` if half turns about the
+/// \return the status of `cone_sum`; `empty_intersection`, a proof that some bound is wrong; `unbounded` if half turns about the
 /// attitude cannot be excluded, as with one direction, collinear ones, or very large bounds.
 template <typename Chart, typename Reference, typename Body, typename Bounds, typename Weights>
 [[nodiscard]] Status wahba_set(const Eigen::MatrixBase<Reference>& reference, const Eigen::MatrixBase<Body>& body,

@@ -1,12 +1,12 @@
 #pragma once
 
 /// \file
-/// How a caller stops a long prediction before its end.
+/// Lets a caller stop a long prediction before its end.
 
 namespace elliptude {
 
-/// A function that a flow asks now and then, about once in `interval` steps, whether to stop; without one nothing is asked. It must not throw, and
-/// `context` is handed to it as it was given. A prediction that was stopped says `Status::interrupted`, and nothing has changed.
+/// A function that a flow calls about once in `interval` steps and that says whether to stop; null for none. It must not throw,
+/// and gets `context` as given. A prediction that was stopped returns `Status::interrupted` and has changed nothing.
 struct Interruption {
   bool (*stop)(void* context) noexcept = nullptr;
   void* context = nullptr;
@@ -19,8 +19,7 @@ struct Interruption {
   }
 };
 
-/// The steps of one prediction that a flow takes unless told otherwise: with more of them the time is more likely wrong than
-/// meant.
+/// The most steps of one prediction, unless a flow is told otherwise: more of them are more likely a wrong time than intended.
 constexpr long default_most_steps = 1'000'000;
 
 }  // namespace elliptude

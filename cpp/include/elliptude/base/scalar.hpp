@@ -1,13 +1,13 @@
 #pragma once
 
 /// \file
-/// What a scalar type must bring, and the matrix types that everything is written in.
+/// What a scalar type must provide, and the matrix types of the library.
 ///
 /// `double`, `float` and `long double` work as they are. Another type (a dual number for automatic differentiation, a
 /// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
 /// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
 /// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
-/// status that speaks for a pack is `ok` only if every lane is.
+/// status for a pack is `ok` only if every lane is.
 
 #include <Eigen/Core>
 #include <array>
@@ -147,7 +147,7 @@ template <typename Derived>
   return isfinite(Scalar((entries - entries).sum()));
 }
 
-/// Whether the square of a vector's length has neither overflowed nor lost what counts to underflow.
+/// Whether the square of a vector's length has neither overflowed nor lost digits to underflow.
 template <typename Scalar>
 [[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
   using Limits = std::numeric_limits<Value<Scalar>>;

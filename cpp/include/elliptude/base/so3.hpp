@@ -99,7 +99,7 @@ struct Functions {
   Scalar cotangent;  ///< (1 − (θ/2) cot(θ/2)) / θ², finite below a full turn
 };
 
-/// What to calculate: a caller pays for what it asks.
+/// Which of them to calculate: a caller pays only for what it needs.
 enum class Want : std::uint8_t { exponential, jacobian, inverse_jacobian };
 
 template <Want want, typename Scalar>
@@ -168,7 +168,7 @@ template <typename Scalar>
   return result;
 }
 
-/// The inverse of `hat`; of a general matrix, of its skew-symmetric part.
+/// The inverse of `hat`; for a general matrix, that of its skew-symmetric part.
 template <typename Derived>
 [[nodiscard]] Vector3<typename Derived::Scalar> vee(const Eigen::MatrixBase<Derived>& matrix) noexcept {
   EIGEN_STATIC_ASSERT_MATRIX_SPECIFIC_SIZE(Derived, 3, 3)

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What a function that can fail says. Nothing in the library throws: every fallible function is
-/// `[[nodiscard]] Status f(const In&, Out&) noexcept`, and `Out` changes only when the answer is `Status::ok`.
+/// The status that a fallible function returns. Nothing in the library throws: every fallible function is
+/// `[[nodiscard]] Status f(const In&, Out&) noexcept`, and `Out` changes only if the status is `Status::ok`.
 
 #include <cstdint>
 

@@ -114,7 +114,7 @@ template <typename Scalar>
   return Status::step_too_long;
 }
 
-/// As `relative_attitude`, in the paper's own form F = exp(S(f)), where the equation is
+/// `relative_attitude` in the paper's own form F = exp(S(f)), where the equation is
 /// h a = (sin‖f‖/‖f‖) Jf + ((1−cos‖f‖)/‖f‖²) f × Jf. Slower; for comparison.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude_exponential(const RigidBody<Scalar>& body, const Scalar& h,
@@ -168,7 +168,7 @@ struct Stage {
   Vector3<Scalar> body_momentum;
 };
 
-/// What the first stage starts from.
+/// The stage before the first one.
 /// \return `callback_failed`.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status start_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
@@ -204,7 +204,7 @@ template <typename Scalar, typename Potential>
   return Status::ok;
 }
 
-/// What a step may start from.
+/// Checks the start of a step.
 /// \return `not_finite`, `not_a_rotation`; `out_of_range` of a step that is not positive.
 template <typename Scalar>
 [[nodiscard]] Status validate_step(const Scalar& time, const Scalar& h, const Vector3<Scalar>& control_torque,
@@ -220,9 +220,9 @@ template <typename Scalar>
 }
 
 /// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
-/// step is that at the start of the next, so a potential is asked once a stage.
-/// \param visit called as visit(k, state) after step k = 1 … `steps`; pass a lambda that does nothing where only the end counts.
-/// \return what `validate_step` says, `step_too_long`, `callback_failed`; `next` changes only on success.
+/// step is that at the start of the next, so the potential is evaluated once for each stage.
+/// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
+/// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
 template <typename Scalar, typename Potential, typename Visit>
 [[nodiscard]] Status integrate(const RigidBody<Scalar>& body, const Potential& potential,
                                const Composition<Scalar>& composition, const Scalar& time, const Scalar& h, long steps,

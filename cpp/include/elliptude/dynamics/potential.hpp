@@ -9,12 +9,12 @@
 ///     Vector3<Scalar> torque(const Matrix3<Scalar>& attitude, const Scalar& time) const;          // M, N m, body axes
 ///     Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const; // ∂M/∂ζ, C = Ĉ exp(S(ζ))
 ///
-/// and, where it can promise one,
+/// and, if it can promise one,
 ///
 ///     Scalar torque_curvature_bound() const;
 ///
 /// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time; without it a potential cannot be used where
-/// bounds are guaranteed. A torque that is not finite is how a potential reports that it failed: the integrator then returns
+/// bounds are guaranteed. A potential reports a failure by a torque that is not finite: the integrator then returns
 /// `Status::callback_failed`.
 
 #include <tuple>
@@ -225,7 +225,7 @@ class SumPotential {
  public:
   static_assert(sizeof...(Potentials) > 0);
 
-  /// The sum of what each potential is by default, where each has one; a flow holds a potential in this way.
+  /// The sum of default potentials, if each type has a default: a flow needs one to be default-constructed.
   SumPotential() = default;
   explicit SumPotential(Potentials... potentials) noexcept : potentials_(std::move(potentials)...) {}
 
@@ -264,7 +264,7 @@ template <typename Scalar>
   return torque;
 }
 
-/// A potential of one's own from two functions of (attitude, time): its energy and its gradient ∂U/∂C. The torque's Jacobian
+/// A user's potential from two functions of (attitude, time): its energy and its gradient ∂U/∂C. The torque's Jacobian
 /// is taken by fourth-order central differences, whose error is about 1e-12 of the torque in double.
 template <typename Scalar, typename Energy, typename Gradient>
 class GradientPotential {

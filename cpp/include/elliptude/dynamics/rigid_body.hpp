@@ -10,7 +10,7 @@
 
 namespace elliptude {
 
-/// An inertia that a mass distribution can have. Made by `make`, so that it is valid wherever it is met.
+/// An inertia that a mass distribution can have. `make` checks it, so that every `RigidBody` is valid.
 template <typename Scalar>
 class RigidBody {
  public:

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The convergence theorem (paper, §3.4, eq. sufcond), reported for what it is: a sufficient condition that a first update from a
-/// poor prior can meet and no filter can meet at every update, as det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
+/// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update from a
+/// poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/linear/eigen.hpp"
@@ -16,9 +16,8 @@ struct Convergence {
   Scalar smallest_ratio;  ///< λ_min of (P^m)⁻¹P^f
   Scalar chi;             ///< χ = √(6 + 30 κ(P^m))
   Scalar contraction;     ///< the least c that satisfies the theorem; tr P < c tr P₀ is promised only if it is below 1
-  Scalar trace_ratio;     ///< tr P / tr P₀ as it came out
-  Scalar
-      smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 where the trace is the criterion, before recentring
+  Scalar trace_ratio;     ///< tr P / tr P₀, measured
+  Scalar smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 if the trace is the criterion, before recentring
 };
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,

@@ -1,19 +1,20 @@
 #pragma once
 
 /// \file
-/// What a mode is, chosen at compile time.
+/// The modes of a filter, chosen at compile time.
 
 #include "elliptude/first_order/fusion.hpp"
 
 namespace elliptude {
 
-/// The paper's estimator (§3) with its misprints mended: first order throughout, ellipsoids carried to another center by a shift.
+/// The paper's estimator (§3), corrected (theory, section 2): first order throughout; a shift moves ellipsoids to another
+/// center.
 struct PaperEstimator {
   static constexpr Recentring recentring = Recentring::shifted;
 };
 
-/// The same with ellipsoids carried to another center by the Jacobian that belongs there. Still of first order: what it returns
-/// is a bound only up to terms of second order in the error.
+/// The same, except that the Jacobian of the exponential moves ellipsoids to another center. Still of first order: its sets are
+/// bounds only up to terms of second order in the error.
 struct FirstOrderEstimator {
   static constexpr Recentring recentring = Recentring::first_order;
 };

@@ -16,8 +16,8 @@ struct Update {
   Scalar margin;  ///< the least overlap of the sets fused, negative if and only if they do not meet
 };
 
-/// A filter is in a valid state at all times: a function that does not return `ok` has changed nothing. After a prediction a
-/// failed update leaves the prediction, which is valid, as if the measurement had not come.
+/// A filter is valid at all times: a function that does not return `ok` has changed nothing. If an update after a prediction
+/// fails, the prediction remains, as if there had been no measurement.
 template <typename FlowType, typename Estimator>
 class AttitudeFilter {
  public:
@@ -27,7 +27,7 @@ class AttitudeFilter {
   using Scalar = StateScalar<State>;
 
   /// \param ellipsoid holds the state at `time`.
-  /// \return what `validate` says of the ellipsoid or of the criterion; `not_finite` of the time.
+  /// \return the status of `validate` for the ellipsoid or the criterion; `not_finite` for the time.
   [[nodiscard]] static Status make(const Flow& flow, const SizeCriterion<Scalar, 6>& criterion, const Scalar& time,
                                    const StateEllipsoid<State>& ellipsoid, AttitudeFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
@@ -45,8 +45,8 @@ class AttitudeFilter {
     return Status::ok;
   }
 
-  /// Takes up the record of another filter with the same state, for one that was stored: `transition()` and `prior_shape()`.
-  /// \return `not_finite`; what `validate` says of the shape.
+  /// Restores `transition()` and `prior_shape()` of a stored filter with the same state.
+  /// \return `not_finite`; the status of `validate` for the shape.
   [[nodiscard]] Status resume(const Matrix6<Scalar>& transition, const Matrix6<Scalar>& prior_shape) noexcept {
     if (!scalar::all_finite(transition)) {
       return Status::not_finite;
@@ -69,8 +69,8 @@ class AttitudeFilter {
   [[nodiscard]] const Matrix6<Scalar>& prior_shape() const noexcept { return prior_shape_; }
 
   /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty tube.
-  /// \return what the flow says; `out_of_range` of a time that lies before the filter's; `unbounded` if the set has grown beyond
-  /// what `is_in_domain` says, or so far that rounding left none.
+  /// \return the status of the flow; `out_of_range` for a time before the filter's; `unbounded` if the set has grown beyond
+  /// the domain (`is_in_domain`), or so far that rounding left none.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     Prediction<State> prediction;
     if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
@@ -89,10 +89,10 @@ class AttitudeFilter {
     return Status::ok;
   }
 
-  /// Directions and angular velocity together, as the paper has it: E^m of all of them, fused once with the prediction. Two
+  /// Directions and angular velocity together, as in the paper: E^m of all of them, fused once with the prediction. Two
   /// directions are enough.
   /// \param diagnostics of the convergence theorem, if wanted.
-  /// \return what the measurements' `validate` and the fusion say; `attitude_undetermined` for collinear directions; after
+  /// \return the status of the measurements' `validate` and the fusion; `attitude_undetermined` for collinear directions; after
   /// `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,

@@ -77,7 +77,7 @@ class RigidBodyFlow {
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
   /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
-  /// `too_many_steps`; `interrupted`; what `minimal_sum` says.
+  /// `too_many_steps`; `interrupted`; the status of `minimal_sum`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
                                Prediction<State>& prediction) const noexcept {
@@ -151,7 +151,7 @@ class RigidBodyFlow {
   Interruption interruption_;
 };
 
-/// A body of which nothing is known but what its gyro says: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
+/// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
 /// The rate is the input; over an interval, with F = exp(S(h(ω̃ − β̂))),
 ///
 ///     ζ⁺ = Fᵀζ − h J_r(h(ω̃ − β̂)) (δβ + v + ½ h β'),   δβ⁺ = δβ + h β'.   (theory, section 12)

@@ -1,22 +1,22 @@
 #pragma once
 
 /// \file
-/// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of what is predicted and what is measured.
+/// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the measured set.
 
 #include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 
-/// An ellipsoid after fusion, and how it came about.
+/// An ellipsoid after fusion, with the share of the prediction in it.
 template <typename State>
 struct Fusion {
   StateEllipsoid<State> ellipsoid;
   StateScalar<State> share;   ///< 0 the measurement alone, 1 the prediction alone; the paper's q is share / (1 − share)
-  StateScalar<State> margin;  ///< of the overlap, `overlap_margin`; set also where the sets do not meet
+  StateScalar<State> margin;  ///< of the overlap, `overlap_margin`; set also if the sets do not meet
 };
 
 /// How an ellipsoid's attitude errors are carried to another center. Both are of first order in the error; only the second
-/// is right to first order where the centers differ.
+/// is right to first order if the centers differ.
 enum class Recentring : std::uint8_t {
   shifted,      ///< the paper's: log(exp(S(a)) exp(S(ζ))) ≈ a + ζ
   first_order,  ///< a + J_r⁻¹(a) ζ, and J_r(ζ̂) (ζ − ζ̂) after the fusion
@@ -49,7 +49,7 @@ template <typename State>
   return result;
 }
 
-/// The prediction as it is seen from the measured center: E(x̂^mf, P^f) (paper, eqs. errz, errPi, ellRmf).
+/// The prediction seen from the measured center: E(x̂^mf, P^f) (paper, eqs. errz, errPi, ellRmf).
 template <typename State>
 [[nodiscard]] Ellipsoid<StateScalar<State>, 6> seen_from(const State& center, const StateEllipsoid<State>& ellipsoid,
                                                          Recentring recentring) noexcept {
@@ -64,7 +64,7 @@ template <typename State>
 
 namespace detail {
 
-/// Whether a filter may keep a set: rounding may leave none where the sets that were fused spread too far.
+/// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
 template <typename State>
 [[nodiscard]] bool is_kept(const StateEllipsoid<State>& set) noexcept {
   Matrix6<StateScalar<State>> factor;
@@ -75,7 +75,7 @@ template <typename State>
 }  // namespace detail
 
 /// Fuses a predicted and a measured ellipsoid about the measured center (paper, eqs. xhatP-LP).
-/// \return what `minimal_intersection` says; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State>
 [[nodiscard]] Status fuse(const StateEllipsoid<State>& measured, const StateEllipsoid<State>& predicted,
                           Recentring recentring, const SizeCriterion<StateScalar<State>, 6>& criterion,
@@ -191,7 +191,7 @@ template <typename Scalar, int Rows, int N>
 
 /// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
-/// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `validate`, `whitened` and `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State, int Rows>
 [[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                           const StateEllipsoid<State>& predicted, Recentring recentring,

@@ -9,7 +9,7 @@
 ///     Status predict(time, duration, input, ellipsoid, result) const noexcept
 ///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
 ///
-/// the second for when nothing is known of the attitude.
+/// the second for an unknown attitude.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
@@ -82,7 +82,7 @@ class GuaranteedRigidBodyFlow {
   }
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
-  /// Where the motion or the set has no bound with these steps, three and nine times as many are tried before it is given up.
+  /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
   /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
   /// the step too long for it, for the prediction to say anything; `interrupted`.
@@ -122,7 +122,7 @@ class GuaranteedRigidBodyFlow {
     return status;
   }
 
-  /// What remains known of the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  /// What remains known about the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {

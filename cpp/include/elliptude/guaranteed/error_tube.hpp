@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// How the set of errors y = [γ; δω] about a moving center is carried by the motion, with everything that is left out bounded.
+/// Carries the set of errors y = [γ; δω] about a moving center along the motion, with bounds of everything that is left out.
 /// (theory, section 17)
 ///
 /// Exactly (theory, section 17.1),
@@ -170,7 +170,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
   const detail::packed::Slices<Scalar> forms = detail::packed::seen_from(second_order_, set_, set_inverse);
   const Matrix6<Scalar> moved = gram_of(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
-  // A sum holds with any positive share; where rounding leaves none to be had, with one.
+  // A sum holds with any positive share; if rounding leaves none, use one.
   const auto share_of = [](const Scalar& trace) {
     return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
   };

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The guaranteed filter: its set holds the state of the continuous motion whenever what it was told of errors holds. (theory,
+/// The guaranteed filter: its set holds the state of the continuous motion if all bounds that it was told hold. (theory,
 /// sections 16 to 18)
 
 #include "elliptude/base/rounding.hpp"
@@ -10,8 +10,8 @@
 
 namespace elliptude {
 
-/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing at all of the attitude, at the beginning or when a
-/// prediction has become too large to be of use, and then starts from the next measurements that determine one. A function
+/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or after a
+/// prediction has become too large to be useful. It then starts from the next measurements that determine one. A function
 /// that does not return `ok` has changed nothing.
 template <typename FlowType>
 class GuaranteedFilter {
@@ -28,9 +28,9 @@ class GuaranteedFilter {
     Policy policy = Policy::raise;
     /// For `Policy::relaxed`: how many of at most eight measurements may be wrong, 0 to 2.
     int most_wrong = 0;
-    /// After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the
-    /// measurements of that moment alone, if they bound one. As many updates after a contradiction that others have followed
-    /// the past is given up for such a set, too, which remains conditional until so many have agreed. (theory, section 16.8)
+    /// A conditional claim ends after this many updates in a row without contradiction: the set is then taken from the
+    /// measurements of that moment alone, if they bound one. If contradictions go on, the past is given up for such a set
+    /// this many updates after the first one; the claim stays conditional until as many have agreed. (theory, section 16.8)
     int regain_after = 10;
     /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`, which is all
     /// that is ever known of it, and the attitude is predicted and fused by itself: its sets are smaller, as no part of a sum
@@ -40,7 +40,7 @@ class GuaranteedFilter {
   };
 
   /// A filter that knows nothing at `time`.
-  /// \return `not_finite`; `out_of_range` of the settings; what `validate` says of the criterion.
+  /// \return `not_finite`; `out_of_range` of the settings; the status of `validate` for the criterion.
   [[nodiscard]] static Status make(const Flow& flow, const Settings& settings, const Scalar& time,
                                    GuaranteedFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
@@ -61,8 +61,8 @@ class GuaranteedFilter {
     return Status::ok;
   }
 
-  /// The state is in this set now.
-  /// \return what `validate` says; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
+  /// Starts the filter: the state is in this set now.
+  /// \return the status of `validate`; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
   /// `out_of_range` beyond the `FilterDomain`.
   template <typename Chart>
   [[nodiscard]] Status start(const StateEllipsoid<State, Chart>& set) noexcept {
@@ -99,7 +99,7 @@ class GuaranteedFilter {
   }
 
   /// The angular velocity, or the gyro's bias, is in this ellipsoid at all times, rad/s.
-  /// \return what `validate` says; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
+  /// \return the status of `validate`; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
   [[nodiscard]] Status bound_vector(const Ellipsoid<Scalar, 3>& bound) noexcept {
     if (const Status status = validated(bound); status != Status::ok) {
       return status;
@@ -112,8 +112,8 @@ class GuaranteedFilter {
     return Status::ok;
   }
 
-  /// Forgets all but what bounds the vector: the attitude, what was measured of the vector, and what was dropped. So one goes on
-  /// under `Policy::raise` where the past is what is wrong, or cannot be predicted.
+  /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it to go on
+  /// under `Policy::raise` if the past is wrong, or cannot be predicted.
   void forget() noexcept {
     known_.has_attitude = false;
     known_.has_vector = false;
@@ -125,19 +125,19 @@ class GuaranteedFilter {
   [[nodiscard]] const Flow& flow() const noexcept { return flow_; }
   [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
   [[nodiscard]] Claim claim() const noexcept { return claim_; }
-  /// Whether there is a set; `ellipsoid` is only then of use.
+  /// Whether there is a set; `ellipsoid` is meaningless otherwise.
   [[nodiscard]] bool knows_attitude() const noexcept { return known_.has_attitude; }
   [[nodiscard]] const Set& ellipsoid() const noexcept { return known_.set; }
-  /// Whether something is known of the angular velocity or the bias while the attitude is not; `vector` is only then of use.
+  /// Whether the angular velocity or the bias is known while the attitude is not; `vector` is meaningless otherwise.
   [[nodiscard]] bool knows_vector() const noexcept { return known_.has_vector; }
   [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return known_.vector; }
-  /// Whether what is known, of the attitude or of the vector, rests on what was dropped, and what updates have said since.
+  /// Whether the set, of the attitude or of the vector, rests on what was dropped, and what updates have shown since.
   [[nodiscard]] const Trust& trust() const noexcept { return trust_; }
 
-  /// Goes on, bit for bit, as a filter that was stored, after `make` with its settings and time and `bound_vector`.
+  /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.
   /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
-  /// \return `out_of_range` of both, or of a negative count; what `start` and `bound_vector` say.
+  /// \return `out_of_range` of both, or of a negative count; the status of `start` and `bound_vector`.
   [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
     if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr)) {
       return Status::out_of_range;
@@ -162,7 +162,7 @@ class GuaranteedFilter {
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
   /// the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another can be: a wrong rate
   /// may be one that no step is short enough for.
-  /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
+  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
   /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
@@ -175,7 +175,7 @@ class GuaranteedFilter {
   /// row of a log is predicted from one before it in one piece. (theory, section 18.6)
   /// \param turn rotation vector in the body axes at the filter's time, rad.
   /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
-  /// \return what `predict` says, and `out_of_range` of a negative angle.
+  /// \return the status of `predict`, and `out_of_range` of a negative angle.
   [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
     static_assert(!measures_rate, "a rigid body's flow predicts the angular velocity, which a turn does not tell");
     if (!scalar::all_finite(turn) || !(angle == angle)) {
@@ -198,7 +198,7 @@ class GuaranteedFilter {
     });
   }
 
-  /// Fuses all measurements of one moment with the prediction, at once. Where the attitude is not known they may start it.
+  /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start it.
   /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity given to a
   /// gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the `FilterDomain`, or of more than
   /// eight measurements of which some may be wrong; `empty_intersection` if they contradict the prediction, or each other, and
@@ -209,7 +209,7 @@ class GuaranteedFilter {
       return Status::out_of_range;
     }
     const Sensors given = detail::sensors::present(measurements);
-    Sensors beyond = 0;  // what cannot be, and is left out
+    Sensors beyond = 0;  // impossible measurements, which are left out
     if (measurements.angular_velocity != nullptr) {
       const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
       if (const Status status = validate(rate); status != Status::ok) {
@@ -241,7 +241,7 @@ class GuaranteedFilter {
         if (const Status invalid = detail::sensors::checked(measurements, Status::ok); invalid != Status::ok) {
           return invalid;
         }
-        // What is right by itself and cannot be put together is as good as a contradiction, but is not called one.
+        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not reported as one.
         const bool empty = status == Status::empty_intersection;
         result.margin = empty ? solution.fusion.margin : Scalar(-1);
         result.contradicting = empty ? detail::sensors::at(all, solution.fusion.contradiction) : 0;
@@ -267,7 +267,7 @@ class GuaranteedFilter {
   }
 
   /// One linear measurement of the error [ζ; δ] about the present center.
-  /// \return what `to_quadric` and `minimal_intersection` say; `unbounded` if the attitude is not known, or the set is not in
+  /// \return the status of `to_quadric` and `minimal_intersection`; `unbounded` if the attitude is not known, or the set is not in
   /// the `FilterDomain` afterwards.
   template <int Rows>
   [[nodiscard]] Status update(const LinearMeasurement<Scalar, Rows>& measurement,
@@ -338,7 +338,7 @@ class GuaranteedFilter {
     return !known_.has_attitude ? Claim::none : trust_.rests_on_drops() ? Claim::conditional : Claim::unconditional;
   }
 
-  /// \return what `validate` says of an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
+  /// \return the status of `validate` for an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
   [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
     if (const Status status = validate(vector); status != Status::ok) {
       return status;
@@ -350,7 +350,7 @@ class GuaranteedFilter {
     return in_domain(vector) ? Status::ok : Status::out_of_range;
   }
 
-  /// Where the vector is left to its bound, nothing else is said of it.
+  /// If the vector is left to its bound, nothing else is known about it.
   void confine(Set& set) const noexcept {
     if constexpr (!measures_rate) {
       if (!settings_.estimates_vector && known_.has_vector_bound) {
@@ -428,7 +428,7 @@ class GuaranteedFilter {
     return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
   }
 
-  /// Whether a prediction fails for the set, and not for what the user has given: a small set at rest can be predicted.
+  /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
   template <typename Move>
   [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
     Set another{{known_.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
@@ -527,7 +527,7 @@ class GuaranteedFilter {
 
   /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
   /// \param vector what is known of it, if anything is.
-  /// \return what `fused_vector` says, where nothing may be left out.
+  /// \return the status of `fused_vector`, where nothing may be left out.
   [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,
                                GuaranteedUpdate<Scalar>& result) const noexcept {
     const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
@@ -552,7 +552,7 @@ class GuaranteedFilter {
     return Status::ok;
   }
 
-  /// What is known of the vector, and what was measured of it together with that.
+  /// The set of the vector: its bound, what is known, and what was measured.
   /// \param margin set after `empty_intersection`.
   [[nodiscard]] static Status fused_vector(const Ellipsoid<Scalar, 3>& measured, Ellipsoid<Scalar, 3>& vector,
                                            Scalar& margin) noexcept {
@@ -582,7 +582,7 @@ class GuaranteedFilter {
   Settings settings_;
   Scalar time_;
   detail::Knowledge<State> known_;
-  Trust trust_;  // of what is known, of the attitude or of the vector
+  Trust trust_;  // in the set, of the attitude or of the vector
   Claim claim_;
 };
 

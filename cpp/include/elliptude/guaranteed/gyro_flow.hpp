@@ -11,7 +11,7 @@
 
 namespace elliptude {
 
-/// What is known of a gyro and of the motion between its samples. A sample is ω̃ = ω + β + v.
+/// Bounds of a gyro's errors and of the motion between its samples. A sample is ω̃ = ω + β + v.
 template <typename Scalar>
 struct GyroUncertainty {
   Matrix3<Scalar> noise = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of v, (rad/s)²
@@ -20,18 +20,18 @@ struct GyroUncertainty {
   /// for an error which is one linear map of the rate throughout the interval.
   Scalar scale = Scalar(0);
   Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
-  /// The longest interval, s, that a rate and all of the above speak of; negative for any. Of a longer one, such as where samples
-  /// were lost, nothing is known but the next number.
+  /// The longest interval, s, that a rate and all of the above cover; negative for any. About a longer one, such as after lost
+  /// samples, only the next number is known.
   Scalar longest_interval = Scalar(-1);
-  Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative where none is known
+  Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative if unknown
 };
 
-/// A body of which nothing is known but what its gyro says, at every time between its samples.
+/// A body about which only its gyro says something, at every time between its samples.
 template <typename Scalar>
 class GuaranteedGyroFlow {
  public:
   using State = GyroState<Scalar>;
-  /// Which rate of an interval the gyro's input is.
+  /// Which rate of an interval the input of the flow is.
   enum class IntervalRate : std::uint8_t {
     first_sample,  ///< that at its beginning
     mean_of_ends,  ///< the mean of those at both ends
@@ -39,10 +39,10 @@ class GuaranteedGyroFlow {
   };
   struct Input {
     Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
-    /// Bound of the angle that the errors v of the samples make together over this interval, rad, where a better one is known
-    /// than the duration times the noise; negative for none.
+    /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than the
+    /// duration times the noise; negative for none.
     Scalar increment = Scalar(-1);
-    bool is_measured = true;  ///< false: there is no rate of this interval, as if it were too long to be spoken of
+    bool is_measured = true;  ///< false: there is no rate for this interval, as if it were longer than the longest
   };
 
   /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
@@ -185,10 +185,10 @@ class GuaranteedGyroFlow {
     return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
   }
 
-  /// The attitude alone, of a bias that may be anywhere in its bound at every time: what it does to the rate is bounded as the
-  /// noise is, and nothing is said of where it is afterwards. (theory, section 16.7)
+  /// Predicts the attitude alone, for a bias that may be anywhere in its bound at every time: its effect on the rate is bounded
+  /// like the noise, and nothing is said about the bias afterwards. (theory, section 16.7)
   /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
-  /// \return what `predict` says.
+  /// \return the status of `predict`.
   [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
                                         const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
                                         GibbsEllipsoid<State>& result) const noexcept {
@@ -210,7 +210,7 @@ class GuaranteedGyroFlow {
   }
 
   /// The attitude alone over a turn, as `predict_attitude`.
-  /// \return what `predict_turn` says.
+  /// \return the status of `predict_turn`.
   [[nodiscard]] Status predict_attitude_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
                                              const Ellipsoid<Scalar, 3>& bias, const GibbsEllipsoid<State>& ellipsoid,
                                              GibbsEllipsoid<State>& result) const noexcept {
@@ -254,7 +254,7 @@ class GuaranteedGyroFlow {
   }
 
  private:
-  /// Whether anything but `largest_rate` is known of an interval.
+  /// Whether anything except `largest_rate` is known about an interval.
   [[nodiscard]] bool speaks_of(const Scalar& duration, const Input& input) const noexcept {
     const Scalar& longest = uncertainty_.longest_interval;
     return input.is_measured && (longest < Scalar(0) || duration <= longest);
@@ -279,8 +279,8 @@ class GuaranteedGyroFlow {
     return set;
   }
 
-  /// Over an interval of which nothing is known but that the body turns by no more than an angle.
-  /// \return what `predict_any_turn` says; `unbounded` if no such angle is known.
+  /// Over an interval about which it is only known that the body turns by no more than an angle.
+  /// \return the status of `predict_any_turn`; `unbounded` if no such angle is known.
   [[nodiscard]] Status predict_unmeasured(const Scalar& duration, const GibbsEllipsoid<State>& ellipsoid,
                                           GibbsEllipsoid<State>& result) const noexcept {
     if (!(uncertainty_.largest_rate >= Scalar(0))) {

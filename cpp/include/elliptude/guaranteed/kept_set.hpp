@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Which sets a guaranteed filter keeps: the domain in which all that is computed of them stays finite. (theory, section 16.9)
+/// Which sets a guaranteed filter keeps: the domain in which everything computed from them stays finite. (theory, section 16.9)
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -14,7 +14,7 @@ template <typename Scalar>
 struct FilterDomain {
   static constexpr bool is_single = rounding::is_single<Scalar>;
 
-  /// Of an angular velocity or a bias, rad/s, of the half-widths of what bounds it, and of those of γ.
+  /// The largest angular velocity or bias, rad/s, half-width of its bounds, and half-width of γ.
   [[nodiscard]] static Scalar largest() noexcept { return scalar::constant<Scalar>(is_single ? 1e6L : 1e9L); }
   /// rad/s: bounds with smaller half-widths are used as if they were wider by no more than this.
   [[nodiscard]] static Scalar least_width() noexcept { return rounding::share<Scalar>(1); }

@@ -16,21 +16,21 @@ struct BodyInput {
   Vector3<Scalar> wheel_momentum = Vector3<Scalar>::Zero();  ///< h_w, N m s, body axes; its change is a control torque
 };
 
-/// What is not known of a rigid body.
+/// The uncertainty of a rigid body: unknown torque and inertia error.
 template <typename Scalar>
 struct BodyUncertainty {
   /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it changes.
   Matrix3<Scalar> torque = Matrix3<Scalar>::Zero();
-  /// Largest error of the inertia matrix in the spectral norm, kg m². It moves the gravity gradient too.
+  /// Largest error of the inertia matrix in the spectral norm, kg m². It affects the gravity gradient too.
   Scalar inertia = Scalar(0);
 };
 
 /// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
 /// acceleration whose integral over the step is at most `rate_defect`.
-/// Rates are known to some ε times the ratio of the largest moment to the least: a needle's, of 1e5, to 1e-11 of themselves.
+/// Rates are known to some ε times the ratio of the largest moment to the least: for a needle with a ratio of 1e5, to 1e-11.
 template <typename Scalar, typename Potential>
 struct MotionSeries {
-  /// Of ω̂. The truncation error is then that of a method of this order.
+  /// Order of ω̂. The truncation error is then that of a method of this order.
   static constexpr int order = 8;
   static constexpr int terms = order + 1;
   using Coefficients = std::array<Vector3<Scalar>, terms>;
@@ -97,7 +97,7 @@ struct MotionSeries {
 
   /// The series from `state` at `time` over a step h > 0.
   /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing
-  /// at this step, or its terms are beyond all numbers.
+  /// at this step, or its terms overflow.
   [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
                               const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
     input = body_input;

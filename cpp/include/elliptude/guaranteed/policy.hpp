@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What a guaranteed filter does about measurements that contradict its set, and what it says of an update.
+/// What a guaranteed filter does about measurements that contradict its set, and what an update reports.
 
 #include "elliptude/measurement/sensors.hpp"
 
@@ -15,23 +15,23 @@ enum class Policy : std::uint8_t {
   relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
 };
 
-/// What the truth's being in the set rests on.
+/// What the guarantee of a set rests on.
 enum class Claim : std::uint8_t {
-  unconditional,  ///< on what the filter was told of errors, for all that it has used
-  conditional,    ///< also on that what was dropped on the way was what was wrong
+  unconditional,  ///< on the stated bounds of everything that the filter used
+  conditional,    ///< also on the dropped measurements having been the wrong ones
   none,           ///< no set: the attitude is not known
 };
 
-/// What a guaranteed update did.
+/// The report of a guaranteed update.
 template <typename Scalar>
 struct GuaranteedUpdate {
   Claim claim = Claim::none;
   bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
   Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
-  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 where that
-  /// has no measure, as of an angular velocity beyond the `FilterDomain`.
+  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 if that
+  /// cannot be measured, as for an angular velocity beyond the `FilterDomain`.
   Scalar margin = Scalar(1);
-  Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
+  Sensors contradicting = 0;  ///< if the margin is negative: the measurement that weighs most against the rest
 };
 
 }  // namespace elliptude

@@ -1,13 +1,13 @@
 #pragma once
 
 /// \file
-/// When a past that was contradicted is given up: the filter's memory of contradictions. (theory, section 16.8)
+/// The filter's memory of contradictions: when it gives up a contradicted past. (theory, section 16.8)
 
 #include <limits>
 
 namespace elliptude {
 
-/// Whether what is known rests on what was left out, and what updates have said since.
+/// Whether the set rests on measurements that were left out, and what updates have shown since.
 class Trust {
  public:
   Trust() = default;
@@ -21,7 +21,7 @@ class Trust {
   [[nodiscard]] int disputed_updates() const noexcept { return disputed_updates_; }
 
   /// Counts an update that measured something.
-  /// \param taken_up whether there is anything that could rest on what was left out.
+  /// \param taken_up whether there is a set or a vector that could rest on what was left out.
   void count(bool contradicted, bool taken_up) noexcept {
     const auto one_more = [](int& number) { number += number < std::numeric_limits<int>::max() ? 1 : 0; };
     if (rests_on_drops_) {
@@ -35,12 +35,12 @@ class Trust {
     }
   }
 
-  /// Whether what is known is to be taken from the measurements of one moment alone.
+  /// Whether the set should be taken from the measurements of one moment alone.
   [[nodiscard]] bool past_is_due(int regain_after) const noexcept {
     return rests_on_drops_ && (agreeing_updates_ >= regain_after || disputed_updates_ >= regain_after);
   }
 
-  /// What is known is now that alone. It rests on nothing that was left out, but is called so only when updates agree.
+  /// The set is now taken from them. It rests on nothing that was left out, but is called unconditional only when updates agree.
   void give_up_past(int regain_after) noexcept {
     disputed_updates_ = 0;
     rests_on_drops_ = agreeing_updates_ < regain_after;

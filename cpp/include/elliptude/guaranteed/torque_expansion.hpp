@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must offer
-/// where bounds are guaranteed. (theory, section 17)
+/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must provide for
+/// guaranteed bounds. (theory, section 17)
 ///
 /// A torque here is a polynomial in vectors that are fixed in the reference frame, or turn in it at a known rate, as they are
 /// seen from the body: s = Cᵀr(t), which obeys s' = −ω × s + Cᵀr'(t). `TorqueExpansion<Potential, Scalar, Terms>` is
@@ -35,11 +35,11 @@ struct TorqueBounds {
   Scalar turn_rate = Scalar(0);  ///< rad/s, at which the potential turns in the reference frame
   /// 1/s²: an error ΔJ of the inertia, in the spectral norm, changes the torque itself by at most this times ‖ΔJ‖.
   Scalar by_inertia = Scalar(0);
-  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. What is said of lengths
-  /// above holds in each direction, with the ellipsoid's width there in place of `largest`.
+  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. The statements about lengths
+  /// above hold in each direction, with the ellipsoid's width there instead of `largest`.
   Matrix3<Scalar> shape = Matrix3<Scalar>::Zero();
 
-  /// A second potential's torque beside this one: both grow with the degree and the rate, so the larger ones hold for the sum.
+  /// Adds the torque of a second potential: bounds grow with the degree and the rate, so the larger ones hold for the sum.
   void add(const TorqueBounds& other) noexcept {
     largest += other.largest;
     degree = other.degree > degree ? other.degree : degree;
@@ -49,7 +49,7 @@ struct TorqueBounds {
   }
 };
 
-/// For each potential that can be used in a guaranteed flow.
+/// Specialised for each potential that can be used in a guaranteed flow.
 template <typename Potential, typename Scalar, int Terms>
 class TorqueExpansion;
 

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What the torques of potentials are made of along a motion: series of vectors that turn, and forms of second and third order.
+/// Building blocks of torques along a motion: series of vectors that turn, and forms of second and third order.
 /// (theory, section 17.3)
 
 #include "elliptude/base/so3.hpp"

@@ -10,7 +10,7 @@
 namespace elliptude {
 
 /// Whether entries (i, j) and (j, i) differ by at most √ε of the largest entry: input may have been stored with half the digits.
-/// NaN off the diagonal is refused, on it perhaps not.
+/// NaN off the diagonal is refused; NaN on the diagonal may pass.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
   const Scalar tolerance = rounding::root<Scalar>() * a.cwiseAbs().maxCoeff();
@@ -69,10 +69,10 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// As `cholesky`, of a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
+/// `cholesky` for a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
 /// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised diagonal: by
 /// 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7), and if that is not
-/// enough by as much of the largest, since the entries of I − nnᵀ, say, err by a share of one and not of themselves. So l lᵀ is
+/// enough by as much of the largest, as the entries of I − nnᵀ, for example, err relative to one and not to themselves. So l lᵀ is
 /// a or a little more, and an ellipsoid factored in this way does not shrink by it. Raising the small pivot alone would not
 /// do: the errors of the entries below it would be divided by its root.
 /// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is negative.
@@ -91,7 +91,7 @@ template <typename Scalar, int N>
         zeros = zeros && (i < j ? a(j, i) : a(i, j)) == Scalar(0);
       }
       if (zeros) {
-        raised(j, j) = Scalar(1);  // stands alone, and is taken out again below
+        raised(j, j) = Scalar(1);  // stands alone, and is removed again below
         present(j) = Scalar(0);
       }
     }
@@ -119,7 +119,7 @@ template <typename Scalar, int N>
 }
 
 /// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots, each
-/// of which has to wait for the one before.
+/// of which would have to wait for the one before.
 template <typename Scalar, int N>
 struct RootFreeFactor {
   Matrix<Scalar, N> l;  ///< below the diagonal; the rest is undefined

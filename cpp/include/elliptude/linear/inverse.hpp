@@ -12,10 +12,10 @@
 namespace elliptude {
 
 /// The inverse of any regular matrix, by Gauss and Jordan's elimination with the largest pivot of each column.
-/// \return `not_finite` if there is no inverse, or it is beyond all numbers.
+/// \return `not_finite` if there is no inverse, or it overflows.
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_of(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
-  // Row by row: a beside what becomes its inverse.
+  // Row by row: a, and beside it the future inverse.
   Eigen::Matrix<Scalar, N, 2 * N, Eigen::RowMajor> rows;
   rows.template leftCols<N>() = a;
   rows.template rightCols<N>().setIdentity();
@@ -57,8 +57,8 @@ template <typename Scalar, int N>
 /// The inverse of a symmetric positive definite matrix or less, so that yᵀ inverse y ≤ yᵀa⁻¹y for all y whatever rounding does: a
 /// set {yᵀa⁻¹y ≤ 1} loses no point, however thin. The diagonal is raised by more than a Cholesky factor loses; with L that factor,
 /// its computed inverse is (I + E) L⁻¹, ‖E‖ ≤ ½Nε κ², κ = ‖|L⁻¹||L|‖ (Higham, Accuracy and Stability, section 14.2), and the square
-/// of that errs by as much again: 8Nε κ² of it is taken away. Where that would be much of it, a is taken a little larger,
-/// and the set a little less thin.
+/// of that errs by as much again: 8Nε κ² of it is subtracted. If that would be much of it, a is enlarged a little first,
+/// and the set becomes a little less thin.
 /// \return `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {

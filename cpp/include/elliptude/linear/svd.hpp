@@ -20,7 +20,7 @@ struct RotationSvd {
   Matrix3<Scalar> v;
 };
 
-/// By one-sided Jacobi rotations (Hestenes). Of a matrix of rank one the second vectors are chosen freely.
+/// By one-sided Jacobi rotations (Hestenes). For a matrix of rank one the second vectors are arbitrary.
 /// \return `not_finite`; `out_of_range` for the zero matrix; `not_converged`.
 template <typename Scalar>
 [[nodiscard]] Status rotation_svd(const Matrix3<Scalar>& a, RotationSvd<Scalar>& svd) noexcept {
@@ -42,7 +42,7 @@ template <typename Scalar>
         const Scalar pp = columns.col(p).squaredNorm();
         const Scalar qq = columns.col(q).squaredNorm();
         const Scalar pq = columns.col(p).dot(columns.col(q));
-        // Columns at right angles to rounding, of which a product of three terms takes some, or so short that their angle is
+        // Columns at right angles up to the rounding of a product of three terms, or so short that their angle is
         // rounding.
         if (scalar::abs(pq) <= rounding::share<Scalar>(rounding::right_angle) * scalar::sqrt(Scalar(pp * qq)) ||
             scalar::abs(pq) <= rounding::square<Scalar>()) {

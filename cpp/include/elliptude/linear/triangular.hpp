@@ -78,7 +78,7 @@ template <typename Scalar, int N>
   return inverse;
 }
 
-/// lᵀl of a lower triangle, exactly symmetric: of the inverse of a Cholesky factor it is the inverse of what was factored.
+/// lᵀl of a lower triangle, exactly symmetric: for the inverse of a Cholesky factor it is the inverse of the factored matrix.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> square_of_lower(const Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> square;
@@ -95,7 +95,7 @@ template <typename Scalar, int N, int Columns>
   return x;
 }
 
-/// x with lᵀ x = b, as `solve_lower`.
+/// x with lᵀ x = b; see `solve_lower`.
 template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower_transposed(const Matrix<Scalar, N>& l,
                                                                 const Matrix<Scalar, N, Columns>& b) noexcept {

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The ellipsoid that measurements make together (paper, §3.2), and each as linear rows of the error, to first order.
+/// The ellipsoid of several measurements together (paper, §3.2), and each as linear rows of the error, to first order.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
@@ -18,7 +18,7 @@ class MeasuredDirections {
  public:
   static constexpr std::size_t most_directions = 32;
 
-  /// \return what `validate` says of a direction; `attitude_undetermined` for fewer than two, or collinear ones;
+  /// \return the status of `validate` for a direction; `attitude_undetermined` for fewer than two, or collinear ones;
   /// `out_of_range` for more than `most_directions`.
   [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count, WahbaMethod method,
                                    MeasuredDirections& measured) noexcept {
@@ -64,7 +64,7 @@ class MeasuredDirections {
   }
 
   [[nodiscard]] const Matrix3<Scalar>& attitude() const noexcept { return attitude_; }
-  /// How many directions there are, and the shape 𝒜ⁱ Sⁱ 𝒜ⁱᵀ of what the error of one of them does to ζ.
+  /// How many directions there are, and the shape 𝒜ⁱ Sⁱ 𝒜ⁱᵀ of the effect of one direction's error on ζ.
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
   [[nodiscard]] const Matrix3<Scalar>& term(std::size_t i) const noexcept { return terms_[i]; }
 
@@ -91,7 +91,7 @@ class MeasuredDirections {
 
 /// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat
 /// ellipsoids that each error makes in [ζ; δω].
-/// \return what `validate` says of the angular velocity, and what `minimal_sum` says.
+/// \return the status of `validate` for the angular velocity, and the status of `minimal_sum`.
 template <typename Scalar>
 [[nodiscard]] Status measured_state(const MeasuredDirections<Scalar>& directions,
                                     const AngularVelocity<Scalar>& angular_velocity,
@@ -123,7 +123,7 @@ template <typename Scalar>
 ///     Uᵀ S(b̃) a = Uᵀ S(b̃) J_r(a) ζ + Uᵀ S(b̃) ν,   J_r(a) a = a,
 ///
 /// with the columns of U two axes across b̃; about b̃ itself the direction says nothing. (theory, section 10)
-/// \return what `validate` says.
+/// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status linear_direction(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
                                       LinearMeasurement<Scalar, 2>& linear) noexcept {

@@ -9,8 +9,8 @@
 
 namespace elliptude {
 
-/// What a linear measurement says of x, as a quadric that may be a cylinder.
-/// \return what `whitened` says.
+/// A linear measurement of x as a quadric, which may be a cylinder.
+/// \return the status of `whitened`.
 template <typename Scalar, int Rows>
 [[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
                                 Quadric<Scalar, 6>& quadric) noexcept {
@@ -27,7 +27,7 @@ template <typename Scalar, int Rows>
 
 /// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for every ν.
 /// (theory, section 16)
-/// \return what `validate` says.
+/// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status angle_bound(const Direction<Scalar>& direction, Scalar& angle) noexcept {
   if (const Status status = validate(direction); status != Status::ok) {
@@ -55,7 +55,7 @@ template <typename Scalar>
 /// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little wider, for
 /// rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
 /// \param center a rotation to rounding.
-/// \return what `validate` says of the direction; `not_finite` of the center.
+/// \return the status of `validate` for the direction; `not_finite` of the center.
 template <typename Scalar>
 [[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
                           Quadric<Scalar, 3>& quadric) noexcept {
@@ -110,7 +110,7 @@ template <typename Scalar>
 ///
 ///     (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ).
 ///
-/// With a bound that reaches half turns, or about a center to which C̃ is a half turn but for half the digits, it says nothing:
+/// With a bound that reaches half turns, or about a center from which C̃ is, to half the digits, a half turn, it says nothing:
 /// A = 0, g = 0, c = 1.
 /// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement.
 template <typename Scalar>
@@ -138,7 +138,7 @@ template <typename Scalar>
                            ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
                                     (Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle)))
                            : Scalar(4);
-  // A rotation to half the digits, as it may have been stored, errs by more than the widening below; the nearest one is meant.
+  // A rotation to half the digits, as it may have been stored, is off by more than the widening below: use the nearest rotation.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
   const Scalar farthest = Scalar(1) / rounding::root<Scalar>();
   if (!(angle < scalar::pi<Scalar>()) || !(gamma.norm() < farthest)) {
@@ -165,7 +165,7 @@ template <typename Scalar>
 }
 
 /// A measured angular velocity as a quadric of δω about a center: (δω − (ω̃ − ω̂))ᵀ bound⁻¹ (δω − (ω̃ − ω̂)) ≤ 1.
-/// \return what `validate` says.
+/// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Vector3<Scalar>& center, const AngularVelocity<Scalar>& measured,
                                 Quadric<Scalar, 3>& quadric) noexcept {
@@ -174,7 +174,7 @@ template <typename Scalar>
 
 /// A linear measurement y = H [ζ; δ] + v as a quadric of [γ; δ]: γ is in the prediction, so ζ − γ is in E(0, (1 − 1/τ)² P_γγ), and
 /// H's image of that is added to the bound of v.
-/// \return what `whitened` says.
+/// \return the status of `whitened`.
 template <typename State, int Rows>
 [[nodiscard]] Status to_quadric(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                                 const StateEllipsoid<State, GibbsChart>& predicted,

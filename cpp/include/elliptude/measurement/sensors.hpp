@@ -1,13 +1,13 @@
 #pragma once
 
 /// \file
-/// What was measured at one moment, and sets of these measurements.
+/// The measurements of one moment, and sets of them as bits.
 
 #include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 
-/// Measurements of one moment. Those that are null or of length zero were not made.
+/// The measurements of one moment. Null or a length of zero means not measured.
 template <typename Scalar>
 struct Measurements {
   const Direction<Scalar>* directions = nullptr;
@@ -80,7 +80,7 @@ void for_each_choice(Sensors all, int wrong, const Add& add) noexcept {
   }
 }
 
-/// Says of measurements that are not valid what `validate` does, also where they would not have been used; else `status`.
+/// The status of `validate` for measurements that are not valid, even if they would not have been used; else `status`.
 template <typename Scalar>
 [[nodiscard]] Status checked(const Measurements<Scalar>& measurements, Status status) noexcept {
   for (std::size_t i = 0; i < measurements.direction_count; ++i) {

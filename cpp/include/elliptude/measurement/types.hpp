@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What is measured, with bounds of its errors (paper, §2.3.3).
+/// Measurements with bounds of their errors (paper, §2.3.3).
 
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/sets/ellipsoid.hpp"

@@ -119,7 +119,7 @@ template <typename Scalar, int N>
   return ellipsoid.shape.diagonal().cwiseSqrt();
 }
 
-/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside. Of a point off the plane of an ellipsoid with a coordinate of no width it is infinite.
+/// (x − x̂)ᵀ P⁻¹ (x − x̂): at most 1 inside; infinite for a point off the plane of a flat ellipsoid.
 /// \return `not_finite`, `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status quadratic_form(const Ellipsoid<Scalar, N>& ellipsoid, const Vector<Scalar, N>& x,

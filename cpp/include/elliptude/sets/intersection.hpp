@@ -10,7 +10,7 @@ namespace elliptude {
 
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
-/// \return what `validate` says; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
+/// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
 /// common point; `beyond_domain` also of what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
@@ -64,7 +64,7 @@ template <typename Scalar, int N>
   const Status status =
       detail::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
   if (status != Status::ok) {
-    // Where M is ill-conditioned a negative N may be rounding; the margin of the overlap, found without M, decides.
+    // If M is ill-conditioned, a negative N may come from rounding; the overlap margin, found without M, decides.
     Scalar margin;
     if (status != Status::empty_intersection || overlap_margin(first, second, margin) != Status::ok ||
         margin < Scalar(0)) {

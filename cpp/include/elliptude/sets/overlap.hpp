@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Whether two ellipsoids have a common point, and how a bound of what they have in common is reported.
+/// Whether two ellipsoids have a common point, and the result type for a bound of their intersection.
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
@@ -12,7 +12,7 @@ namespace elliptude {
 /// The overlap of two ellipsoids: 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the
 /// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point. The
 /// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 7)
-/// \return what `validate` says; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
+/// \return the status of `validate`; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
 template <typename Scalar, int N>
 [[nodiscard]] Status overlap_margin(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
                                     Scalar& margin) noexcept {
@@ -66,7 +66,7 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// An ellipsoid that contains an intersection, and how it was mixed: `share` 0 is the first set alone, 1 the second; in the
+/// An ellipsoid that contains an intersection, with the share of the second set: 0 is the first set alone, 1 the second; in the
 /// paper's notation (eq. LP) q = share / (1 − share).
 template <typename Scalar, int N>
 struct Intersection {

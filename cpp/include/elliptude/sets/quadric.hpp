@@ -2,7 +2,7 @@
 
 /// \file
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
-/// quadrics as an ellipsoid is, and what a measurement says of the state is one. (theory, section 7)
+/// quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/intersection.hpp"
@@ -26,7 +26,7 @@ struct HalfQuadric {
   Half half;
 };
 
-/// What it says of all six coordinates.
+/// The same as a quadric of all six coordinates.
 template <typename Scalar>
 [[nodiscard]] Quadric<Scalar, 6> extended(const HalfQuadric<Scalar>& half) noexcept {
   const int start = half.half == Half::first ? 0 : 3;
@@ -114,7 +114,7 @@ template <typename Scalar, int N>
 }
 
 /// {z : T z + s in the quadric}: the quadric seen in coordinates y = T z + s, of any dimension. With T a selection of columns
-/// it says of all coordinates what was measured of some.
+/// it turns a measurement of some coordinates into a quadric of all.
 template <typename Scalar, int M, int N>
 [[nodiscard]] Quadric<Scalar, M> pullback(const Quadric<Scalar, N>& quadric, const Matrix<Scalar, N, M>& transform,
                                           const Vector<Scalar, N>& shift) noexcept {
@@ -125,7 +125,7 @@ template <typename Scalar, int M, int N>
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
+/// \return the status of `validate`; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
 /// nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
@@ -155,7 +155,7 @@ template <typename Scalar, int N>
 /// A small ellipsoid that contains the intersection of an ellipsoid, which may be flat, with a quadric, which may be
 /// unbounded or indefinite: the smallest of the family that two multipliers give, never larger than the ellipsoid.
 /// `share` 0 is the quadric alone, 1 the ellipsoid.
-/// \return what `validate` says; `empty_intersection` if they have no common point; `beyond_domain` also of
+/// \return the status of `validate`; `empty_intersection` if they have no common point; `beyond_domain` also for
 /// what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Quadric<Scalar, N>& quadric, const Ellipsoid<Scalar, N>& ellipsoid,

@@ -10,17 +10,17 @@
 
 namespace elliptude {
 
-/// An ellipsoid about an intersection, and how it came about.
+/// An ellipsoid about an intersection, with the multipliers that give it.
 template <typename Scalar, int N>
 struct QuadricFusion {
-  /// What `contradiction` is if no quadric is violated, and where there is none; of a quadric it is the index.
+  /// The value of `contradiction` if no quadric is violated, or without a contradiction; else it is a quadric's index.
   static constexpr std::size_t predicted = most_quadrics;
   static constexpr std::size_t none = most_quadrics + 1;
 
   Ellipsoid<Scalar, N> set;
   std::array<Scalar, most_quadrics> multipliers;  ///< μ of the quadrics as given, with Σμ = 1 over all constraints
   Scalar predicted_multiplier;                    ///< of (y − ŷ)ᵀP⁻¹(y − ŷ) ≤ 1
-  /// The least N(μ) with Σμ = 1 that was met. No state satisfies all constraints with more slack than this; negative, it proves
+  /// The least N(μ) with Σμ = 1 on the way. No state satisfies all constraints with more slack than this; if negative, it proves
   /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
   Scalar margin;
   bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
@@ -166,8 +166,8 @@ void report_set(const Ellipsoid<Scalar, N>& set, const Gathered<Scalar, N>& gath
   result.contradiction = QuadricFusion<Scalar, N>::none;
 }
 
-/// `minimal_intersection` of at most `most_quadrics` quadrics that are known to be symmetric, with a valid criterion; that all is
-/// finite, and the prediction, are tested here.
+/// `minimal_intersection` of at most `most_quadrics` symmetric quadrics with a valid criterion. It checks the prediction,
+/// and that all numbers are finite.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
                           const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
@@ -181,7 +181,7 @@ template <typename Scalar, int N, typename Given>
   Gathered<Scalar, N> gathered;
   gather(quadrics, count, criterion, at, gathered);
   if (!gathered.finite) {
-    // An input that is not; or one too sharp, too weak or too far away to be scaled to the prediction.
+    // An input that is not finite; or one too sharp, too weak or too far away to be scaled to the prediction.
     for (std::size_t k = 0; k < count; ++k) {
       if (elliptude::validate(quadrics[k]) == Status::not_finite) {
         return Status::not_finite;
@@ -217,7 +217,7 @@ template <typename Scalar, int N, typename Given>
   return Status::ok;
 }
 
-/// What is asked of the input of `minimal_intersection`, but of the prediction.
+/// Checks the input of `minimal_intersection`, except the prediction.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status validate(const Given* quadrics, std::size_t count,
                               const SizeCriterion<Scalar, N>& criterion) noexcept {
@@ -237,12 +237,12 @@ template <typename Scalar, int N, typename Given>
 
 }  // namespace detail
 
-/// A small ellipsoid that contains all that satisfies a predicted ellipsoid and `count` quadrics: the smallest of the family
+/// A small ellipsoid that contains every point in a predicted ellipsoid and in `count` quadrics: the smallest of the family
 /// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
-/// returned unchanged where nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
+/// returned unchanged if nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
 /// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
-/// \return what `validate` says; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
+/// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
 /// within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction); `not_positive_definite` of a flat one;
 /// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
 /// `contradiction` are set, and nothing else.
@@ -254,7 +254,7 @@ template <typename Scalar, int N>
   return status == Status::ok ? detail::fuse(predicted, quadrics, count, criterion, result) : status;
 }
 
-/// The same of quadrics of either half, faster than `extended` ones.
+/// The same for quadrics of either half, faster than with `extended` ones.
 template <typename Scalar>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, 6>* predicted, const HalfQuadric<Scalar>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, 6>& criterion,

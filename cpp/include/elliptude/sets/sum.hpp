@@ -9,7 +9,7 @@
 
 namespace elliptude {
 
-/// Of two ellipsoids about zero the sum, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
+/// The sum of two ellipsoids about zero, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
   const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
@@ -47,9 +47,9 @@ template <typename Scalar, int N>
 /// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
 /// shape of zeros only move the center.
-/// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
+/// \return `out_of_range` for no terms or more than `max_terms`; the status of `validate` for a term or for the criterion; for the
 /// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
-/// `beyond_domain` if the sum is beyond all numbers.
+/// `beyond_domain` if the sum overflows.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
@@ -81,7 +81,7 @@ template <typename Scalar, int N>
     center += terms[i].center;
     const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
     if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
-      // A term must not be left out for its rounding.
+      // A term must not be lost to rounding.
       return Status::not_positive_definite;
     }
     share[i] = scalar::sqrt(square);

@@ -1,1 +1,1 @@
-"""The formats of logs, a module a format."""
+"""Readers of logs, one module for each format."""

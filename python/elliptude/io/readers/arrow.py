@@ -1,4 +1,4 @@
-"""What the readers of CSV and Parquet have in common: both read by Arrow."""
+"""What the readers of CSV and Parquet have in common: Arrow."""
 
 from typing import Protocol
 
@@ -23,7 +23,7 @@ class Table(LogFile, Protocol):
 
 
 def cells_of(column: pa.Array, large: bool) -> Cells:
-    """Of an Arrow array of numbers, as int64 where a double might lose digits."""
+    """The cells of an Arrow array of numbers, as int64 if a double might lose digits."""
     empty = np.asarray(column.is_null().to_numpy(zero_copy_only=False), dtype=np.bool_)
     if large:
         return Cells(np.asarray(column.fill_null(0).cast(pa.int64())), empty)

@@ -1,4 +1,4 @@
-"""What a file of numbers over time is: which columns there are, their numbers in batches, and where a fault is.
+"""The interface of a log file: its columns, their numbers in batches, and where a fault is.
 
 The place in a message is one that a person can go to: the line of a CSV file, from 1 and with comments and header, or
 the row of another file, from 1.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from elliptude.io.files import FileError
 
 BATCH_ROWS = 1 << 17
-"""Of a Parquet file or a bag that are worked on at a time."""
+"""Rows of a Parquet file, or messages of a bag, that are read at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Cells:
     values: NDArray[np.float64] | NDArray[np.int64]
     """Shape (N,); whole numbers that a double does not hold are int64."""
     empty: NDArray[np.bool_]
-    """Where there is nothing: no number, or in a format without empty cells NaN; shape (N,)."""
+    """Which cells are empty, or NaN in a format without empty cells; shape (N,)."""
 
 
 Batch: TypeAlias = Mapping[str, Cells]
@@ -33,7 +33,7 @@ Batch: TypeAlias = Mapping[str, Cells]
 
 
 class LogFile(Protocol):
-    """A file of one or more streams. A stream is some columns that have their rows together."""
+    """A file of one or more streams. A stream is a group of columns that share their rows."""
 
     path: Path
     columns: tuple[str, ...]
@@ -42,10 +42,10 @@ class LogFile(Protocol):
         """The stream that a column belongs to; "" where the file has but one."""
 
     def holds_numbers(self, column: str) -> bool:
-        """Whether a column is one of numbers, as far as can be told without reading it all."""
+        """Whether a column has numbers, as far as is visible without reading it all."""
 
     def stamps(self, stream: str) -> tuple[str, str] | None:
-        """The column and the unit of a stream's own time stamps, where the format says which they are."""
+        """The column and the unit of a stream's own time stamps, if the format defines them."""
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """Some columns of one stream, from the first row to the last.
@@ -60,9 +60,9 @@ class LogFile(Protocol):
         """Where a cell is, for a message: "line 812, column 9 (sun_bx)". ``row`` counts from 0 in its stream."""
 
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
-        """Where rows are, for messages: "line 812"; empty where a row of one stream is none of the others.
+        """Where rows are, for messages: "line 812"; empty if the streams do not share their rows.
 
-        The file is read no more than once, however many rows these are.
+        The file is read at most once, however many rows there are.
         """
 
 
@@ -77,7 +77,7 @@ def require_columns(file: LogFile, names: Sequence[str]) -> None:
     Raises
     ------
     FileError
-        With the columns that there are.
+        With the existing columns.
     """
     for name in names:
         if file.columns.count(name) != 1:
@@ -93,7 +93,7 @@ def numbered(values: NDArray[np.generic]) -> Cells:
     Parameters
     ----------
     values : (N,) array
-        Of booleans, integers or floats.
+        Booleans, integers or floats.
 
     Returns
     -------

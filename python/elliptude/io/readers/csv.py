@@ -22,11 +22,11 @@ from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import Batch
 
 BATCH_BYTES = 1 << 22
-"""Of the text that are worked on at a time."""
+"""Bytes of the text that are read at a time."""
 
 
 class CsvTable:
-    """A CSV file. Read by Arrow; what is at fault, and in which line, is found by a slow second reading."""
+    """A CSV file. Arrow reads it; a slow second reading finds what is at fault, and in which line."""
 
     _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
     # From 16 digits on a double may not hold a whole number.

@@ -12,7 +12,7 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells, numbered
 
 MOST_COLUMNS = 10_000
-"""Of an array: one that says it is wider is none of columns."""
+"""The widest array that is read as columns."""
 
 
 class NpzFile:

@@ -45,7 +45,7 @@ class ParquetTable:
         self._require_numbers(columns)
         large = {name for name in columns if self._types[name] in (pa.int64(), pa.uint64())}
         try:
-            # Arrow would read all that is wanted of the file beforehand.
+            # Arrow would read all of these columns beforehand.
             with pa.parquet.ParquetFile(self.path, pre_buffer=False) as file:
                 for batch in file.iter_batches(BATCH_ROWS, columns=list(columns)):
                     yield {name: cells_of(batch.column(name), name in large) for name in columns}

@@ -19,7 +19,7 @@ _NUMBERS = {
     *("bool", "byte", "char", "octet", "float32", "float64"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 }
-# What holds seconds and nanoseconds becomes one column of nanoseconds.
+# Seconds and nanoseconds become one column of nanoseconds.
 _STAMPS = {"builtin_interfaces/msg/Time"}
 _LARGEST_ARRAY = 64
 
@@ -79,7 +79,7 @@ class BagFile:
         return f"message {row + 1} of {column}"
 
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
-        """Nothing: a row of one topic is none of the others."""
+        """Empty: topics do not share their rows."""
         return [""] * len(rows)
 
     @contextmanager

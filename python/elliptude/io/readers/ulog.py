@@ -61,14 +61,14 @@ class UlogFile:
         return f"sample {row + 1} of {column}"
 
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
-        """Nothing: a row of one topic is none of the others."""
+        """Empty: topics do not share their rows."""
         return [""] * len(rows)
 
 
 class _Bounded(io.BufferedReader):
-    """A file whose reading ends: where a log is damaged pyulog may go back to the same place for ever.
+    """A file whose reading always ends: in a damaged log pyulog may go back to the same place for ever.
 
-    A message that it keeps, skips or searches through takes two reads and is a byte or longer, up to three times where
+    A message that it keeps, skips or searches through takes two reads and is at least a byte long, up to three times if
     data were appended.
     """
 
@@ -77,7 +77,7 @@ class _Bounded(io.BufferedReader):
         self._reads_left = 8 * path.stat().st_size + 10_000
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """As of any file; raises EOFError where it has gone on for too long."""
+        """Read as from any file; raises EOFError if it has gone on for too long."""
         self._reads_left -= 1
         if self._reads_left < 0:
             raise EOFError("damaged so that reading it does not end")

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The search for weights of cones that make their sum small. (theory, 15.6)
+/// The search for weights of cones that make the ellipsoid about their sum small. (theory, 15.6)
 
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/linear/triangular.hpp"
@@ -9,7 +9,7 @@
 
 namespace elliptude {
 
-/// Which ellipsoid the weights are chosen for.
+/// The criterion for which the weights are chosen.
 enum class WahbaCriterion : std::uint8_t { trace, volume };
 
 namespace detail {

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What a guaranteed filter does when measurements contradict its set, or may be wrong: which to leave out, and the union over what
-/// may be left out. (theory, sections 16.8 and 16.10)
+/// What a guaranteed filter does if measurements contradict its set, or may be wrong: which to leave out, and the union over all
+/// choices. (theory, sections 16.8 and 16.10)
 
 #include "elliptude/guaranteed/detail/solution.hpp"
 #include "elliptude/guaranteed/detail/union_set.hpp"
@@ -10,7 +10,7 @@
 
 namespace elliptude::detail {
 
-/// After a contradiction, by the policy.
+/// Resolves a contradiction by the policy.
 /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
 template <typename State>
 [[nodiscard]] Status resolve(const SetSolver<State>& solver, Policy policy, Sensors all, Solution<State>& solution,
@@ -59,8 +59,8 @@ template <typename State>
   if (result.dropped != 0) {
     return Status::ok;
   }
-  // With none of them to go by: which ones are right is not to be known. Without a prediction what the angular velocity says
-  // does not need them.
+  // Without any of them, because nothing shows which ones are right. Without a prediction the angular velocity does not need
+  // them.
   result.dropped = known.has_attitude ? all : all & ~angular_velocity_bit;
   return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
 }
@@ -77,12 +77,12 @@ class UnionOfChoices {
       : solver_(solver), known_(solver.known), all_(all), wrong_(wrong) {}
 
   /// Measurements that every consistent choice leaves out are proved wrong, and are in `result.dropped`.
-  /// \return `unbounded` without a set; `empty_intersection` if no choice is consistent; what `validate` says of the measurements.
+  /// \return `unbounded` without a set; `empty_intersection` if no choice is consistent; the status of `validate` for the measurements.
   [[nodiscard]] Status find(Solution<State>& solution, GuaranteedUpdate<Scalar>& result) noexcept {
     if (const Status status = sensors::checked(solver_.measurements, Status::ok); status != Status::ok) {
       return status;
     }
-    // All choices in the same coordinates. An angular velocity or an attitude that may be wrong had better not choose them.
+    // All choices use the same coordinates. An angular velocity or an attitude that may be wrong should not determine them.
     center_ = known_.set.center;
     if (!known_.has_attitude &&
         solver_.measured_center(all_ & ~angular_velocity_bit & ~attitude_bit, Past::used, center_) != Status::ok &&
@@ -92,7 +92,7 @@ class UnionOfChoices {
     result.margin = Scalar(-1);
     sensors::for_each_choice(all_, wrong_, [&](Sensors kept) { add(kept, solution, result); });
     if (failure_ != Status::ok) {
-      result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
+      result.margin = Scalar(1);  // not all choices were tried: nothing is known to contradict
       result.contradicting = 0;
     }
     if (failure_ != Status::ok && !known_.has_attitude) {
@@ -113,10 +113,10 @@ class UnionOfChoices {
   }
 
  private:
-  /// What the measurements of one choice leave possible, beside what others do.
+  /// Adds the set that the measurements of one choice leave possible to the union.
   void add(Sensors kept, Solution<State>& solution, GuaranteedUpdate<Scalar>& result) noexcept {
     if (failure_ != Status::ok) {
-      return;  // what one choice leaves unbounded, no other bounds
+      return;  // if one choice leaves the set unbounded, the union is unbounded
     }
     Solution<State> trial;
     Status status = known_.has_attitude ? Status::ok : Status::unbounded;

@@ -13,7 +13,7 @@
 namespace elliptude {
 namespace detail::tube {
 
-/// A growth in a prediction that is never too much.
+/// A growth in a prediction that is always acceptable.
 template <typename Scalar>
 [[nodiscard]] Scalar always_moderate() noexcept {
   return scalar::constant<Scalar>(0.01L);

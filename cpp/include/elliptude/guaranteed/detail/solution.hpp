@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The set that measurements of one moment, and what was known before, leave possible: one fusion, with nothing decided about
-/// contradictions. (theory, sections 16.5 to 16.7)
+/// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
+/// about contradictions. (theory, sections 16.5 to 16.7)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
@@ -17,8 +17,8 @@ struct Knowledge {
   using Scalar = StateScalar<State>;
 
   GibbsEllipsoid<State> set;          ///< where the attitude is known
-  Ellipsoid<Scalar, 3> vector;        ///< what is known of the vector where the attitude is not
-  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for it
+  Ellipsoid<Scalar, 3> vector;        ///< what is known about the vector while the attitude is not known
+  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for the vector
   bool has_attitude = false;
   bool has_vector = false;
   bool has_vector_bound = false;
@@ -34,7 +34,7 @@ template <typename State>
   return {Vector3<StateScalar<State>>::Zero(), set.shape.template topLeftCorner<3, 3>()};
 }
 
-/// A set of states about a center that is only where its coordinates begin.
+/// A set of states about a center that is only the origin of its coordinates.
 template <typename State>
 struct Solution {
   State center;
@@ -42,7 +42,7 @@ struct Solution {
   bool used_prediction;
 };
 
-/// Two blocks and nothing between: of an attitude and of a vector that is left to its bound. Each is a set of its own, and the
+/// Two blocks with zeros between: an attitude's, and that of a vector that is left to its bound. Each is a set of its own, and the
 /// state is in the product of both. (theory, section 16.7)
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> product_shape(const Matrix3<Scalar>& attitude, const Matrix3<Scalar>& vector) noexcept {
@@ -52,7 +52,7 @@ template <typename Scalar>
   return shape;
 }
 
-/// What a criterion says of the attitude alone.
+/// The criterion for the attitude alone.
 template <typename Scalar>
 [[nodiscard]] SizeCriterion<Scalar, 3> attitude_criterion(const SizeCriterion<Scalar, 6>& criterion) noexcept {
   const bool by_volume = criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume;
@@ -60,7 +60,7 @@ template <typename Scalar>
           criterion.weight.template topLeftCorner<3, 3>()};
 }
 
-/// Finds the smallest ellipsoid about what selected measurements, and the past if wanted, leave possible.
+/// Finds the smallest ellipsoid about the states that selected measurements, and the past if wanted, leave possible.
 template <typename State>
 class SetSolver {
  public:
@@ -71,11 +71,11 @@ class SetSolver {
   bool estimates_vector;
   const Measurements<Scalar>& measurements;
 
-  /// Of the past, besides what bounds the vector at all times.
+  /// Whether the past takes part, besides what bounds the vector at all times.
   enum class Past : std::uint8_t { used, forgotten };
 
   /// \param center where the coordinates begin if there is no prediction; null for one by the selected measurements.
-  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; what `validate` says.
+  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; the status of `validate`.
   [[nodiscard]] Status solve(Sensors selected, Past past, const State* center,
                              Solution<State>& solution) const noexcept {
     const bool with_prediction = past == Past::used && known.has_attitude;
@@ -177,7 +177,7 @@ class SetSolver {
       }
       quadrics[count++] = of_attitude(quadric);
     }
-    // A bound that cannot be used must not be missing without a word.
+    // A bound that cannot be used must not be left out silently.
     if (known.has_vector_bound) {
       if (const Status status = add_vector(known.vector_bound.center, known.vector_bound.shape); status != Status::ok) {
         return status;
@@ -197,7 +197,7 @@ class SetSolver {
     return status;
   }
 
-  /// Of the attitude alone: the vector is in its bound, and the state in the product of both sets.
+  /// Solves for the attitude alone: the vector is in its bound, and the state in the product of both sets.
   [[nodiscard]] Status solve_attitude(Sensors selected, bool with_prediction,
                                       Solution<State>& solution) const noexcept {
     if (!known.has_vector_bound) {

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What terms that change within a step of a tube add up to over it, at most: numbers only. (theory, section 17.4)
+/// Bounds of the integrals of terms that change within a step of a tube: numbers only. (theory, section 17.4)
 ///
 /// x = |s − h/2|/(h/2) is how far a time is from the middle of the step, in parts of half of it. Y(s) = Y(h/2) (I + W(s)), and
 /// ‖W(s)‖ ≤ x times `odd` for its part that is linear in s − h/2, and x² times `all` − `odd` for what is left of it.
@@ -56,7 +56,7 @@ struct FormChange {
   }
 };
 
-/// Of the terms of second order of u', for ‖u‖ ≤ 1 (theory, eq. 17.7).
+/// Bounds of the second-order terms of u', for ‖u‖ ≤ 1 (theory, eq. 17.7).
 template <typename Scalar>
 struct SecondOrder {
   Scalar quadrature;  ///< how far their integral is from the step's length times their value in the middle
@@ -100,11 +100,11 @@ struct Line {
   [[nodiscard]] Scalar fourth_at_ends(const Scalar& stretch) const noexcept {
     return fourth_of(stretch) * scalar::constant<Scalar>(0.5L) * (fourth_of(first) + fourth_of(last));
   }
-  /// Of (1 + ‖W‖)³ ‖u‖³, over the step.
+  /// The mean of (1 + ‖W‖)³ ‖u‖³ over the step.
   [[nodiscard]] Scalar mean_cube(const Scalar& stretch) const noexcept {
     return scalar::constant<Scalar>(0.5L) * (cube_of(mean()) + cube_at_ends(stretch));
   }
-  /// Of (1 + ‖W‖)⁴ ‖u‖⁴.
+  /// The mean of (1 + ‖W‖)⁴ ‖u‖⁴ over the step.
   [[nodiscard]] Scalar mean_fourth(const Scalar& stretch) const noexcept {
     return scalar::constant<Scalar>(0.5L) * (fourth_of(mean()) + fourth_at_ends(stretch));
   }

@@ -71,7 +71,7 @@ template <typename Scalar, typename Potential>
                                                 truncated);
 }
 
-/// What moves u beyond the second order, given how far it moves.
+/// Bounds of what moves u beyond second order, given how far it moves.
 template <typename Scalar>
 struct Displacement {
   Scalar rest;    ///< of u from where the quadratic map and the pushes take it, over this step

@@ -53,7 +53,7 @@ template <typename Scalar, typename Potential>
   return forms;
 }
 
-/// What is not known of the torque, and of the inertia as a torque (theory, section 17.5).
+/// The unknown torque, and the inertia error as a torque (theory, section 17.5).
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status unknown_torque(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
                                     const BodyUncertainty<Scalar>& uncertainty, const Scalar& largest_difference,

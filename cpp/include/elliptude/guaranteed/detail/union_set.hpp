@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// An ellipsoid about two, and what a prediction leaves of it: for measurements of which some may be wrong. (theory, section
+/// An ellipsoid about two, and its intersection with a prediction, for measurements some of which may be wrong. (theory, section
 /// 16.10)
 
 #include "elliptude/attitude/state_ellipsoid.hpp"

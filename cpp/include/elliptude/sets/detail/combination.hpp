@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// A quadric and the unit ball added up with weights: the family of ellipsoids in which `minimal_intersection` searches. (theory,
+/// The weighted sum of a quadric and the unit ball: the family of ellipsoids in which `minimal_intersection` searches. (theory,
 /// section 7)
 
 #include "elliptude/base/rounding.hpp"
@@ -10,8 +10,8 @@
 
 namespace elliptude::detail {
 
-/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: all that is needed of
-/// A = M + qI at one q, and of N = k + q + vᵀA⁻¹v, whose sign tells whether the two meet. Where the ellipsoid that the ball
+/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and
+/// N = k + q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball
 /// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A.
 template <typename Scalar, int N>
 struct Combination {
@@ -166,7 +166,7 @@ class RelativeSize {
   [[nodiscard]] bool by_volume() const noexcept { return by_volume_; }
   [[nodiscard]] const Matrix<Scalar, N>& weight() const noexcept { return weight_; }  ///< W', if not by volume
 
-  /// The quadric's slack at the ball's center from which on nothing is gained by mixing the quadric in: where the derivative
+  /// The quadric's slack at the ball's center from which on mixing in the quadric gains nothing: where the derivative
   /// with respect to 1/q at 1/q = 0 is not negative.
   [[nodiscard]] Scalar idle_slack(const Matrix<Scalar, N>& m) const noexcept {
     return by_volume_ ? Scalar(m.trace() / dimension_) : Scalar(weight_.cwiseProduct(m).sum() / weight_.trace());
@@ -179,7 +179,7 @@ class RelativeSize {
   Matrix<Scalar, N> weight_;
 };
 
-/// Where a search ended: the combination, its share, and whether a common point of the two sets was met on the way.
+/// The end of a search: the combination, its share, and whether the search met a common point of the two sets.
 template <typename Scalar, int N>
 struct Found {
   Combination<Scalar, N> combination;
@@ -284,7 +284,7 @@ template <typename Scalar, int N, typename Slack>
   };
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
   if (!scalar::isfinite(start) || !scalar::isfinite(slack_at_origin)) {
-    return Status::beyond_domain;  // of finite input: the sets differ too much in size
+    return Status::beyond_domain;  // the input is finite, but the sets differ too much in size
   }
   if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
     return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
@@ -338,8 +338,8 @@ void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
   }
 }
 
-/// Of a set that was combined: positive definite, but where the second set is flat or the two have one point in common.
-/// \return `beyond_domain` of anything else: a width that cannot be represented, or a shape that rounding left indefinite.
+/// Checks a combined set: it must be positive definite, unless the second set is flat or the two have one point in common.
+/// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
   Matrix<Scalar, N> factor;

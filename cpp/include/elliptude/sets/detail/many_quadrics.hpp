@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Many quadrics added up with multipliers: the family of ellipsoids in which guaranteed fusion searches, and its derivatives.
+/// Sums of many quadrics with multipliers: the family of ellipsoids in which guaranteed fusion searches, and its derivatives.
 /// (theory, section 16)
 
 #include <algorithm>
@@ -23,9 +23,9 @@ struct Constraint {
   static constexpr int lead = std::min(N, 3);
 
   int rank;                    ///< of A, at most
-  bool leading;                ///< whether it speaks of the first three of six coordinates only, as a direction does
-  Quadric<Scalar, lead> part;  ///< what it says of these, if so
-  Quadric<Scalar, N> quadric;  ///< and of all coordinates, if not
+  bool leading;                ///< whether it constrains only the first three of six coordinates, as a direction does
+  Quadric<Scalar, lead> part;  ///< the quadric of these, if so
+  Quadric<Scalar, N> quadric;  ///< the quadric of all coordinates, if not
 
   /// f of the one that it is.
   template <typename Function>
@@ -129,8 +129,8 @@ class ManyQuadrics {
     if (with_ball) {  // which is not relaxed
       it.rounding += rounding::share<Scalar>(rounding::terms_of_ball(static_cast<int>(count))) * multipliers[0];
     }
-    // The constraints are relaxed by what their sums lose at the states of the set, which are near, and it is at û that they are
-    // summed: far from these, terms may cancel that are much larger than what is left.
+    // The constraints are relaxed by what their sums lose at the states of the set, which are near. But they are summed at û: far
+    // from the states, terms may cancel that are much larger than what is left.
     if (!with_ball || it.center.squaredNorm() > Scalar(1)) {
       it.rounding += rounding::share<Scalar>(rounding::terms(N, static_cast<int>(count))) *
                      magnitude(multipliers, Vector<Scalar, N>(it.center.cwiseAbs2()));
@@ -212,7 +212,7 @@ class ManyQuadrics {
     }
   }
 
-  /// Of ∂²F/∂μₖ², less what it has along μ, for which ∇²F μ = tr(VA): the least that it can be for the volume, where an A of rank m
+  /// ∂²F/∂μₖ² less its part along μ, for which ∇²F μ = tr(VA): the least that it can be for the volume, where an A of rank m
   /// has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m, and an estimate for the trace. The ball's is exact.
   [[nodiscard]] Scalar least_curvature(std::size_t k, const Iterate& it, const Matrix<Scalar, N>& v,
                                        const Multipliers& gradient) const noexcept {

@@ -50,8 +50,8 @@ void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count,
   }
 }
 
-/// Where the search begins. With a prediction each measurement has what would be best for it and the prediction alone, by
-/// Newton's step from the prediction, with F's second derivative for the volume; without one all share alike.
+/// The start of the search. With a prediction each measurement gets the best multiplier for it and the prediction alone, by
+/// Newton's step from the prediction, with F's second derivative for the volume; without a prediction all get the same.
 template <typename Scalar, int N>
 [[nodiscard]] typename ManyQuadrics<Scalar, N>::Multipliers starting_multipliers(
     const ManyQuadrics<Scalar, N>& problem) noexcept {
@@ -61,7 +61,7 @@ template <typename Scalar, int N>
     multipliers.fill(n / Scalar(problem.count));
     return multipliers;
   }
-  // None at zero, where the search would be slow to raise it, and some of the prediction.
+  // None starts at zero, where the search would be slow to raise it, and the prediction keeps a part.
   const Scalar least = scalar::constant<Scalar>(0.05L);
   const Scalar most = scalar::constant<Scalar>(0.5L) * n;
   Scalar sum(0);
@@ -71,7 +71,7 @@ template <typename Scalar, int N>
       const Scalar descent = problem.weighted_trace(k) / n - q.c;
       const Scalar curvature = square / (n * n) + Scalar(2) * q.g.squaredNorm() / n;
       const Scalar newton = descent / curvature;
-      // Of a sharp one the prediction says too little: it bounds (tr A)²/‖A‖² coordinates, and its multiplier is about that.
+      // For a sharp one that is too little: it bounds (tr A)²/‖A‖² coordinates, and its multiplier is about that.
       const Scalar trace = q.a.trace();
       const Scalar sharp = trace * (trace - n) / square;
       return sharp > newton ? sharp : newton;  // not where A = 0
@@ -333,7 +333,7 @@ class MultiplierSearch {
     }
   }
 
-  /// Of F − τ Σ log μ along the step.
+  /// The slope of F − τ Σ log μ along the step.
   void note_slope(const Scalar& tau) noexcept {
     slope_ = Scalar(0);
     for (std::size_t k = 0; k < count_; ++k) {

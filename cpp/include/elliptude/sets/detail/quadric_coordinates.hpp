@@ -96,7 +96,7 @@ template <typename Scalar, int N>
 }
 
 /// Scales for coordinates without a prediction, in which the quadrics' diagonals are of the size of their slack.
-/// \return `unbounded` if there is a coordinate of which none speaks.
+/// \return `unbounded` if no quadric constrains some coordinate.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status scale_by_slack(const Given* quadrics, std::size_t count, Matrix<Scalar, N>& factor) noexcept {
   Vector<Scalar, N> largest = Vector<Scalar, N>::Zero();
@@ -138,7 +138,7 @@ template <typename Scalar, int N>
 }
 
 /// Coordinates without a prediction, in which the quadrics' diagonals are of the size of their slack.
-/// \return `unbounded` if there is a coordinate of which none speaks.
+/// \return `unbounded` if no quadric constrains some coordinate.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status coordinates_without_prediction(const Given* quadrics, std::size_t count,
                                                     Coordinates<Scalar, N>& at) noexcept {

@@ -64,7 +64,7 @@ def forms(results, true):
 
 
 def assert_every_number_says_from_what_it_comes(text):
-    """Of what was proposed, and so not of lists of columns and of the reference attitude."""
+    """Every proposed number, and so not those in lists of columns and of the reference attitude."""
     said = 0
     for line in text.splitlines():
         if re.match(r"\w+ = [-\d\[{]", line) and not re.match(r'\w+ = \["|error_deg', line):
@@ -94,7 +94,7 @@ def test_from_a_users_csv_to_a_report_in_two_commands(tmp_path):
     assert str(page) in said
     assert "unconditional" in page.read_text()
 
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     assert results.claims == ("unconditional",) * len(results.times)
     true = attitude(results.times)
     # The field's horizontal part points north, and the recording's second axis does so too.
@@ -154,7 +154,7 @@ def test_with_a_reference_what_is_seen_in_full_stands(tmp_path):
     assert rule["magnetometer"]["delay_s"] == pytest.approx(0.015, abs=0.002)
     assert 0.5 < rule["magnetometer"]["disturbance_ut"] < 2.0
     succeed("estimate", log, "--config", config, "--out", out)
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     assert np.isfinite(results.forms).all()
     assert forms(results, true).max() <= 1.0
 
@@ -194,7 +194,7 @@ def test_without_a_rest_at_the_start_each_sensor_states_its_bounds(tmp_path, ref
     assert field["bound_from"]["kind"] == "field"
     assert field["reference_error_deg"] > 0.0
     succeed("estimate", log, "--config", config, "--out", out)
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     assert np.isfinite(results.forms).mean() > 0.95
     assert np.nanmax(forms(results, attitude(results.times))) <= 1.0
 
@@ -231,7 +231,7 @@ def test_slow_sensors_are_bounded_sample_by_sample(tmp_path):
     assert up.kind == "acceleration"
     assert up.acceleration_m_per_s2 == expected(np.abs(lengths - 9.80665).max())
     succeed("estimate", log, "--config", config, "--out", tmp_path / "out")
-    results = tables.Results.read(tmp_path / "out" / "results.csv")
+    results = tables.Result.read(tmp_path / "out" / "results.csv")
     to_nwu = Rotation.from_matrix([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert np.isfinite(results.quaternions[:, 0]).mean() > 0.95
     assert np.nanmax(forms(results, to_nwu * attitude(results.times))) <= 1.0

@@ -14,7 +14,7 @@ from elliptude import cli, estimation, logs
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
 from elliptude.configuration.rules import hand_held
-from elliptude.estimation import containment, guaranteed_results
+from elliptude.estimation import containment, guaranteed_result
 from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io import tables
 from elliptude.logs import Log
@@ -95,7 +95,7 @@ def with_accelerometer(configuration, **its_bound):
 
 
 def assert_holds(estimated, share=1.0):
-    forms = estimated.results.forms
+    forms = estimated.result.forms
     assert np.isfinite(forms).mean() >= share
     assert np.nanmax(forms) <= 1.0
     return forms
@@ -117,20 +117,20 @@ def test_truth_is_inside_where_errors_use_up_their_bounds(seed, estimate_bias):
     }
     estimated = estimation.estimate(log, configured(flow))
     forms = assert_holds(estimated)
-    assert (estimated.guaranteed.log.claims == 0).all()
-    assert estimated.guaranteed.log.prediction_used.mean() > 0.5
+    assert (estimated.guaranteed.sets.claims == 0).all()
+    assert estimated.guaranteed.sets.prediction_used.mean() > 0.5
     # The same errors, and a bound that leaves them out: the test can fail.
     small = flow | {"noise_deg_per_s": 1e-6, "bias_deg_per_s": 1e-9, "scale_error": 0.0}
     loose = configured(small, estimator={"mode": "guaranteed", "policy": "drop_measurement"})
     wrong = estimation.estimate(log, loose)
-    assert np.nanmax(wrong.results.forms) > max(1.0, forms.max())
+    assert np.nanmax(wrong.result.forms) > max(1.0, forms.max())
 
 
 def test_bias_that_is_not_estimated_makes_sets_smaller():
     log = gyro_log(noise=0.01)
     flow = {"noise_deg_per_s": np.rad2deg(0.01), "bias_deg_per_s": 1e-7}
-    without = estimation.estimate(log, configured(flow)).results
-    with_bias = estimation.estimate(log, configured(flow | {"estimate_bias": True})).results
+    without = estimation.estimate(log, configured(flow)).result
+    with_bias = estimation.estimate(log, configured(flow | {"estimate_bias": True})).result
     ratio = np.linalg.det(without.shapes[:, :3, :3]) / np.linalg.det(with_bias.shapes[:, :3, :3])
     # The volume of three dimensions in a sum for six is 2^(3/2) times larger where the measurements alone count.
     assert ratio[0] == pytest.approx(0.125, rel=0.05)
@@ -144,15 +144,15 @@ def test_bias_that_is_not_estimated_is_not_in_the_results(tmp_path):
     estimated = estimation.estimate(log, configured(flow))
     assert_holds(estimated)
     assert not estimated.vector_is_compared
-    assert np.isnan(estimated.results.vectors).all()
-    assert np.isnan(estimated.results.half_widths[:, 3:]).all()
+    assert np.isnan(estimated.result.vectors).all()
+    assert np.isnan(estimated.result.half_widths[:, 3:]).all()
     summary = estimation.summarize(estimated, configured(flow))
     assert summary["mean_half_width_gyro_bias_deg_per_s"] is None
     json.dumps(summary, allow_nan=False)
-    estimated.results.write(tmp_path / "results.csv")
-    back = tables.Results.read(tmp_path / "results.csv")
-    np.testing.assert_array_equal(back.shapes, estimated.results.shapes)
-    np.testing.assert_array_equal(back.half_widths, estimated.results.half_widths)
+    estimated.result.write(tmp_path / "results.csv")
+    back = tables.Result.read(tmp_path / "results.csv")
+    np.testing.assert_array_equal(back.shapes, estimated.result.shapes)
+    np.testing.assert_array_equal(back.half_widths, estimated.result.half_widths)
     estimated = estimation.estimate(log, configured(flow | {"estimate_bias": True}))
     assert_holds(estimated)
     assert estimated.vector_is_compared
@@ -222,7 +222,7 @@ def test_increments(seed):
         configuration = configured(mean_of_ends | flow, estimator={"mode": "guaranteed", "criterion": "trace"})
         estimated = estimation.estimate(log, configuration)
         assert_holds(estimated)
-        estimates[name] = estimated.results.largest_angles
+        estimates[name] = estimated.result.largest_angles
     assert estimates["increment"][-1] < 0.5 * estimates["linear"][-1]
 
 
@@ -258,7 +258,7 @@ def test_a_turn_by_any_angle_is_inside_its_ball():
         given = {"kind": "given", "attitude_qw_qx_qy_qz": quaternion.tolist(), "P_diagonal": [1e-12] * 6}
         flow = {"noise_deg_per_s": np.rad2deg(0.03), "anchor_s": 1.0, "interval_rate": "mean_of_ends"}
         estimated = estimation.estimate(log, configured(flow, start=given))
-        assert 0.9 < estimated.results.forms[1] <= 1.0
+        assert 0.9 < estimated.result.forms[1] <= 1.0
 
 
 # --- contradictions ---------------------------------------------------------------------------------------------------
@@ -276,12 +276,12 @@ def test_what_contradicts_its_own_bound_takes_the_claim_away():
     dropping = base | {"estimator": {"mode": "guaranteed", "policy": "drop_measurement"}}
     estimated = estimation.estimate(log, Configuration.model_validate(dropping))
     assert_holds(estimated)
-    assert set(estimated.results.claims) == {"conditional"}
+    assert set(estimated.result.claims) == {"conditional"}
     (found,) = estimated.guaranteed.contradictions
     assert (found.row, found.sensor, found.unit) == (100, "up", "m/s^2")
     assert found.excess == pytest.approx(0.5 * GRAVITY - 1.0, abs=1e-6)
-    assert estimated.results.used[100] == "two"
-    columns = guaranteed_results.dropped_columns(estimated.guaranteed)
+    assert estimated.result.used[100] == "two"
+    columns = guaranteed_result.dropped_columns(estimated.guaranteed)
     assert columns["sensor"] == ["up"]
     assert columns["contradicts"] == ["own_bound"]
     assert columns["margin"][0] == pytest.approx(-found.excess)
@@ -296,11 +296,11 @@ def test_tilt_bounds_hold_and_use_the_measured_up():
     log.directions[:, 0] *= GRAVITY
     base = with_accelerometer(configured({"noise_deg_per_s": np.rad2deg(0.01)}, bound=0.1), bound_deg=np.rad2deg(0.1))
     estimated = estimation.estimate(log, Configuration.model_validate(base))
-    cosines = np.einsum("ni,ni->n", estimated.results.attitudes[:, 2], log.true_attitudes[:, 2])
+    cosines = np.einsum("ni,ni->n", estimated.result.attitudes[:, 2], log.true_attitudes[:, 2])
     tilts = np.arccos(np.clip(cosines, -1.0, 1.0))
-    bounds = estimated.results.tilt_bounds
+    bounds = estimated.result.tilt_bounds
     assert (tilts <= bounds).all()
-    reference_widths = estimated.guaranteed.log.extents().half_widths_reference[:, :2]
+    reference_widths = estimated.guaranteed.sets.extents().half_widths_reference[:, :2]
     assert (bounds <= 1.0001 * np.linalg.norm(reference_widths, axis=1)).all()
     assert bounds.max() < 0.25
 
@@ -312,10 +312,10 @@ def test_dropped_measurements_are_listed(policy):
     flow = {"noise_deg_per_s": np.rad2deg(0.001)}
     estimated = estimation.estimate(log, configured(flow, estimator={"mode": "guaranteed", "policy": policy}))
     assert_holds(estimated)
-    assert estimated.results.dropped[200] != ""
-    assert estimated.results.claims[199] == "unconditional"
-    assert estimated.results.claims[200] == "conditional"
-    columns = guaranteed_results.dropped_columns(estimated.guaranteed)
+    assert estimated.result.dropped[200] != ""
+    assert estimated.result.claims[199] == "unconditional"
+    assert estimated.result.claims[200] == "conditional"
+    columns = guaranteed_result.dropped_columns(estimated.guaranteed)
     assert columns["time_s"][0] == pytest.approx(10.0)
     assert columns["contradicts"][0] == "prediction"
     with pytest.raises(elliptude.InconsistentMeasurement, match=r"10\.000000 s: the measurement of two"):
@@ -324,7 +324,7 @@ def test_dropped_measurements_are_listed(policy):
         flow | {"anchor_s": 1.0, "interval_rate": "mean_of_ends", "noise_deg_per_s": 3.0},
         estimator={"mode": "guaranteed", "policy": policy},
     )
-    results = estimation.estimate(log, anchored).results
+    results = estimation.estimate(log, anchored).result
     assert results.dropped[200] != ""
     # The row is an anchor, and those that are reached from it rest on the same.
     assert results.claims[199] == "unconditional"
@@ -401,7 +401,7 @@ def test_rule(tmp_path, rule):
     assert summary["claim_share_of_rows"]["unconditional"] > 0.98
     assert summary["inside_share_of_unconditional_rows"] == 1.0
     assert summary["sizes"]["at_rest"]["tilt_bound_deg"]["mean"] < 5.0
-    assert 0.2 < guaranteed_results.resting_rows(estimated.guaranteed.measured, configuration).mean() < 0.25
+    assert 0.2 < guaranteed_result.resting_rows(estimated.guaranteed.log, configuration).mean() < 0.25
     json.dumps(summary, allow_nan=False)
 
 
@@ -411,7 +411,7 @@ def test_without_a_heading_it_counts_from_the_first_row(tmp_path):
     estimated = estimation.estimate(logs.read_log(path, configuration), configuration)
     assert estimated.guaranteed.starts_heading
     assert_holds(estimated, 0.5)
-    assert estimated.results.claims[0] == "unconditional"
+    assert estimated.result.claims[0] == "unconditional"
     # A magnet: the field is void for the whole recording, and no claim is unconditional any more.
     made_up = made(field_late=0.012)
     fields = made_up.fields.copy()
@@ -419,7 +419,7 @@ def test_without_a_heading_it_counts_from_the_first_row(tmp_path):
     estimated, configuration = estimated_by_rule(recording(tmp_path, mag=fields))
     assert estimated.guaranteed.starts_heading
     assert set(estimated.guaranteed.rows.void) == {"field", "east"}
-    assert "unconditional" not in estimated.results.claims
+    assert "unconditional" not in estimated.result.claims
     assert_holds(estimated, 0.5)
     summary = estimation.summarize(estimated, configuration)
     assert summary["contradicted_rows"]["field"] >= 200
@@ -431,7 +431,7 @@ def test_rule_in_a_file_or_stated(tmp_path):
     rule = ruled()["rule"] | elliptude_rule()
     stated, _ = estimated_by_rule(path, rule=rule | {"kind": "stated"})
     expected, _ = estimated_by_rule(path)
-    np.testing.assert_array_equal(stated.results.shapes, expected.results.shapes)
+    np.testing.assert_array_equal(stated.result.shapes, expected.result.shapes)
 
 
 def elliptude_rule():
@@ -458,7 +458,7 @@ def test_command(tmp_path, suffix):
     assert "the guarantee is unconditional 0 %" in done.output
     assert "rows contradict its stated bounds; left out for the whole recording" in done.output
     assert {file.name for file in out.iterdir()} == {f"results.{suffix}", "dropped.csv", "estimate.png", "summary.json"}
-    results = tables.Results.read(out / f"results.{suffix}")
+    results = tables.Result.read(out / f"results.{suffix}")
     assert set(results.claims) <= {"conditional", "none"}
     lost = np.array(results.claims) == "none"
     assert (np.isnan(results.quaternions[:, 0]) == lost).all()
@@ -482,7 +482,7 @@ def test_compare_and_report_read_the_table(tmp_path):
     (tmp_path / "config.toml").write_text(tomlkit.dumps(ruled()))
     out = tmp_path / "out"
     assert run("estimate", path, "--config", tmp_path / "config.toml", "--out", out).exit_code == 0
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     assert results.chart == "gibbs"
     known = np.isfinite(results.forms)
     assert 0.0 < np.mean(results.forms[known] <= 1.0) < 1.0
@@ -542,7 +542,7 @@ def test_flows_that_lack_something(flow, message):
 
 @pytest.fixture(scope="module")
 def real_recordings():
-    path = Path(__file__).parents[2] / "benchmarks" / "real_recordings.py"
+    path = Path(__file__).parents[3] / "benchmarks" / "real_recordings.py"
     spec = importlib.util.spec_from_file_location("real_recordings", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -571,9 +571,9 @@ def test_fermi_for_four_hours(real_recordings):
     widths = []
     for increment in (None, real_recordings.FERMI_INCREMENT_DEG):
         estimated = estimation.estimate(log, real_recordings.fermi_configuration(increment))
-        assert np.nanmax(estimated.results.forms) <= 1.0
-        assert np.isfinite(estimated.results.forms).all()
-        widths.append(fermi.half_widths_about(estimated.results, sun)[0].mean())
+        assert np.nanmax(estimated.result.forms) <= 1.0
+        assert np.isfinite(estimated.result.forms).all()
+        widths.append(fermi.half_widths_about(estimated.result, sun)[0].mean())
     assert widths[1] <= widths[0] / 3.0
 
 
@@ -604,5 +604,5 @@ def test_a_users_csv(tmp_path):
     assert found["count"] == 10
     assert [one["rows_without_set"] for one in found["listed"]][:2] == [0, 0]
     third = found["listed"][2]["time_s"]
-    results = tables.Results.read(tmp_path / "out" / "results.csv")
+    results = tables.Result.read(tmp_path / "out" / "results.csv")
     assert (np.array(results.claims)[results.times <= third] == "conditional").all()

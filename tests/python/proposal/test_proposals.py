@@ -15,7 +15,8 @@ from elliptude.configuration.rules import apply_rule, hand_held, read_rule
 from elliptude.io import tables
 from elliptude.proposal import proposals
 from elliptude.proposal.proposals import Recording
-from elliptude.proposal.proposals import angles_between as angle_between
+from elliptude.proposal.vectors import angles_between as angle_between
+from elliptude.proposal.vectors import propose_vector
 from recordings import broad_recording
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -94,9 +95,7 @@ def test_misalignment_is_found_where_poses_differ():
     attitudes = Rotation.random(200, random_state=2)
     turn = Rotation.from_rotvec([0.02, -0.03, 0.01])
     vectors = turn.inv().apply(attitudes.inv().apply([0.0, 0.0, 9.80665])) + 0.001 * draws.standard_normal((200, 3))
-    found = proposals.propose_vector(
-        vectors, np.ones(200, dtype=bool), attitudes.as_quat(scalar_first=True), [0.0, 0.0, 9.80665]
-    )
+    found = propose_vector(vectors, np.ones(200, dtype=bool), attitudes.as_quat(scalar_first=True), [0.0, 0.0, 9.80665])
     assert found.misalignment == pytest.approx(turn.magnitude(), rel=0.01)
     assert found.aligned_rest.maximum < 0.001
     assert found.angle_rest.half > 0.01
@@ -339,7 +338,7 @@ def test_first_order_from_a_users_csv_to_results(tmp_path):
     arguments = ["estimate", str(log), "--config", str(config), "--out", str(out)]
     done = CliRunner().invoke(cli.make_app(), arguments)
     assert done.exit_code == 0, done.output
-    results = tables.Results.read(out / "results.csv")
+    results = tables.Result.read(out / "results.csv")
     # The field's horizontal part points north, so the attitudes are those of the recording.
     errors = Rotation.from_quat(results.quaternions, scalar_first=True).inv() * attitude(results.times)
     # Accelerations of up to 1.5 m/s² lean the vertical by up to 8.7 degrees.

@@ -233,7 +233,7 @@ def test_a_start_from_a_later_row_or_from_none(tmp_path):
 
 def test_the_example_of_the_guide(tmp_path):
     """It is a configuration, and fits the recording whose columns it names."""
-    guide = (Path(__file__).parents[2] / "docs" / "logs.md").read_text(encoding="utf-8")
+    guide = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
     section = guide.split("## An example")[1].split("\n## ")[0]
     (tmp_path / "log.toml").write_text(textwrap.dedent(section))
     configuration = read_configuration(tmp_path / "log.toml")

@@ -105,7 +105,7 @@ def test_anchor_without_an_attitude_leaves_the_rows_after_it_to_their_measuremen
         reference=REFERENCE,
         bounds=[[0.01, 0.01], [np.nan, np.nan], [np.nan, np.nan], [np.nan, np.nan]],
     )
-    assert [el.results.CLAIMS[claim] for claim in log.claims] == [
+    assert [el.result.CLAIMS[claim] for claim in log.claims] == [
         "unconditional",
         "unconditional",
         "none",

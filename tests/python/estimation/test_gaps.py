@@ -26,7 +26,7 @@ from test_proposals import made
 
 @pytest.fixture(scope="module")
 def simulation():
-    path = Path(__file__).parents[2] / "benchmarks" / "gaps.py"
+    path = Path(__file__).parents[3] / "benchmarks" / "gaps.py"
     spec = importlib.util.spec_from_file_location("gaps_benchmark", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -43,8 +43,8 @@ def without(log, *spans):
 
 
 def outside(estimated):
-    claims = np.array(estimated.results.claims)
-    return int(((claims == "unconditional") & (estimated.results.forms > 1.0)).sum())
+    claims = np.array(estimated.result.claims)
+    return int(((claims == "unconditional") & (estimated.result.forms > 1.0)).sum())
 
 
 # --- what a user does -------------------------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def test_commands(simulation, tmp_path, spans):
     configuration = Configuration.model_validate(tomlkit.parse(text).unwrap())
     estimated = estimation.estimate(logs.read_log(path, configuration), configuration)
     forms = simulation.forms(estimated, simulated)
-    unconditional = np.array(estimated.results.claims) == "unconditional"
+    unconditional = np.array(estimated.result.claims) == "unconditional"
     assert not (forms[unconditional] > 1.0).any()
     assert unconditional.mean() > 0.3
 
@@ -112,25 +112,25 @@ def test_a_gap_is_no_straight_line(flow, stated):
     flow = {"noise_deg_per_s": np.rad2deg(0.001)} | FLOWS[flow] | stated
     whole = estimation.estimate(log, configured(flow, estimator={"mode": "guaranteed", "criterion": "trace"}))
     assert outside(whole) == 0
-    assert np.array_equal(np.isfinite(whole.results.forms), np.ones(160, bool))
+    assert np.array_equal(np.isfinite(whole.result.forms), np.ones(160, bool))
     assert whole.guaranteed.gaps == ()
     log = without(log, (3.0, 4.2), (6.0, 6.4))
     estimated = estimation.estimate(log, configured(flow, estimator={"mode": "guaranteed", "criterion": "trace"}))
     assert outside(estimated) == 0
     first, second = estimated.guaranteed.gaps
     assert (first.time, first.duration) == (pytest.approx(3.0), pytest.approx(1.2))
-    np.testing.assert_allclose(estimated.results.shapes[:61], whole.results.shapes[:61], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(estimated.result.shapes[:61], whole.result.shapes[:61], rtol=1e-9, atol=1e-15)
     if stated:
         assert first.turn == pytest.approx(np.deg2rad(72.0))
         assert first.rows_without_set == second.rows_without_set == 0
         assert first.after > first.before + 0.8 * first.turn
-        assert (np.array(estimated.results.claims) == "unconditional").all()
+        assert (np.array(estimated.result.claims) == "unconditional").all()
     else:
         assert first.turn == np.pi
         assert first.rows_without_set == len(log.times) - 61
         assert second.rows_without_set == 0
         assert np.isnan(second.before)
-        assert set(estimated.results.claims[61:]) == {"none"}
+        assert set(estimated.result.claims[61:]) == {"none"}
     if flow["noise_deg_per_s"] < 1.0:
         # What was done before: a line through the gap, which the direction contradicts.
         line = configured(flow | {"longest_interval_s": 10.0}, estimator={"mode": "guaranteed", "criterion": "trace"})
@@ -158,8 +158,8 @@ def test_a_turn_at_the_largest_rate_is_on_the_edge():
             flow = {"noise_deg_per_s": 1e-6, "interval_rate": "mean_of_ends"} | anchors
             configuration = configured(flow | {"largest_rate_deg_per_s": np.rad2deg(2.0)}, start=given)
             estimated = estimation.estimate(log, configuration)
-            assert np.nanmax(estimated.results.forms) <= 1.0
-            worst = max(worst, estimated.results.forms[3])
+            assert np.nanmax(estimated.result.forms) <= 1.0
+            worst = max(worst, estimated.result.forms[3])
         assert worst > 0.99
 
 
@@ -192,7 +192,7 @@ def test_a_gyro_with_stamps_of_its_own_loses_samples(tmp_path):
         assert outside(estimated) == 0
         (gap,) = estimated.guaranteed.gaps
         assert (gap.time, gap.duration) == (pytest.approx(2.985), pytest.approx(1.92))
-        claims = np.array(estimated.results.claims)
+        claims = np.array(estimated.result.claims)
         assert (claims[log.times < 2.9] == "unconditional").all()
         assert ((claims[log.times > 4.9] == "unconditional").any()) == bool(more)
     # The line: what was done before.
@@ -224,12 +224,12 @@ def test_rates_filled_in_between_samples_may_be_off_by_the_angular_acceleration(
         flow |= {"angular_acceleration_deg_per_s2": np.rad2deg(acceleration)}
         estimated = estimation.estimate(log, configured(flow, start=given))
         assert estimated.guaranteed.gaps == ()
-        known = np.isfinite(estimated.results.forms)
+        known = np.isfinite(estimated.result.forms)
         assert known.sum() > 8
-        assert (estimated.results.forms[known] <= 1.0).all()
+        assert (estimated.result.forms[known] <= 1.0).all()
         # Without what is filled in the rows are the samples, and the bound is as it was.
         bare = dataclasses.replace(log, gyro_times=None)
-        assert np.nanmax(estimation.estimate(bare, configured(flow, start=given)).results.forms[1:6]) > 1.0
+        assert np.nanmax(estimation.estimate(bare, configured(flow, start=given)).result.forms[1:6]) > 1.0
 
 
 # --- the bounds -------------------------------------------------------------------------------------------------------

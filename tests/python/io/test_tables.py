@@ -46,7 +46,7 @@ def measurements(rng, count=7, rate=True, truth=True):
 def results(rng, vector="rate", truth=True, count=5):
     shapes = rng.standard_normal((count, 6, 6))
     shapes = shapes @ shapes.transpose(0, 2, 1)
-    return tables.Results(
+    return tables.Result(
         times=np.arange(1.0, count + 1),
         quaternions=rng.standard_normal((count, 4)),
         vector=vector,
@@ -86,7 +86,7 @@ def test_measurements_come_back(tmp_path, rng, suffix, options):
 def test_results_come_back(tmp_path, rng, suffix, options):
     written = results(rng, **options)
     written.write(tmp_path / f"results.{suffix}")
-    assert_same_bits(written, tables.Results.read(tmp_path / f"results.{suffix}"))
+    assert_same_bits(written, tables.Result.read(tmp_path / f"results.{suffix}"))
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
@@ -237,7 +237,7 @@ def test_kind_and_version(tmp_path, rng):
         path = tmp_path / f"log.{suffix}"
         measurements(rng).write(path)
         with pytest.raises(FileError, match="a table of measurements, where one of results is needed"):
-            tables.Results.read(path)
+            tables.Result.read(path)
     csv = tmp_path / "log.csv"
     csv.write_text(csv.read_text().replace("measurements 1", "measurements 2", 1))
     with pytest.raises(FileError, match="version 2 of the format; this elliptude reads up to version 1"):

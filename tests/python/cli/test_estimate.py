@@ -10,7 +10,7 @@ import pytest
 from elliptude import cli, estimation, logs, simulation
 from elliptude.cli import demo
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.io.tables import Results
+from elliptude.io.tables import Result
 from elliptude.simulation import scenarios
 from elliptude.simulation.configured import configuration_tables
 from typer.testing import CliRunner
@@ -42,10 +42,10 @@ def test_estimate(tmp_path, simulated, suffix):
     assert {file.name for file in out.iterdir()} == {f"results.{suffix}", "estimate.png", "summary.json"}
     for file in out.iterdir():
         assert str(file) in done.output.replace("\n", "")
-    results = Results.read(out / f"results.{suffix}")
+    results = Result.read(out / f"results.{suffix}")
     configuration = read_configuration(simulated / "estimate.toml")
     expected = estimation.estimate(logs.read_log(simulated / "measurements.csv", configuration), configuration)
-    np.testing.assert_array_equal(results.shapes, expected.results.shapes)
+    np.testing.assert_array_equal(results.shapes, expected.result.shapes)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["updates"] == 60
     assert summary["results"] == f"results.{suffix}"

@@ -16,7 +16,7 @@ def recorded():
 
 def run(recorded, **options):
     log = logs.log_of(fermi.measurements(recorded, **options))
-    return log, estimation.estimate(log, fermi.configuration()).results
+    return log, estimation.estimate(log, fermi.configuration()).result
 
 
 @pytest.fixture(scope="module")

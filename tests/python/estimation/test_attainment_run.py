@@ -89,7 +89,7 @@ def test_a_gyro_that_hides_a_turn(part):
     )
     given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1e-4] * 3 + [1e-8] * 3}
     estimated = estimation.estimate(log, configured(values, start=given))
-    forms = estimated.results.forms
+    forms = estimated.result.forms
     assert np.nanmax(forms) <= 1.0
     assert forms[-1] > 0.2  # half of the error left out would be twice as far out
 
@@ -113,10 +113,10 @@ def test_a_bias_that_drifts_to_the_end_of_the_log(estimate_bias):
             log, **{n: getattr(log, n)[end] for n in ("times", "directions", "references", "rates", "true_attitudes")}
         )
     estimated = estimation.estimate(log, configured(flow))
-    forms = estimated.results.forms
+    forms = estimated.result.forms
     assert np.isfinite(forms).all()
     assert forms.max() <= 1.0
-    assert (estimated.guaranteed.log.claims == 0).all()
+    assert (estimated.guaranteed.sets.claims == 0).all()
 
 
 # --- from anchors -----------------------------------------------------------------------------------------------------
@@ -168,13 +168,13 @@ def test_the_rounding_of_each_step_is_added(monkeypatch):
     log = still_log(times, np.zeros((101, 3)), np.zeros(101, bool))
     given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1e-4] * 6}
     estimated = estimation.estimate(log, configured({"anchor_s": 10.0, "interval_rate": "mean_of_ends"}, start=given))
-    widths = np.sqrt(estimated.guaranteed.log.shapes[:, 0, 0])
+    widths = np.sqrt(estimated.guaranteed.sets.shapes[:, 0, 0])
     np.testing.assert_allclose(widths[[0, 50, 100]], 0.01 + np.array([0.0, 5e-4, 1e-3]), rtol=0.01)
     assert widths[100] >= 0.01 + 1e-3
     # And one for each radian: at 20 rad/s there are 40 of them beside the 100 steps.
     turning = still_log(times, np.tile([20.0, 0.0, 0.0], (101, 1)), np.zeros(101, bool))
     configuration = configured({"anchor_s": 10.0, "interval_rate": "mean_of_ends"}, start=given)
-    shapes = estimation.estimate(turning, configuration).guaranteed.log.shapes
+    shapes = estimation.estimate(turning, configuration).guaranteed.sets.shapes
     growth = (np.sqrt(shapes[:, 0, 0]) - 0.01) / np.maximum(widths - 0.01, 1e-9)
     np.testing.assert_allclose(growth[[50, 100]], 1.4, rtol=0.01)
 
@@ -191,8 +191,8 @@ def test_a_rate_beyond_all_numbers_says_nothing_of_the_turn(rate):
     assert (turns.angles[80:] < 0.1).all()
     log = still_log(times, rates, np.ones(101, bool))
     estimated = estimation.estimate(log, configured({"anchor_s": 0.5, "interval_rate": "mean_of_ends"}))
-    assert np.isfinite(estimated.results.forms).all()
-    assert estimated.results.forms.max() <= 1.0
+    assert np.isfinite(estimated.result.forms).all()
+    assert estimated.result.forms.max() <= 1.0
 
 
 # --- the tilt ---------------------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ def made():
 
 def write(folder, made, claims=None, suffix="csv"):
     times, estimated, zeta, shapes = made
-    results = tables.Results(
+    results = tables.Result(
         times=times, quaternions=estimated.as_quat(canonical=True, scalar_first=True), vector="bias",
         vectors=np.zeros((10, 3)), shapes=shapes, half_widths=np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)),
         largest_angles=np.full(10, np.deg2rad(1.55)), used=["up"] * 10, refused=[""] * 10, shares=np.zeros(10),
@@ -252,7 +252,7 @@ def test_what_is_at_fault(tmp_path, made):
 def test_heading_is_aligned_once():
     """`tools/compare_vqf.py`: the heading of the first row is taken away, a tilt and what comes later is not."""
     pytest.importorskip("vqf")
-    path = Path(__file__).parents[2] / "tools" / "compare_vqf.py"
+    path = Path(__file__).parents[3] / "tools" / "compare_vqf.py"
     aligned_errors = runpy.run_path(str(path))["aligned_errors"]
     true = Rotation.random(4, rng=np.random.default_rng(1))
     offsets = Rotation.from_rotvec(np.deg2rad([[0, 0, 30], [0, 0, 30], [0, 0, 33], [0, 0, 30]]))

@@ -1,4 +1,4 @@
-"""What the guaranteed mode gives of a log: a table of results, figures for the summary, and what was left out."""
+"""The results of the guaranteed mode: a table, figures for the summary, and the measurements that were left out."""
 
 from collections import Counter
 from typing import Any
@@ -14,14 +14,14 @@ from elliptude.estimation.containment import compare
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.io import tables
-from elliptude.io.tables import Column, Results, names_of_chosen
+from elliptude.io.tables import Column, Result, names_of_chosen
 from elliptude.logs.log import Log
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
 
-def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
-    """The table of results, compared with what the log knows of the truth.
+def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
+    """The table of results, compared with the truth in the log.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
 
     Returns
     -------
-    Results
+    Result
 
     Raises
     ------
     ValueError
         If the truth is too far off to be compared.
     """
-    log, guaranteed = run.measured, run.log
+    log, guaranteed = run.log, run.sets
     there = run.rows.angles < np.pi
     if not isinstance(configuration.flow, GyroFlow):
         there = np.column_stack([there, log.has_rate])
@@ -51,12 +51,12 @@ def results_of(run: GuaranteedRun, configuration: Configuration) -> Results:
     extents = guaranteed.extents()
     vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
     if not configuration.estimates_vector:
-        # What the filter has in the place of a bias says nothing of the gyro's.
+        # The filter's vector is not the gyro's bias here.
         attitude = np.arange(6) < 3
         vectors = np.full_like(vectors, np.nan)
         shapes = np.where(attitude[:, None] & attitude, shapes, np.nan)
         half_widths = np.where(attitude, half_widths, np.nan)
-    return Results(
+    return Result(
         times=guaranteed.times,
         quaternions=tables.quaternions_from_attitudes(guaranteed.attitudes),
         vector="bias" if isinstance(configuration.flow, GyroFlow) else "rate",
@@ -96,11 +96,11 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
 
 
 def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
-    """What the summary says beside that of the other modes: claims, sizes, what was left out; degrees."""
-    half_widths = np.rad2deg(run.log.extents().half_widths_reference)
+    """Figures that only this mode adds to the summary: claims, sizes, what was left out; degrees."""
+    half_widths = np.rad2deg(run.sets.extents().half_widths_reference)
     has_set = np.isfinite(half_widths[:, 0])
     parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
-    if (resting := resting_rows(run.measured, configuration)) is not None:
+    if (resting := resting_rows(run.log, configuration)) is not None:
         parts |= {"at_rest": resting, "moving": ~resting}
 
     def sizes(rows: NDArray[np.bool_]) -> dict[str, Any]:
@@ -118,12 +118,12 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
 
     return {
         "policy": configuration.estimator.policy,
-        "claim_share_of_rows": {name: float(np.mean(run.log.claims == i)) for i, name in enumerate(CLAIMS)},
+        "claim_share_of_rows": {name: float(np.mean(run.sets.claims == i)) for i, name in enumerate(CLAIMS)},
         "set_share_of_rows": float(has_set.mean()),
-        "prediction_used_share_of_sets": float(run.log.prediction_used[has_set].mean()) if has_set.any() else None,
+        "prediction_used_share_of_sets": float(run.sets.prediction_used[has_set].mean()) if has_set.any() else None,
         "sizes": {name: sizes(rows) for name, rows in parts.items()},
         "heading": "from the first row" if run.starts_heading else "as referenced",
-        "dropped_measurements": int(run.log.dropped.sum()),
+        "dropped_measurements": int(run.sets.dropped.sum()),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
         "void": list(run.rows.void),
         "gaps": gaps.summarize(run.gaps, run.rows.gyro),
@@ -135,14 +135,14 @@ def dropped_columns(run: GuaranteedRun) -> dict[str, Column]:
     """Every measurement that was left out, in order of time: time, place in the file, sensor, why, by how much."""
     sensors = run.sensors()
     entries = [
-        (int(row), sensors[column], "prediction", float(run.log.margins[row]), "")
-        for row, column in np.argwhere(run.log.dropped)
+        (int(row), sensors[column], "prediction", float(run.sets.margins[row]), "")
+        for row, column in np.argwhere(run.sets.dropped)
     ]
     entries += [(one.row, one.sensor, "own_bound", -one.excess, one.unit) for one in run.contradictions]
     entries.sort(key=lambda entry: entry[0])
     return {
-        "time_s": np.array([run.log.times[row] for row, *_ in entries], dtype=np.float64),
-        "place": run.measured.places_in_file([row for row, *_ in entries]),
+        "time_s": np.array([run.sets.times[row] for row, *_ in entries], dtype=np.float64),
+        "place": run.log.places_in_file([row for row, *_ in entries]),
         "sensor": [sensor for _, sensor, *_ in entries],
         "contradicts": [why for _, _, why, *_ in entries],
         "margin": np.array([margin for *_, margin, _ in entries], dtype=np.float64),

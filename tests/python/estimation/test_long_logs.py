@@ -22,7 +22,7 @@ from elliptude.simulation.configured import configuration_tables
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-FIELDS = [field.name for field in dataclasses.fields(tables.Results)]
+FIELDS = [field.name for field in dataclasses.fields(tables.Result)]
 
 
 def pieces(log, sizes):
@@ -47,7 +47,7 @@ def joined(parts):
             else [text for value in values for text in value]
         )
 
-    return tables.Results(**{name: of(name) for name in FIELDS})
+    return tables.Result(**{name: of(name) for name in FIELDS})
 
 
 def assert_same(results, expected, tolerance=0.0):
@@ -102,7 +102,7 @@ GYRO = {
 def test_gyro_in_pieces(sizes, rate):
     log = gyro_log()
     configuration = Configuration.model_validate(GYRO | {"flow": GYRO["flow"] | {"interval_rate": rate}})
-    whole = estimation.estimate(log, configuration).results
+    whole = estimation.estimate(log, configuration).result
     assert len(whole.times) == 194  # from the first row with both directions
     parts = list(estimation.PieceEstimator(configuration).run(pieces(log, sizes)))
     # Each piece begins with a step of no length, which rounds; forms and shares have what that does to a minimum.
@@ -132,7 +132,7 @@ def test_rigid_body_in_pieces(kind):
         }  # fmt: skip
     configuration = Configuration.model_validate(json.loads(json.dumps(configured, default=float)))
     log = logs.log_of(simulated.measurements)
-    whole = estimation.estimate(log, configuration).results
+    whole = estimation.estimate(log, configuration).result
     parts = list(estimation.PieceEstimator(configuration).run(pieces(log, [1, 3, 2])))
     assert_same(joined(parts), whole)
 
@@ -194,7 +194,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
     parts = run("estimate", log, "--config", config, "--out", tmp_path / "parts", "--format", suffix, "--json")
     assert parts.exit_code == 0, parts.output
     table = f"results.{suffix}"
-    results, expected = (tables.Results.read(tmp_path / folder / table) for folder in ("parts", "whole"))
+    results, expected = (tables.Result.read(tmp_path / folder / table) for folder in ("parts", "whole"))
     assert_same(results, expected, 1e-7)
     said, wanted = json.loads(parts.stdout), json.loads(whole.stdout)
     assert said["inside_share_of_rows"] == wanted["inside_share_of_rows"]
@@ -228,7 +228,7 @@ def test_plausible_pieces_looks_on_until_the_log_moves(monkeypatch):
 def test_thinned_keeps_every_escape_that_a_pixel_would(monkeypatch):
     monkeypatch.setattr(thinning, "LIMIT", 100)
     log, configuration = gyro_log(2000), Configuration.model_validate(GYRO)
-    results = estimation.estimate(log, configuration).results
+    results = estimation.estimate(log, configuration).result
     forms = np.zeros(len(results.times))
     forms[[17, 900, 1871]] = [3.0, 5.0, 4.0]
     results = dataclasses.replace(results, forms=forms)
@@ -236,7 +236,7 @@ def test_thinned_keeps_every_escape_that_a_pixel_would(monkeypatch):
     for begin in range(0, len(forms), 77):
         rows = np.arange(begin, min(begin + 77, len(forms)))
         thinned.add(thinning.chosen(results, rows))
-    kept = thinned.results()
+    kept = thinned.result()
     assert 50 <= len(kept.times) <= 100
     assert (np.diff(kept.times) > 0.0).all()
     np.testing.assert_array_equal(np.sort(kept.forms)[-3:], [3.0, 4.0, 5.0])

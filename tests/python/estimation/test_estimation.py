@@ -89,9 +89,9 @@ def test_from_the_first_measurement_as_the_reference(pendulum, mode):
         log.references[0], log.directions[0], np.ones(2), bounds, log.angular_velocities[0], rate_bound
     )
     start = measurement.measured_ellipsoid(first)
-    assert_same(estimated.results, [0], [start])
-    assert estimated.results.used == ["direction1 direction2 rate"] * len(log.times)
-    assert_same(estimated.results, range(1, 6), reference_estimates(scenario, simulated, start, 1, mode))
+    assert_same(estimated.result, [0], [start])
+    assert estimated.result.used == ["direction1 direction2 rate"] * len(log.times)
+    assert_same(estimated.result, range(1, 6), reference_estimates(scenario, simulated, start, 1, mode))
 
 
 @pytest.mark.parametrize("mode", ["paper", "first_order"])
@@ -102,10 +102,10 @@ def test_from_a_given_set_as_the_reference(orbit, mode):
     )
     believed = scenario.estimate0
     start = ellipsoid.StateEllipsoid(np.eye(3), np.array(believed.rate), np.diag(believed.P_diagonal))
-    assert_same(estimated.results, [0], [start])
-    assert estimated.results.used[0] == ""
-    assert np.isnan(estimated.results.shares[0])
-    assert_same(estimated.results, range(1, 5), reference_estimates(scenario, simulated, start, 1, mode))
+    assert_same(estimated.result, [0], [start])
+    assert estimated.result.used[0] == ""
+    assert np.isnan(estimated.result.shares[0])
+    assert_same(estimated.result, range(1, 5), reference_estimates(scenario, simulated, start, 1, mode))
 
 
 def gyro_log(rng, count=8, noise=1e-3, bound=0.02):
@@ -146,7 +146,7 @@ def test_gyro_as_the_reference():
             "start": {"kind": "given", "attitude_qw_qx_qy_qz": quaternion.tolist(), "P": shape.tolist()},
         }
     )
-    results = estimation.estimate(log, configuration).results
+    results = estimation.estimate(log, configuration).result
 
     state = gyro.GyroState(so3.rotation_from_quaternion(quaternion), np.zeros(3))
     for k in range(len(log.times)):
@@ -197,9 +197,9 @@ def test_log_from_a_file(tmp_path, pendulum, suffix):
 
 def test_results_come_back_from_a_file(tmp_path, pendulum):
     scenario, simulated = pendulum
-    results = estimation.estimate(logs.log_of(simulated.measurements), configured(scenario, simulated)).results
+    results = estimation.estimate(logs.log_of(simulated.measurements), configured(scenario, simulated)).result
     results.write(tmp_path / "results.csv")
-    again = tables.Results.read(tmp_path / "results.csv")
+    again = tables.Result.read(tmp_path / "results.csv")
     np.testing.assert_array_equal(again.shapes, results.shapes)
     np.testing.assert_array_equal(again.forms, results.forms)
     assert list(again.used) == list(results.used)
@@ -245,9 +245,9 @@ def test_sensors_that_come_and_go(tmp_path):
     assert caught.value.time == 3.0
     skipping = own_configuration(estimator={"when_sets_do_not_meet": "skip"})
     estimated = estimation.estimate(log, skipping)
-    assert estimated.results.used == ["s", "rate", "", ""]
-    assert estimated.results.refused == ["", "", "", "s rate"]
-    assert estimated.results.errors is None
+    assert estimated.result.used == ["s", "rate", "", ""]
+    assert estimated.result.refused == ["", "", "", "s rate"]
+    assert estimated.result.errors is None
     summary = estimation.summarize(estimated, skipping)
     assert (summary["rows"], summary["updates"], summary["refused"]) == (4, 2, 1)
     assert summary["compared_with"] is None
@@ -274,9 +274,9 @@ def test_a_start_that_the_first_rows_do_not_have(pendulum):
     directions, rates = log.directions.copy(), log.rates.copy()
     directions[0, 1] = np.nan
     rates[1] = np.nan
-    results = estimation.estimate(dataclasses.replace(log, directions=directions, rates=rates), configuration).results
+    results = estimation.estimate(dataclasses.replace(log, directions=directions, rates=rates), configuration).result
     np.testing.assert_array_equal(results.times, log.times[2:])
-    expected = estimation.estimate(log.since(2), configuration).results
+    expected = estimation.estimate(log.since(2), configuration).result
     np.testing.assert_array_equal(results.shapes, expected.shapes)
     directions[:, 0] = np.nan
     with pytest.raises(ValueError, match="no row has two directions and the rate"):
@@ -295,8 +295,8 @@ def test_truth_that_may_itself_be_off(pendulum):
     rng = np.random.default_rng(4)
     turns = rng.standard_normal((20_000, 3))
     turns *= (error * np.cbrt(rng.random(20_000)) / np.linalg.norm(turns, axis=1))[:, None]
-    errors = estimated.results.errors[:, :3]
-    for zeta, shape, form in zip(errors, estimated.results.shapes[:, :3, :3], estimated.results.forms, strict=True):
+    errors = estimated.result.errors[:, :3]
+    for zeta, shape, form in zip(errors, estimated.result.shapes[:, :3, :3], estimated.result.forms, strict=True):
         near = (Rotation.from_rotvec(zeta) * Rotation.from_rotvec(turns)).as_rotvec()
         best = np.einsum("ni,ni->n", near @ np.linalg.inv(shape), near).min()
         assert form >= best * (1.0 - 0.05) - 1e-3
@@ -308,7 +308,7 @@ def test_summary_counts_what_the_table_says(pendulum):
     configuration = configured(scenario, simulated)
     estimated = estimation.estimate(logs.log_of(simulated.measurements), configuration)
     summary = json.loads(json.dumps(estimation.summarize(estimated, configuration), allow_nan=False))
-    results, log = estimated.results, simulated.measurements
+    results, log = estimated.result, simulated.measurements
     assert summary["updates"] == 6
     angles = [
         np.degrees(np.linalg.norm(so3.log(a.T @ b))) for a, b in zip(results.attitudes, log.true_attitudes, strict=True)
@@ -345,7 +345,7 @@ def test_first_sample_is_another_input():
         flow = {"kind": "gyro", "columns": list("xyz"), "noise_deg_per_s": 0.1, "interval_rate": choice}
         start = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [0.1] * 6}
         configuration = Configuration.model_validate({"flow": flow, "start": start})
-        found = estimation.estimate(dataclasses.replace(log, directions=log.directions[:, :0]), configuration).results
+        found = estimation.estimate(dataclasses.replace(log, directions=log.directions[:, :0]), configuration).result
         turn = so3.exp((log.times[1] - log.times[0]) * expected[0])
         np.testing.assert_allclose(found.attitudes[1], turn, atol=1e-14)
 

@@ -167,29 +167,26 @@ def test_a_fault_in_a_row_of_the_filter_has_the_row():
     assert contradiction.value.row == 7
 
 
-@pytest.mark.parametrize("step", ["predict", "update"])
-def test_a_fault_of_a_row_that_is_reached_from_an_anchor_has_the_row(tmp_path, monkeypatch, step):
-    """The guaranteed run from anchors steps through its rows itself."""
-    text = CONFIGURATION.replace("POLICY", "restart")
+@pytest.mark.parametrize(("argument", "what"), [("turns", "turns"), ("turn_bounds", "turn_bounds")])
+def test_a_fault_of_a_row_that_is_reached_from_an_anchor_has_the_row(tmp_path, monkeypatch, argument, what):
+    """The whole log goes to the core in one call, which says in which row it is stuck."""
+    text = CONFIGURATION.replace("POLICY", "raise")
     text = text.replace("noise_deg_per_s", 'anchor_s = 0.1\ninterval_rate = "mean_of_ends"\nnoise_deg_per_s')
     path, _ = contradicting_log(tmp_path, 30, [])
     (tmp_path / "config.toml").write_text(text)
     configuration = read_configuration(tmp_path / "config.toml")
-    calls = []
-    usual = getattr(el.GuaranteedFilter, step)
+    usual = el.GuaranteedFilter.run_turns
 
-    def fails(*arguments, **named):
-        calls.append(None)
-        if len(calls) == 20:
-            raise ValueError("the step is too long")
-        return usual(*arguments, **named)
+    def with_a_fault(self, times, turns, turn_bounds, **named):
+        given = {"turns": turns.copy(), "turn_bounds": turn_bounds.copy()}
+        given[argument][19] = -1e300
+        return usual(self, times, **given, **named)
 
-    monkeypatch.setattr(el.GuaranteedFilter, step, fails)
+    monkeypatch.setattr(el.GuaranteedFilter, "run_turns", with_a_fault)
     with pytest.raises(el.RowError) as caught:
         estimation.estimate(logs.read_log(path, configuration), configuration)
-    row = 10 if step == "predict" else 19  # two predictions a row from the second on, one update a row from the first
-    assert caught.value.row == row
-    assert str(caught.value) == f"line {row + 3} ({0.01 * row:.6f} s): the step is too long"
+    assert caught.value.row == 19
+    assert str(caught.value).startswith(f"line 22 (0.190000 s): {what}[19] ")
 
 
 def test_a_message_that_speaks_of_rows_is_left_as_it_is(monkeypatch):
