@@ -16,6 +16,15 @@ struct BodyInput {
   Vector3<Scalar> wheel_momentum = Vector3<Scalar>::Zero();  ///< h_w, N m s, body axes; its change is a control torque
 };
 
+/// The uncertainty of a rigid body: unknown torque and inertia error.
+template <typename Scalar>
+struct BodyUncertainty {
+  /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it changes.
+  Matrix3<Scalar> torque = Matrix3<Scalar>::Zero();
+  /// Largest error of the inertia matrix in the spectral norm, kg m². It affects the gravity gradient too.
+  Scalar inertia = Scalar(0);
+};
+
 /// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
 /// acceleration whose integral over the step is at most `rate_defect`.
 /// Rates are known to some ε times the ratio of the largest moment to the least: for a needle with a ratio of 1e5, to 1e-11.
