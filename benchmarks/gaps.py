@@ -133,7 +133,7 @@ def _waves(draws: np.random.Generator, times: FloatArray, count: int, size: floa
 
 
 def _running_products(first: FloatArray, steps: FloatArray) -> FloatArray:
-    """Of quaternions (qx, qy, qz, qw), each step on the right, shape (N + 1, 4)."""
+    """Running products of quaternions (qx, qy, qz, qw), each step on the right, shape (N + 1, 4)."""
     result = np.empty((len(steps) + 1, 4))
     result[0] = x, y, z, w = first
     for i, (a, b, c, d) in enumerate(steps.tolist()):

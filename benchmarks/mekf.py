@@ -24,7 +24,7 @@ class MultiplicativeFilter:
     vector: Array
     """ω̂ or β̂, rad/s, body axes, shape (N, 3)."""
     covariance: Array
-    """Of [ζ; δω] or [ζ; δβ], shape (N, 6, 6)."""
+    """Covariances of [ζ; δω] or [ζ; δβ], shape (N, 6, 6)."""
 
     def predict_rigid_body(self, integrator: el.Integrator, steps: int, time: float) -> None:
         """Some steps from `time` on."""

@@ -20,9 +20,9 @@ CORPUS = ROOT / "tests" / "fuzz" / "corpus"
 READERS = ROOT / "tests" / "fuzz" / "fuzz_readers.py"
 FORMATS = ("csv", "npz", "toml", "ulog")
 MOST_BYTES = {"readers": 6000}
-"""Of an input; of a C++ target 600, which are more numbers than one run reads."""
+"""Largest length of an input in bytes; 600 for a C++ target, which is more than one run reads."""
 KEPT_BYTES = 3000
-"""Of a corpus that --keep writes, beside the lines with a comment."""
+"""Bytes of a corpus that --keep writes, besides the lines with a comment."""
 
 
 def kept_lines(target: str) -> list[tuple[bytes, str]]:

@@ -10,8 +10,10 @@
 #include <cstdlib>
 #include <elliptude/attitude/wahba_set.hpp>
 #include <elliptude/dynamics/linearization.hpp>
+#include <elliptude/first_order/filter.hpp>
+#include <elliptude/guaranteed/body_flow.hpp>
 #include <elliptude/guaranteed/filter.hpp>
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/quadrics.hpp>
 #include <elliptude/sets/intersection.hpp>
 #include <random>
 

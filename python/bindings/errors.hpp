@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What Python is told when something is wrong: the argument's name, the value and the limit. Nothing here needs the
+/// Errors for Python: messages with the argument's name, the value and the limit. Nothing here needs the
 /// interpreter's lock, so that loops can fail without it.
 
 #include <cstddef>
@@ -54,10 +54,10 @@ class RowFault : public std::runtime_error {
 /// \throws ValueError unless positive.
 void check_most_steps(long most_steps);
 
-/// What a prediction says that takes more steps than its flow may.
+/// The message for a prediction with more steps than its flow allows.
 [[noreturn]] void raise_too_many_steps(double time, double from, long most_steps);
 
-/// \param subject what the status is about, for the message: an argument or an operation.
+/// \param subject the argument or operation that the status is about, for the message.
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.
 [[noreturn]] void raise(Status status, const std::string& subject);
 

@@ -311,7 +311,7 @@ class FilterSession {
     }
     world_.time = filter_.time();
     const int n = settings_.regain_after;
-    // Of a lie that nothing contradicts nothing is promised: what is known may be wrong, and the claim unconditional.
+    // Nothing is promised about a lie that nothing contradicts: the set may be wrong, and the claim unconditional.
     int since = filter_.trust().rests_on_drops() ? 0 : -1;
     for (int cycle = 0; cycle < 5 * n + 2; ++cycle) {
       if (!world_.is_moderate(0.05)) {

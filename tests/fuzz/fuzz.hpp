@@ -311,7 +311,7 @@ inline double rotation_error(const Eigen::Matrix3d& c) {
   return c.allFinite() ? (c.transpose() * c - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() : 1;
 }
 
-/// Of an ellipsoid that was returned with `ok`.
+/// What must hold for an ellipsoid that was returned with `ok`.
 template <int N>
 void require_valid(const Ellipsoid<double, N>& set, const char* what, Real slack = 0) {
   if (!set.center.allFinite() || !is_shape<N>(set.shape, slack)) {
@@ -321,7 +321,7 @@ void require_valid(const Ellipsoid<double, N>& set, const char* what, Real slack
   }
 }
 
-/// Of a set of states that was returned with `ok`.
+/// What must hold for a set of states that was returned with `ok`.
 template <typename State, typename Chart>
 void require_valid(const StateEllipsoid<State, Chart>& set, const char* what, Real slack = 0) {
   if (!(rotation_error(set.center.attitude) < 1e-12 && set.center.attitude.determinant() > 0)) {

@@ -161,7 +161,7 @@ void many(Bytes& bytes) {
   }
 }
 
-/// Of two sets about nearly one center, both in the table of docs/domain.md: how much one may be sharper than the other. In long
+/// How much one of two sets about nearly one center, both in the table of docs/domain.md, may be sharper than the other. In long
 /// double: of a shape that is flat to rounding a calculated inverse in double may be small.
 template <int N>
 bool are_alike(const Ellipsoid<double, N>& first, const Ellipsoid<double, N>& second) {
@@ -183,7 +183,7 @@ Real terms_on(const Quadric<double, N>& quadric, const Ellipsoid<double, N>& ell
   return magnitude + std::abs(static_cast<Real>(quadric.c));
 }
 
-/// Of a shape after its diagonal is made one. (docs/domain.md)
+/// The condition of a shape after its diagonal is made one. (docs/domain.md)
 template <int N>
 Real condition(const Eigen::Matrix<double, N, N>& shape) {
   using Square = Eigen::Matrix<Real, N, N>;

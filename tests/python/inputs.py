@@ -41,5 +41,5 @@ def assert_close(actual, expected, relative=1e-12, size=None):
 
 
 def angle_between(a, b):
-    """Of vectors (..., 3), rad; no digits are lost at small angles."""
+    """The angle between vectors (..., 3), rad, without loss of digits at small angles."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))

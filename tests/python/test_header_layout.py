@@ -80,6 +80,23 @@ def test_a_circle_would_be_found():
     assert not is_free_of_circles(includes)
 
 
+def places_of_epsilon(text: str) -> list[str]:
+    """Lines of code, without their comments, that name the distance from 1 to the next number."""
+    code = [line.split("//")[0] for line in text.splitlines()]
+    return [line.strip() for line in code if re.search(r"\bepsilon\b", line)]
+
+
+def test_multiples_of_epsilon_have_one_home():
+    """What rounding may do is a named constant of rounding.hpp, with the statement that it covers."""
+    homes = {"base/scalar.hpp", "base/rounding.hpp"}
+    texts = {path.relative_to(CORE).as_posix(): path.read_text(encoding="utf-8") for path in CORE.rglob("*.hpp")}
+    assert all(places_of_epsilon(texts[home]) for home in homes)
+    assert {
+        name: lines for name, text in texts.items() if (lines := places_of_epsilon(text)) and name not in homes
+    } == {}
+    assert places_of_epsilon("// 3 epsilon\nx = Scalar(3) * scalar::epsilon<Scalar>;") != []
+
+
 @pytest.mark.parametrize("mirror", ["tests/cpp", "python/bindings"])
 def test_bindings_and_tests_have_the_same_folders(mirror):
     others = {"tests/cpp": {"support", "freestanding", "validation"}, "python/bindings": {"truth"}}[mirror]

@@ -12,9 +12,16 @@
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/triangular.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/svd.hpp"
+#include "elliptude/linear/norms.hpp"
 
 #include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/sum.hpp"
+#include "elliptude/sets/overlap.hpp"
 #include "elliptude/sets/intersection.hpp"
 #include "elliptude/sets/quadric.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
@@ -23,9 +30,12 @@
 #include "elliptude/attitude/state.hpp"
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
+#include "elliptude/attitude/direction_cones.hpp"
 #include "elliptude/attitude/wahba_set.hpp"
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/types.hpp"
+#include "elliptude/measurement/linearization.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 #include "elliptude/measurement/sensors.hpp"
 
 #include "elliptude/dynamics/rigid_body.hpp"
@@ -39,11 +49,14 @@
 #include "elliptude/first_order/estimator.hpp"
 #include "elliptude/first_order/filter.hpp"
 
+#include "elliptude/guaranteed/torque_forms.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"
 #include "elliptude/guaranteed/motion_series.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
-#include "elliptude/guaranteed/flow.hpp"
+#include "elliptude/guaranteed/body_flow.hpp"
+#include "elliptude/guaranteed/gyro_flow.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
+#include "elliptude/guaranteed/policy.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 #include "elliptude/guaranteed/filter.hpp"
 // clang-format on

@@ -144,7 +144,7 @@ void define_state_ellipsoids(py::module_& module) {
 The set of states about a center: C = Ĉ exp(S(ζ)) and vector + δ with [ζ; δ]ᵀ P⁻¹ [ζ; δ] ≤ 1 (paper, eq. ueso).
 
 P is the shape of a set, not a covariance; the error ζ is on the body side. In the Gibbs chart γ = 2 tan(θ/2) n, twice the
-Gibbs vector of the same turn ζ = θ n, is in the place of ζ; both are equal to second order.
+Gibbs vector of the same turn ζ = θ n, replaces ζ; both are equal to second order.
 
 Parameters
 ----------
@@ -160,7 +160,7 @@ chart : {'exponential', 'gibbs'}
 Raises
 ------
 ValueError
-    If an argument is not finite, the attitude is no rotation, or the shape is not positive semidefinite.
+    If an argument is not finite, the attitude is not a rotation, or the shape is not positive semidefinite.
 )")
       .def(py::init(&make_state_ellipsoid), "attitude"_a, "vector"_a, "shape"_a, "chart"_a = "exponential")
       .def_property_readonly("chart", &AnyStateEllipsoid::chart)
@@ -173,7 +173,7 @@ ValueError
 
 [ζ; δ]ᵀ P⁻¹ [ζ; δ] of states (..., 3, 3) and (..., 3), in the Gibbs chart [γ; δ]ᵀ P⁻¹ [γ; δ]: at most 1 inside.
 
-What a GuaranteedFilter with `estimate_vector=False` reports is two sets in one shape, the attitude's and the vector's, with zeros
+A GuaranteedFilter with `estimate_vector=False` reports two sets in one shape, the attitude's and the vector's, with zeros
 between. The form of a state that is in both is the sum of the two sets' forms, up to 2.
 )")
       .def(
@@ -187,8 +187,8 @@ between. The form of a state that is in both is the sum of the two sets' forms, 
 
 Whether states (..., 3, 3) and (..., 3) are in the set: whether `quadratic_form` is at most 1.
 
-Of a GuaranteedFilter with `estimate_vector=False` the shape is of two sets, and a state that is in both may have a form up to 2, so
-that this says False: `ellipsoid.shape[:3, :3]` and `ellipsoid.shape[3:, 3:]` are the shapes to ask one by one.
+A GuaranteedFilter with `estimate_vector=False` reports two sets in one shape. A state that is in both may have a form up to 2, and
+this is then False: use the shapes `ellipsoid.shape[:3, :3]` and `ellipsoid.shape[3:, 3:]` one by one.
 )")
       .def("converted", &converted_to, "chart"_a,
            R"(converted(self, chart)
@@ -207,7 +207,7 @@ StateEllipsoid
 Raises
 ------
 ValueError
-    If it holds half turns, which the Gibbs chart has not.
+    If it holds half turns, which the Gibbs chart does not have.
 )")
       .def("extent", &extent_of,
            R"(extent(self)
@@ -215,7 +215,7 @@ ValueError
 
 Half-widths along body and reference axes, the largest angle and the directions of greatest uncertainty.
 
-They are angles in any chart; of a set in the Gibbs chart the half-widths of ζ are bounds.
+They are angles in any chart; for a set in the Gibbs chart the half-widths of ζ are bounds.
 
 Returns
 -------
@@ -266,19 +266,19 @@ The inverse of `to_dict`.
              R"(_gibbs_forms(attitudes, vectors, shapes, true_attitudes, true_vectors)
 --
 
-Of `GuaranteedLog.forms`.
+Implements `GuaranteedLog.forms`.
 )");
   module.def("_gibbs_extents", &gibbs_extents, "attitudes"_a, "shapes"_a,
              R"(_gibbs_extents(attitudes, shapes)
 --
 
-Of `GuaranteedLog.extents`.
+Implements `GuaranteedLog.extents`.
 )");
   module.def("_gibbs_to_exponential", &gibbs_to_exponential, "shapes"_a,
              R"(_gibbs_to_exponential(shapes)
 --
 
-Of `GuaranteedLog.shapes_exponential`.
+Implements `GuaranteedLog.shapes_exponential`.
 )");
 }
 

@@ -290,7 +290,7 @@ Returns
 -------
 WahbaSolution
     With ``attitude``, shape (..., 3, 3), from body to reference axes, ``cost``, shape (...), at the minimum, and
-    ``condition``, shape (...), the largest over the smallest curvature of the cost there: large where a rotation is almost free.
+    ``condition``, shape (...), the largest over the smallest curvature of the cost there: large if a rotation is almost free.
 
 Raises
 ------
@@ -331,7 +331,7 @@ body : array_like, shape (..., m, 3)
 bounds : float or array_like, shape (..., m)
     rᵢ in rad, between 0 and π: how far a measured direction is at most from the true one.
 weights : array_like, shape (..., m), optional
-    μᵢ, not negative, not all zero; a direction with weight zero is not used. Unless given, weights are searched that make the
+    μᵢ, not negative, not all zero; a direction with weight zero is not used. If omitted, a search finds weights that make the
     ellipsoid small.
 chart : {'exponential', 'gibbs'}, optional
     Coordinates of the error: the rotation vector ζ, Ĉᵀ C = exp(S(ζ)), in rad, or γ = 2 tan(θ/2) n, twice the Gibbs vector.
@@ -342,7 +342,7 @@ Returns
 -------
 WahbaSet
     With ``attitude``, shape (..., 3, 3), the Wahba solution for the weights; ``shape``, shape (..., 3, 3), of the ellipsoid of
-    errors about it; ``chart``; ``margin``, shape (...), 1 for directions that fit exactly, 0 where a single attitude is left; and
+    errors about it; ``chart``; ``margin``, shape (...), 1 for directions that fit exactly, 0 if a single attitude is left; and
     ``weights``, shape (..., m).
 
 Raises
@@ -375,8 +375,8 @@ True
 
 Two directions and, as the paper suggests for m = 2, their cross product as a third, all made unit vectors.
 
-With it `wahba` can be solved by its method 'qr'. The third error is not independent of the others and no bound of it is
-given, so bounds must not be built on it.
+With it the method 'qr' of `wahba` can be used. The third error is not independent of the others and has no bound of its
+own, so bounds must not be built on it.
 
 Parameters
 ----------

@@ -101,7 +101,7 @@ array([[ 0., -3.,  2.],
       py::arg("matrix"), R"(vee(matrix)
 --
 
-The inverse of `hat`; of a general matrix, of its skew-symmetric part.
+The inverse of `hat`; for a general matrix, that of its skew-symmetric part.
 
 Parameters
 ----------
@@ -357,9 +357,9 @@ ValueError
       py::arg("rotation"), R"(renormalized(rotation)
 --
 
-A rotation that rounding has worn off, brought back to rounding: X (3I − XᵀX)/2.
+Brings a rotation that has drifted by rounding back to a rotation: X (3I − XᵀX)/2.
 
-One Newton step of the polar decomposition. For what is farther from a rotation see `project_to_rotation`.
+One Newton step of the polar decomposition. For a matrix farther from a rotation use `project_to_rotation`.
 
 Parameters
 ----------
@@ -396,7 +396,7 @@ Whether a matrix C is a rotation.
 Parameters
 ----------
 matrix : array_like, shape (..., 3, 3)
-    With NaN or an infinity in it, it is none.
+    A matrix with NaN or an infinity is not a rotation.
 tolerance : float, optional
     Largest size of an entry of CᵀC − I; √ε = 1.5e-8 unless given.
 

@@ -35,7 +35,7 @@ class BoundedPotential {
 
 namespace elliptude {
 
-/// For what the functions are see guaranteed/torque_expansion.hpp.
+/// The functions are described in guaranteed/torque_expansion.hpp.
 template <int Terms>
 class TorqueExpansion<python::BoundedPotential, double, Terms> {
  public:
@@ -65,7 +65,7 @@ class TorqueExpansion<python::BoundedPotential, double, Terms> {
                  expansion::CubicForms<double>& forms) const noexcept {
     for_each([&](const auto& term) { term.add_cubic(s, transform, axes, forms); });
   }
-  /// As of `SumPotential`: bounds of the terms add up, for the largest degree and rate among them.
+  /// As for `SumPotential`: the bounds of the terms add up, for the largest degree and rate among them.
   [[nodiscard]] TorqueBounds<double> bounds(const Matrix3<double>& transform) const noexcept {
     TorqueBounds<double> sum;
     for_each([&](const auto& term) { sum.add(term.bounds(transform)); });

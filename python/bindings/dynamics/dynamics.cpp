@@ -397,8 +397,8 @@ Parameters
 ----------
 body : RigidBody
 potential : Potential or PotentialLike, optional
-    What the body moves in; a `FreeBody` unless given. One written in Python is called with the interpreter's lock, twice or
-    more a step, and what it raises comes out of the method that was called.
+    The potential that the body moves in; a `FreeBody` unless given. One written in Python is called with the interpreter's lock,
+    at least twice a step, and an exception that it raises comes out of the method that was called.
 step : float
     h in s, positive.
 order : {2, 4, 6, 8}, optional
@@ -481,7 +481,7 @@ time : float, optional
 control_torque : array_like, shape (3,) or (steps, 3), optional
     In N m, body axes: constant, or constant over each step; zero unless given.
 every : int, optional
-    Which states are kept: each one, each second one and so on; it divides the number of steps.
+    How many steps lie between states that are kept; it divides the number of steps.
 
 Returns
 -------

@@ -291,7 +291,7 @@ void define_potentials(py::module_& module) {
   py::class_<Potential>(module, "Potential",
                         R"(A potential U(C, t) of the attitude, in J, and the torque that it exerts.
 
-The base of this module's potentials. One of your own needs not derive from it: any object with the methods of
+The base class of this module's potentials. Your own need not derive from it: any object with the methods of
 `PotentialLike` will do.
 )")
       .def(
@@ -385,7 +385,7 @@ ValueError
       .def("torque_curvature_bound", &Potential::torque_curvature_bound, R"(torque_curvature_bound(self)
 --
 
-A bound κ of what the torque's linearization leaves out.
+A bound κ of the remainder of the torque's linearization.
 
 ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time.
 
@@ -466,7 +466,7 @@ r(t) is the unit vector from the attracting body, in reference axes. M = 3n² b 
 Parameters
 ----------
 body : RigidBody
-    Whose inertia the torque acts on.
+    The body whose inertia the torque acts on.
 orbit_rate : float
     n in rad/s, not negative.
 orbit : array_like, shape (3, 3), or scipy.spatial.transform.Rotation, optional
@@ -558,7 +558,7 @@ TypeError
                                              R"(GradientPotential(energy, gradient, torque_curvature_bound=None)
 --
 
-A potential of one's own from two functions of (attitude, time): U and ∂U/∂C.
+A potential from two functions of (attitude, time) of yours: U and ∂U/∂C.
 
 The torque is the paper's M = Σ rᵢ × vᵢ with rᵢ and vᵢ the rows of C and of ∂U/∂C (§2.3.1); its Jacobian is taken by
 fourth-order central differences, whose error is about 1e-12 of the torque.

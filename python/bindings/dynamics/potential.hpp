@@ -13,7 +13,7 @@
 
 namespace elliptude::python {
 
-/// What a function written in Python has raised; it belongs to one call from Python and is raised again at its end. The core
+/// The exception of a function written in Python. It belongs to one call from Python and is raised again at its end. The core
 /// does not throw, so it sees a torque that is not finite instead.
 class Failure {
  public:
@@ -46,7 +46,7 @@ class Potential {
                                                Failure& failure) const noexcept = 0;
   [[nodiscard]] virtual Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, double time,
                                                         Failure& failure) const noexcept = 0;
-  /// Nothing where the potential promises none.
+  /// Empty if the potential promises no bound.
   [[nodiscard]] virtual std::optional<double> torque_curvature_bound() const = 0;
   enum class Added : std::uint8_t { yes, no_bounds, too_many };
   /// Adds this potential to a sum of those that offer the bounds of a guaranteed flow.
@@ -55,7 +55,7 @@ class Potential {
   [[nodiscard]] virtual int traverse(visitproc /*visit*/, void* /*argument*/) const noexcept { return 0; }
 };
 
-/// What the core takes for a potential, for the length of one call.
+/// The potential that the core sees, for the length of one call.
 struct PotentialInCall {
   const Potential& potential;
   Failure& failure;

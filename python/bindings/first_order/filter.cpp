@@ -534,8 +534,8 @@ void define_filter(py::module_& module) {
 
 Attitude and angular velocity (or gyro bias) with the ellipsoid that bounds them, from measurements with bounded errors.
 
-A call that raises leaves the filter as it was; after a prediction a refused measurement is as if it had not come. Both modes
-are of first order: what they return is a bound only up to terms of second order in the error.
+A call that raises leaves the filter as it was; after a prediction, a refused measurement changes nothing. Both modes
+are of first order: their sets are bounds only up to terms of second order in the error.
 
 Parameters
 ----------
@@ -545,9 +545,9 @@ ellipsoid : StateEllipsoid
 time : float
     s.
 mode : {'first_order', 'paper'}
-    'paper' carries ellipsoids to another center by a shift, as printed; 'first_order' by the Jacobian that belongs there.
+    How ellipsoids move to another center: 'paper' shifts them, as printed; 'first_order' uses the Jacobian of the exponential.
 criterion : {'trace', 'weighted_trace', 'volume'}
-    What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
+    The size to minimise; the trace adds rad² to rad²/s² unless it is weighted.
 weight : (6, 6) array_like, optional
     The weight of the trace, symmetric positive definite.
 )")
@@ -579,7 +579,7 @@ weight : (6, 6) array_like, optional
           R"(extent(self)
 --
 
-As `ellipsoid.extent()`.
+The same as `ellipsoid.extent()`.
 )")
       .def("predict", &PythonFilter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "gyro"_a = py::none(),
@@ -615,15 +615,15 @@ reference : (m, 3) array_like
 bounds : float, (m,) or (m, 3, 3) array_like
     Bounds of the direction errors: angles in rad, or shapes in rad².
 weights : (m,) array_like, optional
-    In Wahba's problem.
+    Weights in Wahba's problem.
 angular_velocity : (3,) array_like, optional
     rad/s, body axes; for a RigidBodyFlow.
 rate_bound : float or (3, 3) array_like
     rad/s, or a shape in (rad/s)².
 sensor : str
-    For the message, should the sets not meet.
+    Name of the sensor for the message if the sets do not meet.
 diagnostics : bool
-    Whether to work out those of the convergence theorem, for two or more directions with an angular velocity.
+    Whether to return diagnostics of the convergence theorem, for two or more directions with an angular velocity.
 
 Returns
 -------
@@ -670,7 +670,7 @@ Ellipsoid
           R"(run(self, times, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, gyro=None, control_torque=None, on_inconsistent='raise')
 --
 
-Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.
+Predicts to each time of a log and updates with the measurements there, in one call and without the interpreter's lock.
 
 Parameters
 ----------
@@ -699,7 +699,7 @@ Raises
 InconsistentMeasurement
     If sets do not meet; with the row.
 RowError
-    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
+    If a row has a number that is not finite or out of its range, or its time cannot be predicted to; with the row.
 )");
 
   module.def("measured_attitude", &measured_attitude_of, "directions"_a, "reference"_a, "bounds"_a,

@@ -51,10 +51,10 @@ step : float
 order : {2, 4, 6, 8}
     Order of the integrator.
 unknown_torque : float or (3, 3) array_like, optional
-    A torque beside those known, constant over each step and anything in a ball of this radius (N m) or an ellipsoid of
-    this shape ((N m)²) from step to step.
+    An additional unknown torque, constant over each step, which may be anything in a ball of this radius (N m) or an ellipsoid
+    of this shape ((N m)²) from step to step.
 most_steps : int
-    A prediction over more steps is refused: the time is then more likely wrong than meant.
+    A prediction over more steps is refused: such a time is more likely an error than intended.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a, "order"_a = 2,
            "unknown_torque"_a = py::none(), "most_steps"_a = default_most_steps)
@@ -79,7 +79,7 @@ most_steps : int
                                R"(GyroFlow(noise, drift=0.0)
 --
 
-How a body moves of which nothing is known but what its gyro says: gyro = ω + bias + v, the bias in the state.
+How a body moves about which only its gyro says something: gyro = ω + bias + v, with the bias in the state.
 
 Parameters
 ----------

@@ -14,10 +14,10 @@ void define_guaranteed_filter(py::module_& module) {
       R"(GuaranteedFilter(flow, start=None, *, time=0.0, criterion='volume', weight=None, policy='raise', most_wrong=0, regain_after=10, vector_bound=None, estimate_vector=True)
 --
 
-A set that holds attitude and angular velocity (or gyro bias) whenever what it was told of errors holds, to the last term.
+A set that holds the attitude and the angular velocity (or gyro bias) if all stated bounds hold; no term is dropped.
 
-It may know nothing of the attitude, at the beginning or when a prediction has become too large to be of use, and then starts
-from the next measurements that determine one. A call that raises leaves the filter as it was, but for `run`.
+It may know nothing about the attitude, at the beginning or after a prediction has become too large to be useful. It then starts
+from the next measurements that determine one. A call that raises leaves the filter as it was, except `run`.
 
 Parameters
 ----------
@@ -27,19 +27,19 @@ start : StateEllipsoid, optional
 time : float
     s.
 criterion : {'volume', 'trace', 'weighted_trace'}
-    What the smallest ellipsoid is; the trace adds rad² to rad²/s² unless it is weighted.
+    The size to minimise; the trace adds rad² to rad²/s² unless it is weighted.
 weight : (6, 6) array_like, optional
     The weight of the trace, symmetric positive definite.
 policy : {'raise', 'drop_measurement', 'restart', 'relaxed'}
     What to do with measurements that no predicted state can have caused, which proves that some bound is wrong. 'raise' raises;
-    'drop_measurement' leaves out as few as make the rest agree; 'restart' forgets the prediction; 'relaxed' lets `most_wrong`
-    of the measurements of every update be wrong, whether that shows or not.
+    'drop_measurement' leaves out as few as possible, so that the rest agree; 'restart' forgets the prediction; 'relaxed' lets
+    `most_wrong` of the measurements of every update be wrong, whether that shows or not.
 most_wrong : {0, 1, 2}
     For 'relaxed', of at most eight measurements.
 regain_after : int
-    After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the measurements
-    of that moment alone, if they bound one. As many updates after a contradiction that others have followed the past is given
-    up for such a set, too, which remains conditional until so many have agreed. Disturbances should not last as long.
+    A conditional claim ends after this many updates in a row without contradiction: the set is then taken from the measurements
+    of that moment alone, if they bound one. If contradictions go on, the past is given up for such a set this many updates after
+    the first one; the claim stays conditional until as many have agreed. Disturbances should be shorter than this.
 vector_bound : float, (3, 3) array_like or tuple of (3,) array_like and one of these, optional
     The angular velocity, or the gyro's bias, is always in this ellipsoid: a radius (rad/s) or shape ((rad/s)²) about zero, or
     about a center.
@@ -91,17 +91,17 @@ ValueError
       .def("forget", &Filter::forget, R"(forget(self)
 --
 
-Forgets all but `vector_bound`: the next measurements that determine an attitude start the filter again.
+Forgets everything except `vector_bound`: the next measurements that determine an attitude start the filter again.
 
-So one goes on under the policy 'raise' after what is known has turned out to be wrong, or cannot be predicted.
+Use it to go on under the policy 'raise' if the set has turned out to be wrong, or cannot be predicted.
 )")
       .def("predict", &Filter::predict, "time"_a, py::kw_only(), "control_torque"_a = py::none(),
            "wheel_momentum"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
            R"(predict(self, time, *, control_torque=None, wheel_momentum=None, gyro=None, increment=None)
 --
 
-Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten. So it is, except under the
-policy 'raise', if this set cannot be predicted where another can be: one about a wrong rate, say.
+Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten. The same happens, except under
+the policy 'raise', if this set cannot be predicted although another could be, such as a set about a wrong rate.
 
 Parameters
 ----------
@@ -112,11 +112,11 @@ control_torque : (3,) array_like, optional
 wheel_momentum : (3,) array_like, optional
     Angular momentum of wheels relative to the body, N m s, body axes, constant over the interval.
 gyro : (3,) array_like
-    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow. NaN where
-    nothing was measured: of that interval the flow's `largest_rate` alone is known.
+    The measured rate of the interval as the flow's `interval_rate` says, rad/s, body axes; for a GuaranteedGyroFlow. NaN if
+    nothing was measured: then only the flow's `largest_rate` is known about the interval.
 increment : float, optional
-    Bound of the angle that the errors v of the gyro make together over this interval, rad, where a better one is known than
-    the duration times the noise.
+    Bound of the angle that the errors v of the gyro make together over this interval, rad, if it is better than the duration
+    times the noise.
 
 Raises
 ------
@@ -127,10 +127,10 @@ ValueError
            R"(predict_turn(self, time, turn, turn_bound)
 --
 
-Moves the set of a GuaranteedGyroFlow over a turn that is known, but for an angle.
+Moves the set of a GuaranteedGyroFlow over a turn that is known up to an angle.
 
-So errors of a gyro that cancel over many samples do not add up: add up the rates outside, and say how far the whole turn may be
-off. The bias, where it is estimated, drifts as the flow says.
+Errors of a gyro that cancel over many samples then do not add up: integrate the rates yourself, and state how far the whole turn
+may be off. A bias that is estimated drifts as the flow says.
 
 Parameters
 ----------
@@ -155,7 +155,7 @@ TypeError
           R"(update(self, directions=None, reference=None, bounds=None, *, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, sensors=None)
 --
 
-Fuses all that was measured at one moment with the prediction, at once. Any number of directions will do.
+Fuses all measurements of one moment with the prediction, at once. Any number of directions will do.
 
 Parameters
 ----------
@@ -174,8 +174,8 @@ attitude : (3, 3) array_like or scipy Rotation, optional
 attitude_bound : float or (3, 3) array_like
     Bound of ν: an angle in rad, below pi, or a shape in rad².
 sensors : sequence of str, optional
-    Names for messages and for what is dropped: of the directions, or of these, the angular velocity and the attitude as far as
-    they are given. Without names a direction is its index, and the others are 'angular_velocity' and 'attitude'.
+    Names for messages and for what is dropped: of the directions, or of the directions, the angular velocity and the attitude, as
+    far as they are given. Without names a direction is its index, and the others are 'angular_velocity' and 'attitude'.
 
 Returns
 -------
@@ -184,8 +184,8 @@ GuaranteedUpdate
 Raises
 ------
 InconsistentMeasurement
-    If no state satisfies all bounds and the policy does not say what to do then; with the sensor that contradicts most, where it
-    is not the prediction.
+    If no state satisfies all bounds and the policy does not resolve it; with the sensor that contradicts most, unless that is
+    the prediction.
 ValueError
     If an argument is not finite or out of its range.
 )")
@@ -208,7 +208,7 @@ GuaranteedUpdate
 Raises
 ------
 InconsistentMeasurement
-    If no predicted state can have caused it, whatever the policy.
+    If no predicted state can have caused it, under any policy.
 ValueError
     If the attitude is not known, or an argument is not finite or out of its range.
 )")
@@ -220,7 +220,7 @@ ValueError
           R"(run(self, times, *, directions=None, reference=None, bounds=None, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, gyro=None, increment=None, control_torque=None, wheel_momentum=None, sensors=None)
 --
 
-Predicts to each time of a log and updates with what is there, in one call and without the interpreter's lock.
+Predicts to each time of a log and updates with the measurements there, in one call and without the interpreter's lock.
 
 Parameters
 ----------
@@ -243,7 +243,7 @@ gyro : (n, 3) array_like
     For a GuaranteedGyroFlow: gyro[k] is the rate of the interval from times[k] to times[k + 1], as the flow's `interval_rate`
     says, NaN where nothing was measured; times[0] must be `self.time`.
 increment : float or (n,) array_like, optional
-    As in `predict`, of the same intervals as gyro; NaN where none is known.
+    As in `predict`, for the same intervals as gyro; NaN if unknown.
 control_torque, wheel_momentum : (3,) or (n, 3) array_like, optional
     For a GuaranteedRigidBodyFlow: row k acts until times[k].
 sensors : sequence of str, optional
@@ -256,10 +256,10 @@ GuaranteedLog
 Raises
 ------
 InconsistentMeasurement
-    With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
+    With the row, its time and the sensor; the filter is then predicted to that row. After any other error it is as before
     the call.
 RowError
-    If what is in a row is not finite or out of its range, or it cannot be predicted to; with the row.
+    If a row has a number that is not finite or out of its range, or its time cannot be predicted to; with the row.
 )")
       .def(
           "run_turns", &Filter::run_turns, "times"_a, "turns"_a, "turn_bounds"_a, py::kw_only(), "anchors"_a,
@@ -268,10 +268,10 @@ RowError
           R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None)
 --
 
-Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with what is there; in one call.
+Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with its measurements, in one call.
 
-Only the anchors' sets are carried on. Between anchors each row is predicted from the anchor in one piece, so that errors of the
-gyro that cancel over the window do (`predict_turn`), and what repeated fusion loses is not lost. For a GuaranteedGyroFlow.
+Only the sets of anchors are carried on. Each row between is predicted from its anchor in one step, so that errors of the
+gyro can cancel (`predict_turn`) and repeated fusion loses nothing. For a GuaranteedGyroFlow.
 
 Parameters
 ----------
@@ -282,7 +282,7 @@ turns : (n, 3) array_like
 turn_bounds : (n,) array_like
     How far each may be off, rad, about any axis.
 anchors : (n,) array_like of int
-    From which row each is predicted: the row before it, or the same as that one's. −1 is the filter as it is; the first is so.
+    The row that each is predicted from: the row before it, or that row's anchor. −1, as in the first row, is the filter as it is.
 directions, reference, bounds, attitude, attitude_bound, sensors
     As in `run`.
 
@@ -293,10 +293,10 @@ GuaranteedLog
 Raises
 ------
 InconsistentMeasurement
-    With the row, its time and the sensor; the filter is then as predicted to that row. After any other error it is as before
+    With the row, its time and the sensor; the filter is then predicted to that row. After any other error it is as before
     the call.
 RowError
-    If what is in a row is not finite or out of its range; with the row.
+    If a row has a number that is not finite or out of its range; with the row.
 )");
 }
 

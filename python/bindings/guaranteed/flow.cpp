@@ -99,24 +99,24 @@ void define_guaranteed_flows(py::module_& module) {
       R"(GuaranteedRigidBodyFlow(body, potential=None, *, step, unknown_torque=None, inertia_error=0.0, most_steps=1000000)
 --
 
-How a rigid body in a potential moves, in continuous time, and a set about it that holds every motion there may be.
+How a rigid body in a potential moves, in continuous time, with a set that holds every possible motion.
 
 Parameters
 ----------
 body : RigidBody
 potential : FreeBody, UniformGravity, GravityGradient or a SumPotential of these, optional
-    A free body if omitted; a sum of at most 8 terms. A potential written in Python offers no bounds of its torque: bound what
-    it adds by `unknown_torque`.
+    A free body if omitted; a sum of at most 8 terms. A potential written in Python has no bounds of its torque: bound that
+    torque by `unknown_torque` instead.
 step : float
     The longest step, s; an interval is divided into the fewest equal steps that are no longer. The set holds the motion
     whatever the step; a shorter one makes it smaller, and takes longer.
 unknown_torque : float or (3, 3) array_like, optional
-    A torque beside those known, at every time in a ball of this radius (N m) or an ellipsoid of this shape ((N m)²), body
-    axes, however it changes.
+    An additional unknown torque, at every time in a ball of this radius (N m) or an ellipsoid of this shape ((N m)²), body
+    axes; it may change in any way.
 inertia_error : float
     Largest error of the inertia matrix in the spectral norm, kg m²: below the least principal moment.
 most_steps : int
-    A prediction over more steps is refused: the time is then more likely wrong than meant.
+    A prediction over more steps is refused: such a time is more likely an error than intended.
 
 Raises
 ------
@@ -156,7 +156,7 @@ ValueError
       R"(GuaranteedGyroFlow(noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends', longest_interval=None, largest_rate=None)
 --
 
-How a body moves of which nothing is known but what its gyro says: sample = ω + bias + v, the bias in the state.
+How a body moves about which only its gyro says something: sample = ω + bias + v, with the bias in the state.
 
 Parameters
 ----------
@@ -175,7 +175,7 @@ longest_interval : float, optional
     The longest interval that a rate and the bounds above cover, s; any, if omitted. About a longer one, or one whose rate is
     NaN, nothing is known but `largest_rate`.
 largest_rate : float, optional
-    Largest length of ω at every time, rad/s: over an interval that nothing speaks of the set grows by this times the duration.
+    Largest length of ω at every time, rad/s: over an interval that no bound covers the set grows by this times the duration.
     If omitted, or if that reaches half turns, the attitude is forgotten.
 
 Raises

@@ -3,7 +3,8 @@
 /// \file
 /// The guaranteed flows as Python has them.
 
-#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/guaranteed/body_flow.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 #include "dynamics/bounded_potential.hpp"
 #include "dynamics/potential.hpp"

@@ -9,7 +9,7 @@
 
 namespace elliptude::python {
 
-/// What was measured at one moment.
+/// The measurements of one moment.
 struct Measured {
   std::vector<Direction<double>> directions;
   std::vector<Index> columns;  ///< of the directions among all that there may be
@@ -48,7 +48,7 @@ struct Measured {
                                    const py::object& angular_velocity, const py::object& rate_bound,
                                    const py::object& attitude, const py::object& attitude_bound);
 
-/// What sensors are called: as the user does, or by their index.
+/// Names of sensors: the user's, or their index.
 class SensorNames {
  public:
   /// \param m how many directions there are.
@@ -67,10 +67,10 @@ class SensorNames {
 };
 
 /// Bounds of the measurements of a log, in rows and columns: one radius for all, one for each column, one for each row and
-/// column, or a shape matrix for each column. A radius of NaN, or of the limit or more, is that of no measurement.
+/// column, or a shape matrix for each column. A radius of NaN, or at least the limit, means no measurement.
 class LogBounds {
  public:
-  /// \param columns 0 for a measurement without columns, of which there is one in a row.
+  /// \param columns 0 for a measurement without columns: one in each row.
   /// \throws TypeError, ValueError with the argument's name.
   LogBounds(const py::object& value, const std::string& name, Index rows, Index columns, double limit);
 

@@ -4,6 +4,7 @@
 /// The guaranteed filter as Python has it.
 
 #include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 #include <variant>
 
 #include "attitude/state_ellipsoid.hpp"
@@ -12,8 +13,7 @@
 
 namespace elliptude::python {
 
-/// Either filter behind one interface. What the functions take and do is told to users in their docstrings
-/// (guaranteed/filter.cpp).
+/// Either filter behind one interface. The docstrings in guaranteed/filter.cpp describe the functions.
 class PythonGuaranteedFilter {
  public:
   PythonGuaranteedFilter(py::object flow, const std::optional<AnyStateEllipsoid>& start, const py::object& time,
@@ -43,7 +43,7 @@ class PythonGuaranteedFilter {
     return std::visit([](const auto& filter) { return filter.knows_attitude(); }, filter_);
   }
   [[nodiscard]] std::optional<AnyStateEllipsoid> ellipsoid() const;
-  /// What is known of the vector while the attitude is not: (center, shape).
+  /// The set of the vector while the attitude is not known: (center, shape).
   [[nodiscard]] py::object vector() const;
   [[nodiscard]] int agreeing_updates() const {
     return std::visit([](const auto& filter) { return filter.trust().agreeing_updates(); }, filter_);
@@ -98,7 +98,7 @@ class PythonGuaranteedFilter {
   void make(const typename Filter::Flow& flow, const typename Filter::Settings& settings, double time,
             const std::optional<AnyStateEllipsoid>& start);
 
-  /// What a log's rows become by `loop`, of a filter, rows to fill and the row that it is at.
+  /// Runs `loop` over the rows of a log: it gets a filter, the rows to fill and the index of the row.
   template <typename Loop>
   [[nodiscard]] py::object run_log(const Items& time, Index directions, const Loop& loop);
 
@@ -108,7 +108,7 @@ class PythonGuaranteedFilter {
   void require_inputs_of_flow(const py::object& control_torque, const py::object& wheel_momentum,
                               const py::object& gyro, const py::object& increment) const;
 
-  /// \throws ValueError where a measurement comes without its bound, TypeError of a rate for a gyro's filter.
+  /// \throws ValueError if a measurement comes without its bound, TypeError for a rate in a gyro's filter.
   void require_bounds(const py::object& directions, const py::object& reference, const py::object& bounds,
                       const py::object& angular_velocity, const py::object& rate_bound, const py::object& attitude,
                       const py::object& attitude_bound) const;

@@ -1,5 +1,7 @@
 #include "measurement/arguments.hpp"
 
+#include <elliptude/measurement/linearization.hpp>
+
 namespace elliptude::python {
 
 Matrix3<double> bound_of(const double* data, bool is_radius) {

@@ -3,7 +3,7 @@
 /// \file
 /// Arguments of the filters: bounds of errors, and measurements.
 
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/types.hpp>
 #include <mutex>
 #include <optional>
 
@@ -47,7 +47,7 @@ void require_direction(const Vector3<double>& direction, const std::string& labe
 
 void require_measured(const Vector3<double>& row, const std::string& label);
 
-/// A column of optional rows: (n, 3) of which one that is all NaN is absent; nothing where the argument is None.
+/// A column (n, 3) of optional rows: a row of NaN is absent. Empty if the argument is None.
 class OptionalRows {
  public:
   OptionalRows(const py::object& value, const std::string& name, Index rows) {
@@ -79,7 +79,7 @@ class LogInput {
   Items items_;
 };
 
-/// As `LogInput`; nothing where the argument is None.
+/// `LogInput`, or empty if the argument is None.
 [[nodiscard]] std::optional<LogInput> log_input(const py::object& value, const std::string& name, const Shape& item,
                                                 Index rows, Items::Require require = Items::Require::finite);
 
@@ -101,11 +101,11 @@ class LinearArguments {
   Items bound_;
 };
 
-/// One call of a filter at a time: waiting for another thread could wait for ever, as that one may wait for the interpreter's
-/// lock. \throws RuntimeError.
+/// Allows one call of a filter at a time: waiting for another thread could take for ever, because that one may wait for the
+/// interpreter's lock. \throws RuntimeError.
 [[nodiscard]] std::unique_lock<std::mutex> exclusive(std::mutex& mutex);
 
-/// What `criterion` and `weight` ask for. \throws ValueError.
+/// The size criterion that `criterion` and `weight` name. \throws ValueError.
 [[nodiscard]] SizeCriterion<double, 6> size_criterion_of(const std::string& criterion, const py::object& weight);
 
 }  // namespace elliptude::python

@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
+#include <elliptude/sets/sum.hpp>
 #include <random>
 
 #include "module.hpp"
@@ -204,7 +205,7 @@ void define_ellipsoids(py::module_& module) {
 
 The set E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} (paper, §2.3.2); immutable.
 
-P is the shape of a set, not a covariance: no probability goes with it, and its eigenvalues are the squares of the
+P is the shape of a set, not a covariance: it has no probability, and its eigenvalues are the squares of the
 semi-axes. It may be singular; the ellipsoid is then flat.
 
 Parameters
@@ -293,7 +294,7 @@ points : array_like, shape (..., n)
 Returns
 -------
 float or ndarray, shape (...)
-    Infinite off the plane of an ellipsoid with a coordinate of no width.
+    Infinite off the plane of an ellipsoid with a coordinate of zero width.
 
 Raises
 ------
@@ -421,7 +422,7 @@ The projection on some of the coordinates.
 Parameters
 ----------
 indices : sequence of int
-    The coordinates that stay, in the order in which they are wanted.
+    The coordinates to keep, in the order wanted.
 
 Returns
 -------
@@ -444,9 +445,9 @@ count : int
 rng : int or numpy.random.Generator, optional
     A seed, or the generator to draw from; without one, fresh entropy.
 surface : bool, optional
-    False: uniform by volume in the set; in a flat ellipsoid, in its plane. True: uniform by area on the surface. (A point
-    that is uniform on the sphere and stretched with it would be too frequent where the ellipsoid is flat; such points
-    are rejected with the chance that makes up for it.)
+    False: uniform by volume in the set; in a flat ellipsoid, in its plane. True: uniform by area on the surface. (Points
+    that are uniform on the sphere and stretched with it would be too frequent where the ellipsoid is flat; some of them are
+    rejected to correct this.)
 
 Returns
 -------
@@ -479,7 +480,7 @@ ValueError
 
 A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of ellipsoids.
 
-Of the outer ellipsoids P = Σ Pᵢ/αᵢ, Σ αᵢ = 1, about the sum of the centers it is the smallest: for the trace
+It is the smallest of the outer ellipsoids P = Σ Pᵢ/αᵢ, Σ αᵢ = 1, about the sum of the centers: for the trace
 αᵢ ∝ √tr(W Pᵢ) (paper, eq. Pmkl).
 
 Parameters
@@ -487,7 +488,7 @@ Parameters
 ellipsoids : sequence of Ellipsoid
     1 to 64, all of dimension n.
 criterion : {'trace', 'volume'}
-    What is made small: tr(W P), or the volume.
+    The size to minimise: tr(W P), or the volume.
 weight : array_like, shape (n, n), optional
     W, symmetric positive definite, in the inverse squares of the coordinates' units; the identity unless given. Only with
     'trace'.
@@ -499,7 +500,7 @@ Ellipsoid
 Raises
 ------
 ValueError
-    If the ellipsoids are none, too many or of different dimensions, W is not positive definite, the criterion is unknown, or
+    If there are no ellipsoids, too many or of different dimensions, W is not positive definite, the criterion is unknown, or
     the volume of a flat sum is to be minimised.
 
 Examples
@@ -513,7 +514,7 @@ True
   module.def("overlap_margin", &margin_of, py::arg("first"), py::arg("second"), R"(overlap_margin(first, second)
 --
 
-By how much two ellipsoids overlap.
+How much two ellipsoids overlap.
 
 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the centers (theory, section 7).
 
@@ -525,7 +526,7 @@ first, second : Ellipsoid
 Returns
 -------
 float
-    1 for a common center, 0 where they touch, negative if and only if they have no common point.
+    1 for a common center, 0 if they touch, negative if and only if they have no common point.
 
 Raises
 ------

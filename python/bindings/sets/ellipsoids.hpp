@@ -1,8 +1,7 @@
 #pragma once
 
 /// \file
-/// Ellipsoids and quadrics of a dimension that is known when the program runs, and the way from there to the core's fixed
-/// dimensions.
+/// Ellipsoids and quadrics whose dimension is known at run time, and their conversion to the core's fixed dimensions.
 
 #include <elliptude/sets/quadric.hpp>
 #include <type_traits>
@@ -16,7 +15,7 @@ using AnyQuadric = Quadric<double, Eigen::Dynamic>;
 
 inline constexpr Index largest_dimension = 6;
 
-/// f(std::integral_constant<int, n>) for the dimension at hand.
+/// Calls f(std::integral_constant<int, n>) for the dimension n.
 template <typename Function>
 auto with_dimension(Index n, const Function& f) {
   switch (n) {
@@ -63,7 +62,7 @@ void require_dimension(Index n, const std::string& name);
 /// \throws ValueError unless the symmetric matrix is positive definite.
 void require_positive_definite(const Eigen::MatrixXd& matrix, const std::string& name);
 
-/// What `criterion` and `weight` ask for.
+/// The size criterion that `criterion` and `weight` name.
 template <int N>
 [[nodiscard]] SizeCriterion<double, N> size_criterion(bool by_volume, const Eigen::MatrixXd& weight) {
   if (by_volume) {
@@ -79,7 +78,7 @@ struct Criterion {
 /// \throws ValueError.
 [[nodiscard]] Criterion criterion_argument(const std::string& criterion, const py::object& weight, Index dimension);
 
-/// The margin of the overlap, or NaN where it cannot be found, both sets being flat.
+/// The margin of the overlap, or NaN if both sets are flat, so that it cannot be found.
 [[nodiscard]] double margin_if_any(const AnyEllipsoid& first, const AnyEllipsoid& second);
 
 }  // namespace elliptude::python

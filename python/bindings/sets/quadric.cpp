@@ -127,7 +127,7 @@ void define_quadrics(py::module_& module) {
 The set {y : yᵀAy + 2gᵀy ≤ c}; immutable.
 
 A need not be positive definite: a half-space, a slab, a cylinder and the inside of a cone are quadrics as an ellipsoid
-is, and what a measurement says of the state is one (theory, section 7).
+is, and a measurement says that the state is in one (theory, section 7).
 
 Parameters
 ----------
@@ -318,7 +318,7 @@ InconsistentMeasurement
 A small ellipsoid that contains the intersection of an ellipsoid with an ellipsoid or a quadric.
 
 The smallest of the family that two multipliers give (paper, eqs. xhatP to LP, with both end points of q), never larger
-than an ellipsoid that went in.
+than either ellipsoid.
 
 Parameters
 ----------
@@ -326,7 +326,7 @@ first : Ellipsoid
 second : Ellipsoid or Quadric
     Of the same dimension n as `first`. One of two ellipsoids may be flat, and a quadric unbounded.
 criterion : {'trace', 'volume'}
-    What is made small: tr(W P), or the volume.
+    The size to minimise: tr(W P), or the volume.
 weight : array_like, shape (n, n), optional
     W, symmetric positive definite, in the inverse squares of the coordinates' units; the identity unless given. Only with
     'trace'.

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// True motions to judge the estimator by. On purpose nothing here is of the core: its integrator, its torques and its
+/// True motions to judge the estimator by. On purpose nothing here uses the core: its integrator, its torques and its
 /// rotations would hide their own errors. Plain arrays of numbers, SI units, in double or long double.
 
 #include <algorithm>
@@ -157,13 +157,13 @@ struct AcceleratedMotion {
 ///
 /// The step is chosen so that the last two columns of the extrapolation differ by at most 1e-13 (1 + |state|), in long
 /// double 1e-17; the error of what is kept is smaller still. `step` is the first trial and becomes the last step that was accepted.
-/// \return false if no step is small enough, or numbers grow beyond bounds.
+/// \return false if no step is small enough, or numbers overflow.
 template <typename Scalar, typename Motion>
 [[nodiscard]] bool integrate(const Motion& motion, Scalar begin, Scalar end, Scalar& step,
                              State<Scalar>& state) noexcept {
   constexpr std::size_t columns = 8;
   constexpr std::size_t size = std::tuple_size_v<State<Scalar>>;
-  constexpr Scalar tolerance = std::is_same_v<Scalar, double> ? 1e-13L : 1e-17L;
+  constexpr Scalar tolerance = static_cast<Scalar>(std::is_same_v<Scalar, double> ? 1e-13L : 1e-17L);
   constexpr int most_steps = 1000000;
 
   Scalar time = begin;

@@ -145,7 +145,7 @@ PYBIND11_MODULE(_truth, module) {
       R"(motion(times, attitude, angular_velocity, inertia, *, weighted_center=None, orbit_rate=0.0, eccentricity=0.0, wheel_momentum=None, torque=None, precise=False)
 --
 
-The continuous motion of rigid bodies to 1e-13 an interval, by code that shares nothing with the filter.
+The continuous motion of rigid bodies, to 1e-13 an interval, by code that shares nothing with the filter.
 
 Parameters
 ----------
@@ -178,13 +178,13 @@ angular_velocities : (..., n, 3) ndarray
 Raises
 ------
 ArithmeticError
-    OverflowError, if numbers grow beyond bounds or no step is short enough.
+    OverflowError, if numbers overflow or no step is short enough.
 )");
   module.def("rotation", &true_rotation, "times"_a, "attitude"_a, "angular_velocity"_a, "angular_acceleration"_a,
              py::kw_only(), "precise"_a = false,
              R"(rotation(times, attitude, angular_velocity, angular_acceleration, *, precise=False)
 --
 
-As `motion`, of bodies whose angular acceleration is given: (..., n - 1, 3), rad/s², body axes, constant in each interval.
+As `motion`, for bodies whose angular acceleration is given: (..., n - 1, 3), rad/s², body axes, constant in each interval.
 )");
 }

@@ -83,8 +83,8 @@ def compare(
     else:
         typer.echo(f"{result} against {reference}: {len(compared.times)} of {compared.rows} rows compared")
         own_error = "not stated" if source is None else f"{error_deg:g} degrees by {source}"
-        counts = "any attitude so near" if error_deg > 0.0 else "the reference itself"
-        typer.echo(f"the reference's own error: {own_error}; inside is said of {counts}")
+        counts = "any attitude that near to it" if error_deg > 0.0 else "the reference itself"
+        typer.echo(f"the reference's own error: {own_error}; a row is inside if its set has {counts}")
         Console(width=max(Console().width, 110)).print(_table(summary))
         for path in written:
             typer.echo(f"  {path}")

@@ -143,7 +143,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
         )
     if summary["heading"] == "from the first row":
-        typer.echo("  nothing tells the heading: it counts from the first row")
+        typer.echo("  nothing determines the heading: it counts from the first row")
     for name, part in summary["sizes"].items():
         means = part["half_width_reference_deg"]["mean"]
         if means is not None:

@@ -324,6 +324,6 @@ def _print_total(summary: dict[str, Any]) -> None:
     if total["liars"]:
         typer.echo(
             f"{total['liars']} trials with liars, {total['stuck']} not got over within twice regain_after updates of "
-            "the first contradiction.\nMisled: unconditional sets without the truth that hold a lie which nothing has "
-            "contradicted yet."
+            "the first contradiction.\nMisled: unconditional sets without the truth that rest on a lie which nothing "
+            "has contradicted yet."
         )

@@ -35,7 +35,7 @@ class GuaranteedRun:
     log: Log
     """What it is of."""
     sets: GuaranteedLog
-    """Claims are at most conditional if anything in the log contradicts its own stated bounds."""
+    """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
     tilt_bounds: FloatArray | None
     """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.

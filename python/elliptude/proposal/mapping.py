@@ -42,7 +42,7 @@ _LARGEST_GAP = 3.0
 
 
 def presets() -> tuple[str, ...]:
-    """The names of formats that do not say their units in the file; their documentation does."""
+    """The names of formats whose units are in their documentation and not in the file."""
     return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
 
 

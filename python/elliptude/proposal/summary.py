@@ -1,4 +1,4 @@
-"""What is said of a proposal: its numbers by name, for people and for JSON, and remarks in words."""
+"""Prints a proposal: its numbers by name, for people and for JSON, and remarks in words."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -21,13 +21,13 @@ class Line(NamedTuple):
     name: str
     """What it is, in words."""
     factor: float
-    """From SI units to the unit that is said."""
+    """Factor from SI units to the printed unit."""
     found: Quantiles | None
     """None if the recording does not show it."""
 
 
 def lines_of(proposed: Proposal) -> list[Line]:
-    """All numbers of a proposal, in the order in which they are said."""
+    """All numbers of a proposal, in the order in which they are printed."""
     lines = _of_gyro(proposed.gyro)
     if proposed.accelerometer is not None:
         lines += _of_vector("accelerometer", "m_per_s2", "m/s²", proposed.accelerometer)
@@ -94,7 +94,7 @@ def _of_start(start: StartProposal) -> list[Line]:
 
 
 def summarize(proposed: Proposal) -> dict[str, Any]:
-    """The proposal for JSON: quantiles by key, delays in s; None where the recording does not show it."""
+    """The proposal for JSON: quantiles by key, delays in s; None if the recording does not show it."""
     summary: dict[str, Any] = {"duration_s": proposed.duration, "share_at_rest": proposed.rest}
     bias = proposed.gyro.bias
     summary["gyro_bias_deg_per_s"] = None if bias is None else np.rad2deg(bias).tolist()

@@ -210,7 +210,7 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("rows with an update", f"{summary['rows_with_an_update']}"),
     ]
     if summary["rows_with_a_set"] < count:
-        lines.append(("rows of which nothing is known", f"{count - summary['rows_with_a_set']}"))
+        lines.append(("rows without a set", f"{count - summary['rows_with_a_set']}"))
     if summary["claims"] is not None:
         recording = summary.get("bounds_from_recording")
         shares = [
@@ -231,7 +231,7 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         share = _share(number, summary["rows_with_a_set"])
         lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
     if summary["heading_from_start"]:
-        lines.append(("heading", "counts from the first row, as nothing told it"))
+        lines.append(("heading", "counts from the first row, because nothing determines it"))
     lines += [("" if i else "gaps in the gyro", line) for i, line in enumerate(summary["gaps"])]
     names = {
         "dropped": "measurements dropped",
@@ -292,7 +292,7 @@ def _spell_table(spells: list[Spell]) -> str:
     more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
     return (
         '<p class="faint">Dropped: this measurement alone contradicted the others. Refused: the sets of its row did '
-        "not meet, and none of them was used. Own bound: it contradicts what is stated of its sensor, whatever the "
+        "not meet, and none of them was used. Own bound: it contradicts what is stated about its sensor, at any "
         f"attitude. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
         f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
         '<div class="scroll tall"><table><thead>\n'

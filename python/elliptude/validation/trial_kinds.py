@@ -430,10 +430,10 @@ def _tiny(of: Plant, starts: Starts, draws: np.random.Generator) -> Starts:
 KINDS = {
     "liar": Kind("one lie of any size, at the start or later", _one_liar),
     "liars": Kind("several lies of any size, at the start and in the first half", _several_liars),
-    "gaps": Kind("nothing comes for up to half of the time", _with_gaps),
+    "gaps": Kind("gaps of up to half of the time without any measurement", _with_gaps),
     "rows": Kind("rows and measurements are lost, rows come twice or late", _disordered),
     "thin": Kind(
-        "first sets of which one axis is 1e-3 to 1e-8 of another, seldom measured",
+        "first sets with one axis 1e-3 to 1e-8 times as long as another, seldom measured",
         _seldom_measured,
         plant=_exact_and_short,
         starts=_thin,
@@ -453,7 +453,7 @@ KINDS = {
         scenarios=("disturbed", "free", "orbit"),
     ),
     "spherical": Kind(
-        "a body with moments that differ by 1e-2 to 1e-14 of themselves",
+        "a body with moments that differ by 1e-2 to 1e-14 of their size",
         _honest,
         plant=_nearly_spherical,
         scenarios=("disturbed", "free", "orbit"),
@@ -465,13 +465,13 @@ KINDS = {
         scenarios=("pendulum",),
     ),
     "eccentric": Kind(
-        "an eccentric orbit that the filter takes for a circle, with what it makes as an unknown torque",
+        "an eccentric orbit that the filter takes for a circle, with the difference as an unknown torque",
         _honest,
         plant=_eccentric,
         scenarios=("disturbed", "orbit"),
     ),
     "increment": Kind(
-        "a noisy gyro with bounds of what its errors make in each interval",
+        "a noisy gyro with a bound of the angle that its errors make in each interval",
         _with_increments,
         plant=_much_noise,
         scenarios=("gyro",),

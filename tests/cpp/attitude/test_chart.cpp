@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 #include "support/random.hpp"
 
 using namespace elliptude;

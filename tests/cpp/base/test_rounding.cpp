@@ -3,7 +3,7 @@
 
 #include <doctest/doctest.h>
 
-#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 #include <elliptude/sets/quadric.hpp>
 
 #include "support/random.hpp"
@@ -110,8 +110,8 @@ TEST_CASE("a congruence errs by less than its raised diagonal covers") {
       const Matrix3d x = exp(zeta).transpose();
       const Matrix3d y = -random.log_uniform(1e-3, 10) * right_jacobian(zeta);
       const Matrix6<Tracked> tracked =
-          congruence(exactly<3, 3>(x), exactly<3, 3>(y), Matrix6<Tracked>(exactly<6, 6>(shape)));
-      const Matrix6<Tracked> turned = congruence(exactly<3, 3>(x), Matrix6<Tracked>(exactly<6, 6>(shape)));
+          covered_congruence(exactly<3, 3>(x), exactly<3, 3>(y), Matrix6<Tracked>(exactly<6, 6>(shape)));
+      const Matrix6<Tracked> turned = covered_congruence(exactly<3, 3>(x), Matrix6<Tracked>(exactly<6, 6>(shape)));
       const Vector6d roots = shape.diagonal().cwiseSqrt();
       Vector6d with;
       with << x.cwiseAbs() * roots.head<3>() + y.cwiseAbs() * roots.tail<3>(), roots.tail<3>();
@@ -133,7 +133,8 @@ TEST_CASE("a congruence is that of the matrices and holds the image") {
     Matrix6d t = Matrix6d::Identity();
     t.topLeftCorner<3, 3>() = exp(zeta);
     t.topRightCorner<3, 3>() = random.normal_matrix<3, 3>();
-    const Matrix6d image = congruence(Matrix3d(t.topLeftCorner<3, 3>()), Matrix3d(t.topRightCorner<3, 3>()), shape);
+    const Matrix6d image =
+        covered_congruence(Matrix3d(t.topLeftCorner<3, 3>()), Matrix3d(t.topRightCorner<3, 3>()), shape);
     using Matrix6l = Eigen::Matrix<long double, 6, 6>;
     const Matrix6l exact = t.cast<long double>() * shape.cast<long double>() * t.cast<long double>().transpose();
     const Matrix6l added = image.cast<long double>() - exact;
@@ -150,9 +151,9 @@ TEST_CASE("a sum of shapes errs by less than its raised diagonal covers") {
     const Matrix6d shape = thin_shape(random, random.log_uniform(1e-6, 0.1), 1);
     std::array<Matrix6<Tracked>, 2> others{
         exactly<6, 6>(Matrix6d(1e-6 * thin_shape(random, random.log_uniform(1e-8, 0.1), 1))),
-        tube::attitude_ball(Tracked::exactly(random.log_uniform(1e-12, 1)))};
+        detail::tube::attitude_ball(Tracked::exactly(random.log_uniform(1e-12, 1)))};
     Matrix6<Tracked> sum;
-    REQUIRE(tube::sum<Tracked, 6, 2>(exactly<6, 6>(shape), others, sum) == Status::ok);
+    REQUIRE(detail::tube::sum<Tracked, 6, 2>(exactly<6, 6>(shape), others, sum) == Status::ok);
     // The factors may be any: what counts is that an entry errs by a share of √(Pᵢᵢ Pⱼⱼ). The inverse that they come from is thin
     // too, and its bounds would hide this; so the last step alone, with factors that are what they are.
     const double first = random.uniform(1, 3);

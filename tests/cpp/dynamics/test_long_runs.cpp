@@ -130,7 +130,7 @@ TEST_CASE("a free body keeps its rotation and momentum and energy to rounding ov
         run(spacecraft<double>(), FreeBody<double>{}, free_state<double>(), 0.01, order, Vector3<double>(0, 0, 0));
     CHECK(report.orthogonality <= 1e-12);
     CHECK(report.momentum <= 1e-11 * report.initial_momentum.norm());
-    // Of any kinetic energy: the free rotor of Moser and Veselov conserves it exactly, at any step.
+    // At any kinetic energy: the free rotor of Moser and Veselov conserves it exactly, at any step.
     CHECK(report.energy <= 1e-11 * report.initial_energy);
   }
 }

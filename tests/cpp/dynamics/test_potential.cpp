@@ -30,7 +30,7 @@ struct QuadraticPotential {
   Vector3<Scalar> torque(const Matrix3<Scalar>& attitude, const Scalar& time) const {
     return torque_of_gradient(attitude, gradient(attitude, time));
   }
-  /// Of M = vee(GᵀC − CᵀG): C turns by C S(ζ), and G, linear in C, with it.
+  /// The Jacobian of M = vee(GᵀC − CᵀG): C turns by C S(ζ), and G, linear in C, with it.
   Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const {
     Matrix3<Scalar> jacobian;
     for (int j = 0; j < 3; ++j) {

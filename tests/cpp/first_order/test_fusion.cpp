@@ -136,13 +136,13 @@ void check_start(Random& random, const SizeCriterion<double, 6>& criterion) {
     const Vector6<double> v = -b.transpose() * y;
     const Vector6<double> present = Vector6<double>::Ones();
     const auto slack = [&](const Vector6<double>& u) { return 1 - (y - b * u).squaredNorm(); };
-    const fusion::Problem<double, 6, decltype(slack)> problem{m, v, present, slack};
-    const fusion::RelativeSize<double, 6> size(factor, present, criterion);
+    const detail::Problem<double, 6, decltype(slack)> problem{m, v, present, slack};
+    const detail::RelativeSize<double, 6> size(factor, present, criterion);
     if (slack(Vector6<double>::Zero()) >= size.idle_slack(m)) {
       continue;  // the prediction alone is best
     }
-    const double q = fusion::weight_of_rows(y, b, size, problem.typical_weight());
-    fusion::Combination<double, 6> combination;
+    const double q = detail::weight_of_rows(y, b, size, problem.typical_weight());
+    detail::Combination<double, 6> combination;
     REQUIRE(problem.combine(q, combination) == Status::ok);
     double slope = 0;
     double curvature = 0;

@@ -1,7 +1,7 @@
 // What of the gyro flow's bound no truth attains alone, for other terms are as large: the sum as the theory lists it (section 17.6).
 #include <doctest/doctest.h>
 
-#include <elliptude/guaranteed/flow.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 using namespace elliptude;
 using Eigen::Matrix3d;
@@ -37,9 +37,9 @@ TEST_CASE("a bias that drifts acts on an error of attitude as well") {
     turn.bottomLeftCorner<3, 3>().diagonal().setConstant(-h / 2);
     turn.bottomRightCorner<3, 3>().setIdentity();
     const std::array<Matrix6<double>, 2> others{Matrix6<double>(h * h * drift * drift * turn),
-                                                tube::attitude_ball(ball)};
+                                                detail::tube::attitude_ball(ball)};
     Matrix6<double> wanted;
-    REQUIRE(tube::sum<double, 6, 2>(Matrix6<double>(map * before.shape * map.transpose()), others, wanted) ==
+    REQUIRE(detail::tube::sum<double, 6, 2>(Matrix6<double>(map * before.shape * map.transpose()), others, wanted) ==
             Status::ok);
     CHECK(after.shape(2, 2) > wanted(2, 2) * (1 - 1e-9));
     CHECK(after.shape(2, 2) < wanted(2, 2) * 1.05);

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 #include "support/random.hpp"
 
@@ -55,7 +56,7 @@ TEST_CASE("an attitude turned alone holds its image") {
     const Matrix6<double> shape = random.symmetric<6>(Vector6<double>(widths.cwiseAbs2()));
     Matrix6<double> t = Matrix6<double>::Identity();
     t.topLeftCorner<3, 3>() = exp(Vector3d(random.in_ball<3>()));
-    const Matrix6<double> image = congruence(Matrix3d(t.topLeftCorner<3, 3>()), shape);
+    const Matrix6<double> image = covered_congruence(Matrix3d(t.topLeftCorner<3, 3>()), shape);
     const RealMatrix6 exact = t.cast<Real>() * shape.cast<Real>() * t.cast<Real>().transpose();
     const RealMatrix6 added = image.cast<Real>() - exact;
     CHECK(static_cast<double>(added.norm() / exact.norm()) < 1e-12);

@@ -64,7 +64,7 @@ struct Followed {
   [[nodiscard]] RealVector6 left(const RealVector6& u, const Motion& end) const {
     RealVector6 quadratic;
     for (int i = 0; i < 6; ++i) {
-      quadratic(i) = u.dot(packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
+      quadratic(i) = u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
     }
     const RealMatrix6 frame = tube.frame().template cast<Real>();
     return RealVector6(frame.inverse() * gibbs_error(series.end, end) - u - quadratic);

@@ -165,7 +165,7 @@ TEST_CASE("an inertia error changes what the body's own motion and the field do"
 }
 
 TEST_CASE("over a long step a small set holds what the series leave out") {
-  // Of the linear part that is carried to fourth order in time, and of the center to eighth: relative to the set the first does
+  // The linear part is carried to fourth order in time, the center to eighth: relative to the set, what the first leaves out does
   // not depend on its size, and the second outweighs in a tiny one.
   Random random(5);
   int closed = 0;

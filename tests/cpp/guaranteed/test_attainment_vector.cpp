@@ -2,8 +2,8 @@
 // fast as it may, so that no term can be lost (tests/mutations/body_flow.toml).
 #include <doctest/doctest.h>
 
-#include <elliptude/guaranteed/flow.hpp>
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/guaranteed/body_flow.hpp>
+#include <elliptude/measurement/quadrics.hpp>
 
 #include "support/random.hpp"
 

@@ -157,7 +157,7 @@ void search_beyond(const RigidBody<double>& body, const Potential& potential, co
                                         gibbs_motion(start, RealVector6(first_frame * u)), 0, Real(steps) * Real(h), 2);
     RealVector6 quadratic;
     for (int i = 0; i < 6; ++i) {
-      quadratic(i) = u.dot(packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
+      quadratic(i) = u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
     }
     return RealVector6(back * gibbs_error(state, end) - u - quadratic);
   };

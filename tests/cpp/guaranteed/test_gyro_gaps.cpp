@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <elliptude/guaranteed/filter.hpp>
+#include <elliptude/guaranteed/gyro_flow.hpp>
 
 #include "support/random.hpp"
 

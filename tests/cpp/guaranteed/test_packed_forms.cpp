@@ -1,5 +1,6 @@
 // Packed quadratic forms against the matrices that they stand for.
 #include "elliptude/guaranteed/detail/packed_forms.hpp"
+#include "elliptude/linear/triangular.hpp"
 
 #include <doctest/doctest.h>
 
@@ -16,39 +17,41 @@ Matrix6<double> symmetric(Random& random) {
 }
 
 /// The form of a symmetric matrix.
-packed::Form<double> pack(const Matrix6<double>& matrix) {
-  packed::Form<double> form;
+detail::packed::Form<double> pack(const Matrix6<double>& matrix) {
+  detail::packed::Form<double> form;
   for (int d = 0; d < 4; ++d) {
     for (int j = 0; j < 6; ++j) {
-      form(6 * d + j) = packed::weight<double>(d) * matrix(j, (j + d) % 6);
+      form(6 * d + j) = detail::packed::weight<double>(d) * matrix(j, (j + d) % 6);
     }
   }
   return form;
 }
 
-packed::Forms<double> random_forms(Random& random) {
-  packed::Forms<double> forms;
+detail::packed::Forms<double> random_forms(Random& random) {
+  detail::packed::Forms<double> forms;
   for (int i = 0; i < 6; ++i) {
     forms.col(i) = pack(symmetric(random));
   }
   return forms;
 }
 
-packed::Slices<double> slices_of(const packed::Forms<double>& forms) {
-  return packed::seen_from<double>(forms, Matrix6<double>::Identity(), Matrix6<double>::Identity());
+detail::packed::Slices<double> slices_of(const detail::packed::Forms<double>& forms) {
+  return detail::packed::seen_from<double>(forms, Matrix6<double>::Identity(), Matrix6<double>::Identity());
 }
 
-Matrix6<double> matrix_of(const packed::Slices<double>& slices, int i) { return packed::slice(slices, i).topRows<6>(); }
+Matrix6<double> matrix_of(const detail::packed::Slices<double>& slices, int i) {
+  return detail::packed::slice(slices, i).topRows<6>();
+}
 
-Vector6<double> values(const packed::Forms<double>& forms, const Vector6<double>& u) {
+Vector6<double> values(const detail::packed::Forms<double>& forms, const Vector6<double>& u) {
   Vector6<double> result;
   for (int i = 0; i < 6; ++i) {
-    result(i) = u.dot(packed::unpacked<double>(forms.col(i)) * u);
+    result(i) = u.dot(detail::packed::unpacked<double>(forms.col(i)) * u);
   }
   return result;
 }
 
-Vector6<double> values(const packed::Slices<double>& slices, const Vector6<double>& u) {
+Vector6<double> values(const detail::packed::Slices<double>& slices, const Vector6<double>& u) {
   Vector6<double> result;
   for (int i = 0; i < 6; ++i) {
     result(i) = u.dot(matrix_of(slices, i) * u);
@@ -63,10 +66,10 @@ TEST_CASE("a form's value is the inner product with the packed square of its arg
   for (int trial = 0; trial < 20; ++trial) {
     const Matrix6<double> h = symmetric(random);
     const Vector6<double> u = random.normal_matrix<6>();
-    const packed::Form<double> square = pack(Matrix6<double>(u * u.transpose()));
+    const detail::packed::Form<double> square = pack(Matrix6<double>(u * u.transpose()));
     CHECK(square.norm() == doctest::Approx(u.squaredNorm()).epsilon(1e-14));
     CHECK(pack(h).dot(square) == doctest::Approx(u.dot(h * u)).epsilon(1e-12));
-    CHECK((packed::unpacked<double>(pack(h)) - h).norm() <= 1e-15 * h.norm());
+    CHECK((detail::packed::unpacked<double>(pack(h)) - h).norm() <= 1e-15 * h.norm());
     CHECK(pack(h).norm() == doctest::Approx(h.norm()).epsilon(1e-14));
   }
 }
@@ -77,17 +80,18 @@ TEST_CASE("the product of two linear forms") {
     const Vector6<double> a = random.normal_matrix<6>();
     const Vector6<double> b = random.normal_matrix<6>();
     const Matrix6<double> expected = 0.5 * (a * b.transpose() + b * a.transpose());
-    const packed::Form<double> form = packed::product(packed::Factor<double>(a), packed::Factor<double>(b));
-    CHECK((packed::unpacked<double>(form) - expected).norm() <= 1e-15 * expected.norm());
+    const detail::packed::Form<double> form =
+        detail::packed::product(detail::packed::Factor<double>(a), detail::packed::Factor<double>(b));
+    CHECK((detail::packed::unpacked<double>(form) - expected).norm() <= 1e-15 * expected.norm());
   }
 }
 
 TEST_CASE("a quadratic map in the coordinates of a set is the map there and back") {
   Random random(3);
-  const packed::Forms<double> forms = random_forms(random);
+  const detail::packed::Forms<double> forms = random_forms(random);
   const Matrix6<double> map = random.normal_matrix<6, 6>().triangularView<Eigen::Lower>();
   const Matrix6<double> inverse = lower_inverse(map);
-  const packed::Slices<double> seen = packed::seen_from(forms, map, inverse);
+  const detail::packed::Slices<double> seen = detail::packed::seen_from(forms, map, inverse);
   for (int trial = 0; trial < 20; ++trial) {
     const Vector6<double> v = random.normal_matrix<6>();
     const Vector6<double> expected = map.inverse() * values(forms, map * v);
@@ -97,19 +101,19 @@ TEST_CASE("a quadratic map in the coordinates of a set is the map there and back
 
 TEST_CASE("columns of slices have the inner products of the forms, and end in zeros") {
   Random random(5);
-  const packed::Forms<double> forms = random_forms(random);
-  const packed::Slices<double> slices = slices_of(forms);
+  const detail::packed::Forms<double> forms = random_forms(random);
+  const detail::packed::Slices<double> slices = slices_of(forms);
   CHECK((slices.transpose() * slices - forms.transpose() * forms).norm() <= 1e-14 * forms.squaredNorm());
   for (int i = 0; i < 6; ++i) {
-    CHECK(packed::slice(slices, i).bottomRows<2>().isZero(0));
-    CHECK(packed::slice(packed::symmetric_part(slices), i).bottomRows<2>().isZero(0));
+    CHECK(detail::packed::slice(slices, i).bottomRows<2>().isZero(0));
+    CHECK(detail::packed::slice(detail::packed::symmetric_part(slices), i).bottomRows<2>().isZero(0));
   }
 }
 
 TEST_CASE("the symmetric part has the same cubic form and the least norm") {
   Random random(4);
-  const packed::Slices<double> slices = slices_of(random_forms(random));
-  const packed::Slices<double> part = packed::symmetric_part(slices);
+  const detail::packed::Slices<double> slices = slices_of(random_forms(random));
+  const detail::packed::Slices<double> part = detail::packed::symmetric_part(slices);
   for (int trial = 0; trial < 20; ++trial) {
     const Vector6<double> u = random.normal_matrix<6>();
     const double expected = u.dot(values(slices, u));
@@ -118,7 +122,7 @@ TEST_CASE("the symmetric part has the same cubic form and the least norm") {
   }
   CHECK(part.norm() <= slices.norm());
   // It is symmetric: taking its symmetric part changes nothing, and slice i at (j, k) is slice j at (k, i).
-  CHECK((packed::symmetric_part(part) - part).norm() <= 1e-14 * part.norm());
+  CHECK((detail::packed::symmetric_part(part) - part).norm() <= 1e-14 * part.norm());
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {
       for (int k = 0; k < 6; ++k) {
@@ -129,10 +133,10 @@ TEST_CASE("the symmetric part has the same cubic form and the least norm") {
   // What only turns u has no symmetric part: q(u) = u(0) S u with a skew S.
   const Matrix6<double> a = random.normal_matrix<6, 6>();
   const Matrix6<double> skew = a - a.transpose();
-  packed::Forms<double> turning;
+  detail::packed::Forms<double> turning;
   for (int i = 0; i < 6; ++i) {
-    turning.col(i) = packed::product(packed::Factor<double>(Vector6<double>::Unit(0)),
-                                     packed::Factor<double>(Vector6<double>(skew.row(i))));
+    turning.col(i) = detail::packed::product(detail::packed::Factor<double>(Vector6<double>::Unit(0)),
+                                             detail::packed::Factor<double>(Vector6<double>(skew.row(i))));
   }
-  CHECK(packed::symmetric_part(slices_of(turning)).norm() <= 1e-14 * turning.norm());
+  CHECK(detail::packed::symmetric_part(slices_of(turning)).norm() <= 1e-14 * turning.norm());
 }

@@ -11,10 +11,10 @@ using namespace elliptude;
 
 namespace {
 
-using Linear = step_means::LinearChange<double>;
-using Forms = step_means::FormChange<double>;
-using Second = step_means::SecondOrder<double>;
-using Line = step_means::Line<double>;
+using Linear = detail::step_means::LinearChange<double>;
+using Forms = detail::step_means::FormChange<double>;
+using Second = detail::step_means::SecondOrder<double>;
+using Line = detail::step_means::Line<double>;
 
 /// Over −1 ≤ x ≤ 1, times half of the step.
 double integral(const std::function<double(double)>& f, double h) {
@@ -148,7 +148,7 @@ TEST_CASE("forms of third order that change within a step") {
       return (c.forms.drift * x + c.forms.rest * x * x + c.forms.missing) * std::pow(grown(linear, x) * rho, 3) *
              shrunk(linear, x);
     };
-    check(integral(beyond, h), step_means::changing_cubes(c.forms, linear, line.cube_at_ends(linear.stretch())),
+    check(integral(beyond, h), detail::step_means::changing_cubes(c.forms, linear, line.cube_at_ends(linear.stretch())),
           c.least);
   }
 }

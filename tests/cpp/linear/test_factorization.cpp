@@ -4,7 +4,10 @@
 #include <array>
 #include <limits>
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/norms.hpp"
+#include "elliptude/linear/svd.hpp"
 #include "support/random.hpp"
 
 using namespace elliptude;
@@ -14,7 +17,7 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-// Of any size, as each size of its own takes long to compile.
+// Of dynamic size, because each fixed size takes long to compile.
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
 // Entries of l lᵀ − a, each as a share of √(aᵢᵢ aⱼⱼ): the scale in which Cholesky's method is accurate.

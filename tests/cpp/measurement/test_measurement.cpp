@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/quadrics.hpp>
 #include <limits>
 #include <vector>
 

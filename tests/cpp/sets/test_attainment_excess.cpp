@@ -33,7 +33,7 @@ struct Combination {
     Matrix3d factor = std::sqrt(1 + 24 * epsilon) * Matrix3d::Identity();
     const double rounding = (4 * (3 + 4) + 2) * epsilon;
     const auto seen =
-        fusion::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
+        detail::relaxed<double, 3, 3>(given, factor, Vector3d::Zero(), Vector3d(factor.diagonal()), true, rounding);
     const auto first = static_cast<Real>(fused.predicted_multiplier);
     const auto second = static_cast<Real>(fused.multipliers[0]);
     a = second * seen.a.cast<Real>() + first * RealMatrix::Identity();
@@ -152,7 +152,7 @@ double excess_about(const Matrix3d& curvature, const Vector3d& slope, double lev
 TEST_CASE("the radius of a sum of cones is raised by its own rounding") {
   Random random(5);
   for (int trial = 0; trial < 200; ++trial) {
-    // Of a ball all three semi-axes are raised alike: by 16 of the radius and 64 of the longest.
+    // All three semi-axes of a ball are raised alike: by 16 of the radius and 64 of the longest.
     const double excess = excess_about(Matrix3d::Identity(), Vector3d::Zero(), random.log_uniform(1e-9, 1e-3));
     CHECK(excess > 73 * epsilon);
     CHECK(excess < 90 * epsilon);

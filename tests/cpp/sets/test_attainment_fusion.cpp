@@ -49,7 +49,7 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
     const Vector3<float> shift = (random.log_uniform(1e-3, 10) * random.normal_matrix<3>()).cast<float>();
     const Vector3<float> reach = 1.001F * (shift.cwiseAbs() + factor.rowwise().norm());
     const float rounding = static_cast<float>(4 * (3 + 4) + 2) * epsilon;
-    const auto seen = fusion::relaxed<float, 3, 3>(given, factor, shift, reach, true, rounding);
+    const auto seen = detail::relaxed<float, 3, 3>(given, factor, shift, reach, true, rounding);
     for (int k = 0; k < 8; ++k) {
       const RealVector u = random.unit_vector<3>().cast<Real>();
       const RealVector y = shift.cast<Real>() + factor.cast<Real>() * u;
@@ -59,7 +59,7 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
     }
     // Without a prediction coordinates are only scaled, and all u count: far away the matrix decides, and near zero the level.
     const Matrix3<float> scale = factor.diagonal().cwiseAbs().asDiagonal();
-    const auto scaled = fusion::relaxed<float, 3, 3>(given, scale, Vector3<float>::Zero(), reach, false, rounding);
+    const auto scaled = detail::relaxed<float, 3, 3>(given, scale, Vector3<float>::Zero(), reach, false, rounding);
     for (int k = 0; k < 8; ++k) {
       const RealVector u = Real(random.log_uniform(1e-6, 1e6)) * random.unit_vector<3>().cast<Real>();
       CHECK(slack_of(scaled, u) >= slack_of(given, RealVector(scale.cast<Real>() * u)));
@@ -71,7 +71,7 @@ TEST_CASE("a quadric in other coordinates is relaxed by what rounding does to it
 TEST_CASE("what the inversion may add to the level is enough for every point of the ball") {
   Random random(2);
   for (int trial = 0; trial < 20000; ++trial) {
-    fusion::ManyQuadrics<float, 3> problem;
+    detail::ManyQuadrics<float, 3> problem;
     problem.with_ball = true;
     problem.count = 2;
     problem.constraints[0] = {3, false, {}, {Matrix3<float>::Identity(), Vector3<float>::Zero(), 1}};
@@ -87,10 +87,10 @@ TEST_CASE("what the inversion may add to the level is enough for every point of 
     q.c = 0;
     q.c = static_cast<float>(-slack_of(q, point) * (1 + 1e-6L));
     problem.constraints[1] = {3, false, {}, q};
-    fusion::ManyQuadrics<float, 3>::Multipliers mu{};
+    detail::ManyQuadrics<float, 3>::Multipliers mu{};
     mu[0] = static_cast<float>(random.log_uniform(1e-3, 1));
     mu[1] = static_cast<float>(random.log_uniform(1e-3, 1));
-    fusion::ManyQuadrics<float, 3>::Iterate it;
+    detail::ManyQuadrics<float, 3>::Iterate it;
     if (problem.combine(mu, it) != Status::ok) {
       continue;
     }

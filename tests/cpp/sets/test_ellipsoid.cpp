@@ -18,7 +18,7 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double pi = 3.141592653589793;
 
-// Of any size, as each size of its own takes long to compile.
+// Of dynamic size, because each fixed size takes long to compile.
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using LongVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 #include "support/random.hpp"
 #include "support/search.hpp"
@@ -494,7 +494,7 @@ TEST_CASE("forty quadrics are fused") {
 
 TEST_CASE("the gradient and the Hessian are those of F") {
   Random random(9);
-  using Problem = fusion::ManyQuadrics<double, 6>;
+  using Problem = detail::ManyQuadrics<double, 6>;
   for (int trial = 0; trial < 20; ++trial) {
     const Scene scene = make_scene(random, 1.0, 1.0, trial);
     Problem problem;

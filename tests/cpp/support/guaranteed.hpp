@@ -117,7 +117,7 @@ inline Worst search_worst(const Trial& trial, Random& random, int starts, int ro
   const RealMatrix6 ratio = linear_inverse * trial.after.shape.cast<Real>() * linear_inverse.transpose();
   worst.computed =
       static_cast<double>(std::sqrt(Eigen::SelfAdjointEigenSolver<RealMatrix6>(ratio).eigenvalues().maxCoeff()) - 1);
-  // Of a torque, what it does to the end.
+  // The effect of a torque on the end.
   std::vector<Eigen::Matrix<Real, 6, 3>> influence;
   if (pushed) {
     const RealMatrix root = bound.llt().matrixL();

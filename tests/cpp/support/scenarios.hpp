@@ -24,7 +24,7 @@ RigidBody<Scalar> spacecraft() {
   return make_body(Matrix3<Scalar>(Vector3<Scalar>(Scalar(1), scalar::constant<Scalar>(2.8L), Scalar(2)).asDiagonal()));
 }
 
-/// Of the scenario `pendulum`.
+/// The body of the scenario `pendulum`.
 template <typename Scalar>
 RigidBody<Scalar> pendulum_body() {
   return make_body(Matrix3<Scalar>(
@@ -68,7 +68,7 @@ GravityGradient<Scalar> gravity_gradient(const RigidBody<Scalar>& body, const Sc
   return gradient;
 }
 
-/// Of the scenarios `orbit` and `long_orbit`: rate 1, radial direction (cos t, sin t, 0).
+/// The gravity gradient of the scenarios `orbit` and `long_orbit`: rate 1, radial direction (cos t, sin t, 0).
 template <typename Scalar>
 GravityGradient<Scalar> orbit_gravity(const RigidBody<Scalar>& body) {
   return gravity_gradient(body, Scalar(1), Matrix3<Scalar>(Matrix3<Scalar>::Identity()));

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <elliptude/attitude/wahba_set.hpp>
-#include <elliptude/measurement/measurement.hpp>
+#include <elliptude/measurement/quadrics.hpp>
 #include <vector>
 
 #include "support/random.hpp"

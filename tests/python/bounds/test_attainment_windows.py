@@ -140,7 +140,7 @@ def test_the_dip_is_off_by_each_bound_alone(which):
 @pytest.mark.parametrize("at", ["end", "middle"])
 @pytest.mark.parametrize("error", ["noise", "bias", "scale_error", "drift"])
 def test_a_still_frame_that_the_gyro_carries_away(error, at):
-    """Of equal weights the mean turns by half the turn of the window; about the row's middle it cancels in truth."""
+    """With equal weights the mean turns by half the turn of the window; about the row's middle it cancels in truth."""
     times = 0.01 * np.arange(201)
     k = 0.01
     rate, size = np.zeros((201, 3)), 0.02

@@ -50,7 +50,7 @@ def test_json_is_the_same_on_any_number_of_processes_and_a_second_time(tmp_path,
     first = run("--out", tmp_path / "one", "--processes", 1, *options)
     assert first.exit_code == 0, first.output
     assert json.loads(first.stdout) == json.loads((tmp_path / "one" / "summary.json").read_text())
-    # Of processes that are spawned, as on any platform.
+    # With processes that are spawned, as on any platform.
     side_by_side = subprocess.run(
         [*PROGRAM, "validate", "--out", str(tmp_path / "two"), "--processes", "2", *map(str, options)],
         check=True,

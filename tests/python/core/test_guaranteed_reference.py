@@ -916,7 +916,7 @@ def test_an_attitude_with_half_the_digits_far_from_the_prediction():
         measured = center @ so3.exp(0.8 * direction(rng))
         truth = measured @ so3.exp((1 - 1e-9) * r * direction(rng))
         start = el.StateEllipsoid(center, np.zeros(3), np.eye(6), chart="gibbs")
-        # Of the attitude alone, so that the set is as small as the measurement.
+        # Only the attitude, so that the set is as small as the measurement.
         flow = el.GuaranteedGyroFlow(1e-3)
         filter_ = el.GuaranteedFilter(flow, start, vector_bound=1e-6, estimate_vector=False)
         filter_.update(attitude=worn(rng, measured), attitude_bound=r)

@@ -177,7 +177,7 @@ def test_half_turns():
         with pytest.raises(ValueError, match=r"body: half turns are consistent") as caught:
             elliptude.wahba_set(reference_, body, bounds, weights)
         assert not isinstance(caught.value, elliptude.InconsistentMeasurement)
-    # Of two axes that fit, Davenport's matrix has the eigenvalues 2, 0, 0, -2: half turns if 2 (1 - cos r) >= 2.
+    # For two axes that fit, Davenport's matrix has the eigenvalues 2, 0, 0, -2: half turns if 2 (1 - cos r) >= 2.
     limit = 0.5 * np.pi
     found = elliptude.wahba_set(e, e, limit - 1e-3, [1.0, 1.0])
     assert found.largest_angle() > np.pi - 0.2

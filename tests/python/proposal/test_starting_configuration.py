@@ -64,7 +64,7 @@ def forms(results, true):
 
 
 def assert_every_number_says_from_what_it_comes(text):
-    """Of what was proposed, and so not of lists of columns and of the reference attitude."""
+    """Every proposed number, and so not those in lists of columns and of the reference attitude."""
     said = 0
     for line in text.splitlines():
         if re.match(r"\w+ = [-\d\[{]", line) and not re.match(r'\w+ = \["|error_deg', line):

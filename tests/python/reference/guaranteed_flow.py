@@ -158,7 +158,7 @@ IntervalRate = Literal["first_sample", "mean_of_ends", "mean"]
 
 
 class GyroUncertainty(NamedTuple):
-    """Of samples omega + bias + v: v in E(0, noise) or scale |sample| beyond, bias' in E(0, drift) (17.6)."""
+    """Bounds of samples omega + bias + v: v in E(0, noise) or scale |sample| beyond, bias' in E(0, drift) (17.6)."""
 
     noise: Array = np.zeros((3, 3))  # (rad/s)^2
     drift: Array = np.zeros((3, 3))  # (rad/s^2)^2

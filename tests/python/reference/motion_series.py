@@ -128,7 +128,7 @@ class TorqueBounds(NamedTuple):
 def torque_bounds(torques: Sequence[DirectionTorque], transform: Array) -> TorqueBounds:
     """T S(m) s is in the ellipsoid of T S(m) S(m)'T', forms F without a trace in that of (2/3) T F F'T' (17.3).
 
-    Of a sum: the sum of the sizes, the largest degree and the largest rate.
+    A sum has the sum of the sizes, the largest degree and the largest rate.
     """
     shapes, norms = [np.zeros((3, 3))], [0.0]
     for torque in torques:

@@ -120,7 +120,7 @@ def test_a_log_axis_says_two_numbers_at_least(low, ratio):
 
 
 def test_validation_figure_of_forms_near_the_edge(tmp_path):
-    """Of the guaranteed mode, whose forms are all just below 1."""
+    """In the guaranteed mode, whose forms are all just below 1."""
     worst = {"form": 0.97}
     case = {"scenario": "orbit", "bound_deg": 7.0, "noise": "search", "worst": worst, "sizes": {}}
     other = case | {"noise": "inside", "worst": {"form": 1.0}}

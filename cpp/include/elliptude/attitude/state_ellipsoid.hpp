@@ -5,7 +5,7 @@
 
 #include "elliptude/attitude/state.hpp"
 #include "elliptude/base/rounding.hpp"
-#include "elliptude/sets/ellipsoid.hpp"
+#include "elliptude/sets/sum.hpp"
 
 namespace elliptude {
 
@@ -21,6 +21,10 @@ struct StateEllipsoid {
   /// The same set in the coordinates x, about zero.
   [[nodiscard]] Ellipsoid<Scalar, 6> in_coordinates() const noexcept { return {Vector6<Scalar>::Zero(), shape}; }
 };
+
+/// A set in the Gibbs chart: what the guaranteed filter keeps.
+template <typename State>
+using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
 
 /// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite`.
 template <typename State, typename Chart>
@@ -83,25 +87,7 @@ template <typename State, typename Chart>
   return Status::ok;
 }
 
-/// A shape whose ellipsoid contains the sum of E(0, P) and E(0, R): (1 + p) P + (1 + 1/p) R for any p > 0. This p is the best
-/// for the volume to first order in R.
-template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> enlarged(const Matrix6<Scalar>& shape, const Matrix6<Scalar>& added) noexcept {
-  Matrix6<Scalar> inverse;
-  Scalar square = inverse_positive_definite(shape, inverse) == Status::ok
-                      ? Scalar(inverse.cwiseProduct(added).sum() / Scalar(6))
-                      : Scalar(added.trace() / shape.trace());
-  if (!(square > Scalar(0)) || !scalar::isfinite(square)) {
-    if (!(added.trace() > Scalar(0))) {
-      return shape;
-    }
-    square = Scalar(1);
-  }
-  const Scalar p = scalar::sqrt(square);
-  Matrix6<Scalar> sum = (Scalar(1) + p) * shape + (Scalar(1) + Scalar(1) / p) * added;
-  sum.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
-  return sum;
-}
+namespace detail {
 
 /// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls for the rounding of the new
 /// center, in attitude (rad) and vector.
@@ -127,6 +113,8 @@ template <typename Scalar>
   added.diagonal().template tail<3>().array() += slip_factor * vector_slip * vector_slip;
   return enlarged(shape, added);
 }
+
+}  // namespace detail
 
 /// Moves the ellipsoid of errors [γ; δ] about a center to its own center. Where g = γ/2 is seen from ĝ it is
 /// g⁺ = (g − ĝ − ĝ×g)/(1 + ĝ·g), so that γ⁺ = σ B (γ − γ̂) with B = (I − S(ĝ))/(1 + ‖ĝ‖²) and |σ − 1| ≤ e/(1 − e),
@@ -157,8 +145,8 @@ template <typename State>
   const Scalar attitude_slip = rounding::share<Scalar>(rounding::center) * (Scalar(1) + square_reach);
   const Scalar vector_slip =
       rounding::share<Scalar>(1) * (vector_part(center).norm() + ellipsoid.center.template tail<3>().norm());
-  result = {moved,
-            with_attitude_added(congruence(b, ellipsoid.shape), Scalar(e * stretch), attitude_slip, vector_slip)};
+  result = {moved, detail::with_attitude_added(covered_congruence(b, ellipsoid.shape), Scalar(e * stretch),
+                                               attitude_slip, vector_slip)};
   return Status::ok;
 }
 
@@ -179,7 +167,7 @@ template <typename State, typename Chart>
 
 /// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ, with τ at the
 /// largest angle in the set. (theory, section 16)
-/// \return what `validate` says; `unbounded` if the set holds half turns.
+/// \return the status of `validate`; `unbounded` if the set holds half turns.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,
                                StateEllipsoid<State, GibbsChart>& to) noexcept {
@@ -191,11 +179,12 @@ template <typename State>
   if (const Status status = largest_attitude_error(from, angle); status != Status::ok) {
     return status;
   }
-  if (!(angle < scalar::constant<Scalar>(3.14159265358979323846264338327950288L))) {
+  if (!(angle < scalar::pi<Scalar>())) {
     return Status::unbounded;
   }
   const Scalar stretch = rounding::enlarged(gibbs_stretch(angle), rounding::product);
-  const Matrix6<Scalar> shape = with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
+  const Matrix6<Scalar> shape =
+      detail::with_attitude_added(from.shape, Scalar(stretch - Scalar(1)), Scalar(0), Scalar(0));
   if (!(stretch >= Scalar(1)) || !scalar::all_finite(shape)) {  // rounded to π or beyond
     return Status::unbounded;
   }
@@ -203,7 +192,7 @@ template <typename State>
   return Status::ok;
 }
 
-/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return what `validate` says.
+/// γ → ζ adds the ellipsoid (1 − 1/τ)² P_γγ. \return the status of `validate`.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, GibbsChart>& from,
                                StateEllipsoid<State, ExponentialChart>& to) noexcept {
@@ -217,7 +206,7 @@ template <typename State>
   }
   const Scalar shrink = length > Scalar(0) ? Scalar(GibbsChart::angle(length) / length) : Scalar(1);
   const Scalar factor = Scalar(1) - shrink + rounding::share<Scalar>(rounding::product);
-  to = {from.center, with_attitude_added(from.shape, factor, Scalar(0), Scalar(0))};
+  to = {from.center, detail::with_attitude_added(from.shape, factor, Scalar(0), Scalar(0))};
   return Status::ok;
 }
 

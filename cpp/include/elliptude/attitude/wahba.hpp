@@ -6,8 +6,10 @@
 ///
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/svd.hpp"
 
 namespace elliptude {
 
@@ -28,7 +30,14 @@ enum class WahbaMethod : std::uint8_t {
 /// The condition beyond which directions count as collinear: a larger one leaves the answer no digits.
 template <typename Scalar>
 [[nodiscard]] Scalar wahba_condition_limit() noexcept {
-  return Scalar(1) / (Scalar(64) * Scalar(scalar::epsilon<Scalar>));
+  return Scalar(1) / rounding::share<Scalar>(rounding::condition);
+}
+
+/// What one direction adds to the attitude profile L = Σ wᵢ eᵢ b̃ᵢᵀ, of unit vectors.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> profile_term(const Scalar& weight, const Vector3<Scalar>& reference,
+                                           const Vector3<Scalar>& body) noexcept {
+  return (weight * reference) * body.transpose();
 }
 
 /// L = Σ wᵢ eᵢ b̃ᵢᵀ of directions made unit vectors.
@@ -61,7 +70,7 @@ template <typename Reference, typename Body, typename Weights>
     if (!(length_e > Scalar(0)) || !(length_b > Scalar(0))) {
       return Status::zero_direction;
     }
-    sum += (weight * (e / length_e)) * (b / length_b).transpose();
+    sum += profile_term(weight, Vector3<Scalar>(e / length_e), Vector3<Scalar>(b / length_b));
     total += weight;
   }
   if (!(total > Scalar(0))) {
@@ -74,6 +83,8 @@ template <typename Reference, typename Body, typename Weights>
   return Status::ok;
 }
 
+namespace detail {
+
 /// Curvatures of the cost about the minimiser are the sums of two singular values, the last one signed.
 template <typename Scalar>
 [[nodiscard]] Status condition_of_curvatures(const Scalar& largest, const Scalar& smallest,
@@ -85,6 +96,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
+}  // namespace detail
+
 /// \return `not_finite`; `attitude_undetermined`.
 template <typename Scalar>
 [[nodiscard]] Status attitude_by_svd(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude,
@@ -93,8 +106,8 @@ template <typename Scalar>
   if (const Status status = rotation_svd(profile, svd); status != Status::ok) {
     return status == Status::out_of_range ? Status::attitude_undetermined : status;
   }
-  if (const Status status = condition_of_curvatures(Scalar(svd.values(0) + svd.values(1)),
-                                                    Scalar(svd.values(1) + svd.values(2)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(svd.values(0) + svd.values(1)),
+                                                            Scalar(svd.values(1) + svd.values(2)), condition);
       status != Status::ok) {
     return status;
   }
@@ -118,8 +131,8 @@ template <typename Scalar>
     return status;
   }
   // Twice the curvatures of the cost are the gaps below the top eigenvalue.
-  if (const Status status = condition_of_curvatures(Scalar(eigen.values(0) - eigen.values(3)),
-                                                    Scalar(eigen.values(0) - eigen.values(1)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(eigen.values(0) - eigen.values(3)),
+                                                            Scalar(eigen.values(0) - eigen.values(1)), condition);
       status != Status::ok) {
     return status;
   }
@@ -166,14 +179,14 @@ template <typename Scalar>
   if (const Status status = symmetric_eigen(Matrix3<Scalar>(r * r.transpose()), eigen); status != Status::ok) {
     return status;
   }
-  if (!(eigen.values(2) > Scalar(8) * Scalar(scalar::epsilon<Scalar>) * eigen.values(0))) {
+  if (!(eigen.values(2) > rounding::share<Scalar>(rounding::singular) * eigen.values(0))) {
     return Status::improper_profile;
   }
   const Vector3<Scalar> singular = eigen.values.cwiseSqrt();
   const Matrix3<Scalar> s =
       q * eigen.vectors * singular.cwiseInverse().asDiagonal() * eigen.vectors.transpose() * q.transpose();
-  if (const Status status =
-          condition_of_curvatures(Scalar(singular(0) + singular(1)), Scalar(singular(1) + singular(2)), condition);
+  if (const Status status = detail::condition_of_curvatures(Scalar(singular(0) + singular(1)),
+                                                            Scalar(singular(1) + singular(2)), condition);
       status != Status::ok) {
     return status;
   }
@@ -181,12 +194,16 @@ template <typename Scalar>
   return Status::ok;
 }
 
+namespace detail {
+
 /// The profile divided by its largest entry: squares of small ones would be lost.
 template <typename Scalar>
 [[nodiscard]] Matrix3<Scalar> of_size_one(const Matrix3<Scalar>& profile) noexcept {
   const Scalar size = profile.cwiseAbs().maxCoeff();
   return size > Scalar(0) ? Matrix3<Scalar>(profile / size) : profile;
 }
+
+}  // namespace detail
 
 /// The attitude of a profile, of any size, by any of the methods.
 template <typename Scalar>
@@ -196,9 +213,9 @@ template <typename Scalar>
     case WahbaMethod::svd:
       return attitude_by_svd(profile, attitude, condition);
     case WahbaMethod::davenport:
-      return attitude_by_davenport(of_size_one(profile), attitude, condition);
+      return attitude_by_davenport(detail::of_size_one(profile), attitude, condition);
     case WahbaMethod::qr:
-      return attitude_by_qr(of_size_one(profile), attitude, condition);
+      return attitude_by_qr(detail::of_size_one(profile), attitude, condition);
   }
   return Status::out_of_range;
 }
@@ -259,7 +276,7 @@ template <typename Scalar>
     }
     const Vector3<Scalar> normal = Vector3<Scalar>(all.col(0)).cross(Vector3<Scalar>(all.col(1)));
     const Scalar sine = normal.norm();
-    if (!(sine > Scalar(8) * Scalar(scalar::epsilon<Scalar>))) {
+    if (!(sine > rounding::share<Scalar>(rounding::singular))) {
       return Status::attitude_undetermined;
     }
     all.col(2) = normal / sine;

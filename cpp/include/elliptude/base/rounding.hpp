@@ -11,14 +11,14 @@
 
 namespace elliptude::rounding {
 
-/// The multiples.
+/// Shapes and rotations. Each comment says what the multiple covers, and relative to what.
 ///@{
 /// Angle of a product of two rotations, brought back to SO(3), from the exact one; and of the Cayley map before it.
 inline constexpr int center = 24;
 /// Norm of the errors of `exp` and `right_jacobian` of a computed turn θ: this many ε, and this many ε θ more.
 inline constexpr int turn = 32;
 inline constexpr int turn_by_angle = 12;
-/// Entries of T P Tᵀ in the norms of T's rows in P (`congruence`), and what a Cholesky factorisation after it needs.
+/// Entries of T P Tᵀ in the norms of T's rows in P (`covered_congruence`), and what a Cholesky factorisation after it needs.
 inline constexpr int congruence = 48;
 /// Entries of a sum of a few shapes with factors in the roots of its own diagonal, the factors themselves, and a Cholesky
 /// factorisation after it.
@@ -31,11 +31,113 @@ inline constexpr int bound = 128;
 inline constexpr int rotation = 8;
 ///@}
 
+/// Linear algebra. (Higham, Accuracy and Stability; theory, sections 7.7 and 17.8)
+///@{
+/// More than a Cholesky factorisation of N rows loses, relative to each diagonal entry (theorem 10.7).
+[[nodiscard]] constexpr int cholesky(int n) noexcept { return 2 * n * (n + 1); }
+/// More than the error of an inverse by Cholesky's factor and of its square, relative to κ² times themselves (section 14.2).
+[[nodiscard]] constexpr int inverse(int n) noexcept { return 8 * n; }
+/// First widening of a shape whose inverse has too few digits, relative to the trace.
+[[nodiscard]] constexpr int inverse_widening(int n) noexcept { return 256 * n; }
+/// Inner product of two columns at right angles, relative to the product of their lengths.
+inline constexpr int right_angle = 4;
+/// Loss of the variance of up to six squared singular values, relative to their mean.
+inline constexpr int variance = 64;
+/// A determinant, a sine or a ratio of eigenvalues up to this may be zero.
+inline constexpr int singular = 8;
+/// Reciprocal of the largest condition of Wahba's problem that leaves digits.
+inline constexpr int condition = 64;
+/// How far the principal moments of a flat body may break the triangle inequality, relative to the largest.
+inline constexpr int moments = 64;
+///@}
+
+/// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)
+///@{
+/// An entry of T P Tᵀ errs by at most 16 relative to √(mᵢmⱼ), m = (|T| √diag P)²; this much on the diagonal outweighs that.
+inline constexpr int image = 128;
+/// A sum of up to 64 shapes, relative to its diagonal.
+inline constexpr int many_terms = 128;
+/// Entries of ½ (M + Mᵀ) for a sum M of two shapes.
+inline constexpr int small_sum = 16;
+/// A change of shares this small is rounding.
+inline constexpr int settled = 8;
+/// Loss of an ellipsoid's quadric at its points, relative to |x̂|ᵀ|A||y|.
+[[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
+/// A number up to this many ε has less than three right digits.
+inline constexpr int three_digits = 1000;
+/// Loss of a quadric in coordinates of N numbers, relative to the sum of its terms without signs, and of `count` of them in a sum.
+[[nodiscard]] constexpr int relaxation(int n, int count) noexcept { return 4 * (n + 4) + 2 * count; }
+/// What the inversion of a combination adds to its level, relative to ‖A‖ times the reach of its set.
+[[nodiscard]] constexpr int inversion(int n) noexcept { return 8 * (n + 2); }
+/// Loss of the ball in a sum of `count` constraints, relative to its multiplier.
+[[nodiscard]] constexpr int terms_of_ball(int count) noexcept { return 4 * count; }
+/// Loss of a sum of `count` constraints at the center, relative to all terms without signs.
+[[nodiscard]] constexpr int terms(int n, int count) noexcept { return 4 * (n + 4 + count); }
+/// Loss of the product of two roots with N rows, relative to its diagonal.
+[[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
+/// Differences this small in what the search for multipliers minimises are rounding.
+inline constexpr int objective = 64;
+///@}
+
+/// Directions, attitudes and their cones. (theory, sections 15.7 and 16.2)
+///@{
+/// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative to the angle.
+inline constexpr int direction = 16;
+/// Everything that follows from a sum of `count` cones, relative to the weights.
+[[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 160; }
+/// What the eigenvectors' rounding adds to the slope of a sum of cones, relative to ‖D‖.
+inline constexpr int cone_slope = 32;
+/// The squared radius of a sum of cones, relative to itself.
+inline constexpr int cone_radius = 16;
+/// Entries of the ellipsoid about a sum of cones, relative to the longest axis.
+inline constexpr int cone_axes = 64;
+/// A cone's curvature, its level and its misfit, if its largest entries are of size one.
+inline constexpr int cone_curvature = 32;
+inline constexpr int cone_level = 8;
+inline constexpr int cone_misfit = 32;
+/// The largest angle of a measured attitude, and the difference of a chart's stretch from one.
+inline constexpr int attitude_angle = 16;
+/// A measured attitude's center, the quadric's curvature, and its level.
+inline constexpr int attitude_center = 32;
+inline constexpr int attitude_curvature = 32;
+inline constexpr int attitude_level = 64;
+///@}
+
+/// Predictions. (theory, sections 17.2 and 17.8)
+///@{
+/// An interval longer by this share does not need another step.
+inline constexpr int steps = 16;
+/// Rate of the motion's series, relative to the largest rate, and to the sum of the terms of Euler's equations over a step.
+inline constexpr int series_rate = 32;
+inline constexpr int series_change = 64;
+/// Angle of the attitude at the end of a step.
+inline constexpr int series_attitude = 32;
+/// The linear part of an error tube, and its rate over a step.
+inline constexpr int linear_part = 256;
+inline constexpr int linear_rate = 128;
+///@}
+
 /// `multiple` ε.
 template <typename Scalar>
 [[nodiscard]] Scalar share(int multiple) noexcept {
   return Scalar(static_cast<scalar::Value<Scalar>>(multiple)) * Scalar(scalar::epsilon<Scalar>);
 }
+
+/// √ε: half of the digits.
+template <typename Scalar>
+[[nodiscard]] Scalar root() noexcept {
+  return scalar::sqrt(Scalar(scalar::epsilon<Scalar>));
+}
+
+/// ε².
+template <typename Scalar>
+[[nodiscard]] Scalar square() noexcept {
+  return share<Scalar>(1) * share<Scalar>(1);
+}
+
+/// Whether numbers have the precision of `float`, or less.
+template <typename Scalar>
+constexpr bool is_single = static_cast<double>(scalar::epsilon<Scalar>) > 1e-10;
 
 /// A calculated bound, rounded up a little.
 template <typename Scalar>
@@ -57,8 +159,8 @@ namespace elliptude {
 /// mᵢ = Σⱼ |Tᵢⱼ| √Pⱼⱼ an entry of the attitude's block errs by at most 4.5 ε mᵢ mⱼ, one of the mixed block by 2 ε mᵢ √Pⱼⱼ, and
 /// the vector's block is exact; |Σ Eᵢⱼ vᵢ vⱼ| is then at most 19.5 ε Σ mᵢ² vᵢ² + 6 ε Σ Pⱼⱼ vⱼ². (theory, section 17.8)
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> congruence(const Matrix3<Scalar>& x, const Matrix3<Scalar>& y,
-                                         const Matrix6<Scalar>& shape) noexcept {
+[[nodiscard]] Matrix6<Scalar> covered_congruence(const Matrix3<Scalar>& x, const Matrix3<Scalar>& y,
+                                                 const Matrix6<Scalar>& shape) noexcept {
   const Matrix3<Scalar> mixed = shape.template topRightCorner<3, 3>();
   const Matrix3<Scalar> vector = shape.template bottomRightCorner<3, 3>();
   const Matrix3<Scalar> to_attitude =
@@ -66,7 +168,7 @@ template <typename Scalar>
   const Matrix3<Scalar> to_vector = x.lazyProduct(mixed) + y.lazyProduct(vector);
   const Matrix3<Scalar> attitude = to_attitude.lazyProduct(x.transpose()) + to_vector.lazyProduct(y.transpose());
   Matrix6<Scalar> result;
-  result.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (attitude + attitude.transpose());
+  result.template topLeftCorner<3, 3>() = symmetrized(attitude);
   result.template topRightCorner<3, 3>() = to_vector;
   result.template bottomLeftCorner<3, 3>() = to_vector.transpose();
   result.template bottomRightCorner<3, 3>() = vector;
@@ -81,12 +183,12 @@ template <typename Scalar>
 
 /// The same for y = 0: the attitude alone is turned or stretched.
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> congruence(const Matrix3<Scalar>& x, const Matrix6<Scalar>& shape) noexcept {
+[[nodiscard]] Matrix6<Scalar> covered_congruence(const Matrix3<Scalar>& x, const Matrix6<Scalar>& shape) noexcept {
   const Matrix3<Scalar> to_attitude = x.lazyProduct(shape.template topLeftCorner<3, 3>());
   const Matrix3<Scalar> to_vector = x.lazyProduct(shape.template topRightCorner<3, 3>());
   const Matrix3<Scalar> attitude = to_attitude.lazyProduct(x.transpose());
   Matrix6<Scalar> result = shape;
-  result.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (attitude + attitude.transpose());
+  result.template topLeftCorner<3, 3>() = symmetrized(attitude);
   result.template topRightCorner<3, 3>() = to_vector;
   result.template bottomLeftCorner<3, 3>() = to_vector.transpose();
   const Vector3<Scalar> rows =

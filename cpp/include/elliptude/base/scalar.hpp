@@ -7,7 +7,7 @@
 /// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
 /// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
 /// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
-/// status that speaks for a pack is `ok` only if every lane is.
+/// status for a pack is `ok` only if every lane is.
 
 #include <Eigen/Core>
 #include <array>
@@ -39,7 +39,7 @@ struct ScalarTraits {
   using Value = std::conditional_t<std::is_floating_point_v<Scalar>, Scalar, double>;
 };
 
-namespace lanes {
+namespace detail {
 
 /// Calls the `select` that stands beside a pack type; in a namespace of its own so that no other is found.
 template <typename Mask, typename Scalar>
@@ -47,7 +47,7 @@ template <typename Mask, typename Scalar>
   return select(mask, a, b);
 }
 
-}  // namespace lanes
+}  // namespace detail
 
 namespace scalar {
 
@@ -62,6 +62,12 @@ constexpr Value<Scalar> epsilon = std::numeric_limits<Value<Scalar>>::epsilon();
 template <typename Scalar>
 [[nodiscard]] constexpr Scalar constant(long double value) noexcept {
   return Scalar(static_cast<Value<Scalar>>(value));
+}
+
+/// π.
+template <typename Scalar>
+[[nodiscard]] constexpr Scalar pi() noexcept {
+  return constant<Scalar>(3.14159265358979323846264338327950288L);
 }
 
 template <typename Scalar>
@@ -112,7 +118,7 @@ template <typename Mask, typename Scalar>
   if constexpr (std::is_same_v<Mask, bool>) {
     return mask ? a : b;
   } else {
-    return lanes::choose(mask, a, b);
+    return detail::choose(mask, a, b);
   }
 }
 
@@ -187,4 +193,18 @@ template <typename Scalar, std::size_t Count>
 }
 
 }  // namespace scalar
+
+/// ½ (M + Mᵀ), exactly symmetric.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> symmetrized(const Matrix<Scalar, N>& m) noexcept {
+  return scalar::constant<Scalar>(0.5L) * (m + m.transpose());
+}
+
+/// T P Tᵀ, symmetric but for rounding.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Matrix<Scalar, M> congruence(const Matrix<Scalar, M, N>& t, const Matrix<Scalar, N>& p) noexcept {
+  const Matrix<Scalar, M, N> half = t.lazyProduct(p);
+  return half.lazyProduct(t.transpose());
+}
+
 }  // namespace elliptude

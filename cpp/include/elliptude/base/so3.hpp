@@ -11,12 +11,12 @@
 #include <Eigen/LU>
 #include <cstdint>
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
 
-namespace angle {
+namespace detail::angle {
 
 // The remainders of the series at x = 1 are below 1e-19 of the sum.
 
@@ -147,7 +147,7 @@ template <typename Scalar>
   return scalar::polynomial(x, coefficients);
 }
 
-}  // namespace angle
+}  // namespace detail::angle
 
 /// S(x), the skew-symmetric matrix with S(x) y = x × y (paper, §2.3.1).
 template <typename Derived>
@@ -168,7 +168,7 @@ template <typename Scalar>
   return result;
 }
 
-/// The inverse of `hat`; of a general matrix, of its skew-symmetric part.
+/// The inverse of `hat`; for a general matrix, that of its skew-symmetric part.
 template <typename Derived>
 [[nodiscard]] Vector3<typename Derived::Scalar> vee(const Eigen::MatrixBase<Derived>& matrix) noexcept {
   EIGEN_STATIC_ASSERT_MATRIX_SPECIFIC_SIZE(Derived, 3, 3)
@@ -202,7 +202,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::exponential>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::exponential>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, f.sine, f.versine);
 }
 
@@ -213,7 +213,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::jacobian>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::jacobian>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, Scalar(-f.versine), f.sine_tail);
 }
 
@@ -225,7 +225,7 @@ template <typename Derived>
   EIGEN_STATIC_ASSERT_VECTOR_SPECIFIC_SIZE(Derived, 3)
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> z = zeta;
-  const auto f = angle::functions<angle::Want::inverse_jacobian>(Scalar(z.squaredNorm()));
+  const auto f = detail::angle::functions<detail::angle::Want::inverse_jacobian>(Scalar(z.squaredNorm()));
   return skew_polynomial(z, scalar::constant<Scalar>(0.5L), f.cotangent);
 }
 
@@ -306,7 +306,7 @@ template <typename Derived>
   const Scalar square = q.vector.squaredNorm();
   const auto small = square < scalar::constant<Scalar>(1e-3L) * q.w * q.w;
   const Scalar w = scalar::select(small, q.w, Scalar(1));
-  Scalar half_angle_over_sine = angle::arctangent_series(Scalar(square / (w * w))) / w;
+  Scalar half_angle_over_sine = detail::angle::arctangent_series(Scalar(square / (w * w))) / w;
   if (!scalar::all(small)) {
     const Scalar sine = scalar::sqrt(scalar::select(small, Scalar(1), square));
     half_angle_over_sine = scalar::select(small, half_angle_over_sine, Scalar(scalar::atan2(sine, q.w) / sine));
@@ -340,7 +340,7 @@ template <typename Derived>
 /// The tolerance of `is_rotation` for input from outside, whose entries may have been stored with half the digits: √ε.
 template <typename Scalar>
 [[nodiscard]] Scalar rotation_tolerance() noexcept {
-  return scalar::sqrt(Scalar(scalar::epsilon<Scalar>));
+  return rounding::root<Scalar>();
 }
 
 /// One Newton step of the polar decomposition without an inverse, X (3I − XᵀX)/2: brings a rotation that rounding has
@@ -365,12 +365,12 @@ template <typename Scalar>
   if (!(size > Scalar(0))) {
     return Status::not_a_rotation;
   }
-  const Scalar tolerance = scalar::sqrt(Scalar(scalar::epsilon<Scalar>));  // the step after it would be its square
+  const Scalar tolerance = rounding::root<Scalar>();  // the step after it would be its square
   Matrix3<Scalar> x = matrix / size;
   constexpr int most_steps = 60;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar determinant = x.determinant();
-    if (!(determinant > Scalar(8) * Scalar(scalar::epsilon<Scalar>))) {
+    if (!(determinant > rounding::share<Scalar>(rounding::singular))) {
       return Status::not_a_rotation;
     }
     const Matrix3<Scalar> next = scalar::constant<Scalar>(0.5L) * (x + x.inverse().transpose());

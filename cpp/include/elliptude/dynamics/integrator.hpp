@@ -5,6 +5,7 @@
 /// symmetric compositions of it of order 4, 6 and 8. It keeps the attitude a rotation and the momentum map of a symmetric
 /// potential to rounding, and its energy error does not grow.
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/dynamics/potential.hpp"
 
 namespace elliptude {
@@ -75,7 +76,7 @@ template <typename Scalar>
     return Vector3<Scalar>(ha + ha.cross(c) + along * c - twice_inertia * c);
   };
   // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
-  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::share<Scalar>(1);
   // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's method.
   Vector3<Scalar> c = half_inverse * ha;
   c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
@@ -120,14 +121,14 @@ template <typename Scalar>
                                                    const Vector3<Scalar>& a, Matrix3<Scalar>& f) noexcept {
   const Vector3<Scalar> ha = h * a;
   const Matrix3<Scalar>& inertia = body.inertia();
-  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * Scalar(scalar::epsilon<Scalar>);
-  const Scalar right_angle = scalar::constant<Scalar>(1.57079632679489661923132169163975144L);
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::share<Scalar>(1);
+  const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
   Vector3<Scalar> x = body.inertia_inverse() * ha;
   constexpr int most_steps = 40;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar square = x.squaredNorm();
-    const Scalar sine = angle::functions<angle::Want::exponential>(square).sine;
-    const angle::Functions<Scalar> functions = angle::functions<angle::Want::jacobian>(square);
+    const Scalar sine = detail::angle::functions<detail::angle::Want::exponential>(square).sine;
+    const detail::angle::Functions<Scalar> functions = detail::angle::functions<detail::angle::Want::jacobian>(square);
     // Derivatives of the two factors are these times xᵀ.
     const Scalar sine_slope = functions.sine_tail - functions.versine;
     const auto tiny = square < Scalar(rotation_tolerance<Scalar>());

@@ -20,11 +20,12 @@
 #include <tuple>
 #include <utility>
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/dynamics/rigid_body.hpp"
 
 namespace elliptude {
 
-namespace concepts {
+namespace detail {
 
 template <typename Potential, typename Scalar, typename = void>
 struct IsPotential : std::false_type {};
@@ -46,12 +47,12 @@ template <typename Potential>
 struct HasCurvatureBound<Potential, std::void_t<decltype(std::declval<const Potential&>().torque_curvature_bound())>>
     : std::true_type {};
 
-}  // namespace concepts
+}  // namespace detail
 
 template <typename Potential, typename Scalar>
-constexpr bool is_potential = concepts::IsPotential<Potential, Scalar>::value;
+constexpr bool is_potential = detail::IsPotential<Potential, Scalar>::value;
 template <typename Potential>
-constexpr bool has_curvature_bound = concepts::HasCurvatureBound<Potential>::value;
+constexpr bool has_curvature_bound = detail::HasCurvatureBound<Potential>::value;
 
 /// No potential: a free body.
 template <typename Scalar>
@@ -279,7 +280,7 @@ class GradientPotential {
   }
   [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
     // ε^(1/5), where truncation and rounding of the fourth-order difference are alike.
-    const Scalar step = scalar::exp(Scalar(scalar::log(Scalar(scalar::epsilon<Scalar>)) / Scalar(5)));
+    const Scalar step = scalar::exp(Scalar(scalar::log(rounding::share<Scalar>(1)) / Scalar(5)));
     Matrix3<Scalar> jacobian;
     for (int j = 0; j < 3; ++j) {
       const Vector3<Scalar> axis = Vector3<Scalar>::Unit(j);

@@ -4,7 +4,9 @@
 /// The rigid body: its inertia and what follows from it (paper, §2.3.1). SI units, body axes.
 
 #include "elliptude/attitude/state.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/inverse.hpp"
 
 namespace elliptude {
 
@@ -30,7 +32,7 @@ class RigidBody {
       return Status::not_symmetric;
     }
     RigidBody result;
-    result.inertia_ = scalar::constant<Scalar>(0.5L) * (inertia + inertia.transpose());
+    result.inertia_ = symmetrized(inertia);
     if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_);
         status != Status::ok) {
       return status;
@@ -39,7 +41,7 @@ class RigidBody {
     if (const Status status = symmetric_eigen(result.inertia_, eigen); status != Status::ok) {
       return status;
     }
-    const Scalar rounding = Scalar(64) * Scalar(scalar::epsilon<Scalar>) * eigen.values(0);
+    const Scalar rounding = rounding::share<Scalar>(rounding::moments) * eigen.values(0);
     if (!(eigen.values(0) <= eigen.values(1) + eigen.values(2) + rounding)) {
       return Status::invalid_inertia;
     }

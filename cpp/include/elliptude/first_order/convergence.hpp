@@ -4,7 +4,9 @@
 /// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update from a
 /// poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/eigen.hpp"
+#include "elliptude/linear/triangular.hpp"
 
 namespace elliptude {
 
@@ -15,8 +17,7 @@ struct Convergence {
   Scalar chi;             ///< χ = √(6 + 30 κ(P^m))
   Scalar contraction;     ///< the least c that satisfies the theorem; tr P < c tr P₀ is promised only if it is below 1
   Scalar trace_ratio;     ///< tr P / tr P₀, measured
-  Scalar
-      smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 if the trace is the criterion, before recentring
+  Scalar smaller_than_sets;  ///< tr P / min(tr P^m, tr P^f): at most 1 if the trace is the criterion, before recentring
 };
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,

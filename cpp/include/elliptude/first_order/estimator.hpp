@@ -19,8 +19,4 @@ struct FirstOrderEstimator {
   static constexpr Recentring recentring = Recentring::first_order;
 };
 
-/// Nothing is linearized or dropped: the sets hold the state of the continuous motion if all bounds that the filter was told
-/// hold (guaranteed/filter.hpp).
-struct GuaranteedEstimator {};
-
 }  // namespace elliptude

@@ -46,7 +46,7 @@ class AttitudeFilter {
   }
 
   /// Restores `transition()` and `prior_shape()` of a stored filter with the same state.
-  /// \return `not_finite`; what `validate` says of the shape.
+  /// \return `not_finite`; the status of `validate` for the shape.
   [[nodiscard]] Status resume(const Matrix6<Scalar>& transition, const Matrix6<Scalar>& prior_shape) noexcept {
     if (!scalar::all_finite(transition)) {
       return Status::not_finite;
@@ -70,14 +70,14 @@ class AttitudeFilter {
 
   /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty tube.
   /// \return the status of the flow; `out_of_range` for a time before the filter's; `unbounded` if the set has grown beyond
-  /// what `is_in_domain` says, or so far that rounding left none.
+  /// the domain (`is_in_domain`), or so far that rounding left none.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     Prediction<State> prediction;
     if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
         status != Status::ok) {
       return status;
     }
-    if (!fusion::is_kept(prediction.ellipsoid) || !scalar::all_finite(prediction.transition)) {
+    if (!detail::is_kept(prediction.ellipsoid) || !scalar::all_finite(prediction.transition)) {
       return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;
@@ -92,7 +92,7 @@ class AttitudeFilter {
   /// Directions and angular velocity together, as in the paper: E^m of all of them, fused once with the prediction. Two
   /// directions are enough.
   /// \param diagnostics of the convergence theorem, if wanted.
-  /// \return what the measurements' `validate` and the fusion say; `attitude_undetermined` for collinear directions; after
+  /// \return the status of the measurements' `validate` and the fusion; `attitude_undetermined` for collinear directions; after
   /// `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,

@@ -10,6 +10,7 @@
 /// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
 namespace elliptude {
@@ -76,7 +77,7 @@ class RigidBodyFlow {
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
   /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
-  /// `too_many_steps`; `interrupted`; what `minimal_sum` says.
+  /// `too_many_steps`; `interrupted`; the status of `minimal_sum`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
                                Prediction<State>& prediction) const noexcept {
@@ -91,8 +92,8 @@ class RigidBodyFlow {
       return Status::ok;
     }
     using std::ceil;
-    // A step longer by rounding than the longest is not worth another one.
-    const Scalar wanted = duration / longest_step_ * (Scalar(1) - Scalar(16) * Scalar(scalar::epsilon<Scalar>));
+    // A step that is longer than the longest only by rounding does not need another one.
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
     }
@@ -126,11 +127,9 @@ class RigidBodyFlow {
           status != Status::ok) {
         return status;
       }
-      const Matrix<Scalar, 6, 3> half = linearization.control.lazyProduct(unknown_torque_);
       const std::array<Ellipsoid<Scalar, 6>, 2> terms{
           Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), transformed_shape(linearization.state, result.ellipsoid.shape)},
-          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(),
-                               Matrix6<Scalar>(half.lazyProduct(linearization.control.transpose()))}};
+          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), congruence(linearization.control, unknown_torque_)}};
       Ellipsoid<Scalar, 6> sum;
       if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
         return status;
@@ -209,15 +208,12 @@ class GyroFlow {
       term = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
     }
     terms[0].shape = transformed_shape(result.transition, ellipsoid.shape);
-    const Matrix3<Scalar> noise = by_rate.lazyProduct(noise_).lazyProduct(by_rate.transpose());
-    terms[1].shape.template topLeftCorner<3, 3>() = scalar::constant<Scalar>(0.5L) * (noise + noise.transpose());
+    terms[1].shape.template topLeftCorner<3, 3>() = symmetrized(congruence(by_rate, noise_));
     // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
     Matrix<Scalar, 6, 3> by_drift;
     by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
     by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
-    const Matrix<Scalar, 6, 3> half = by_drift.lazyProduct(drift_);
-    const Matrix6<Scalar> drift = half.lazyProduct(by_drift.transpose());
-    terms[2].shape = scalar::constant<Scalar>(0.5L) * (drift + drift.transpose());
+    terms[2].shape = symmetrized(congruence(by_drift, drift_));
     Ellipsoid<Scalar, 6> sum;
     if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
       return status;

@@ -3,7 +3,7 @@
 /// \file
 /// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the measured set.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 
@@ -22,6 +22,8 @@ enum class Recentring : std::uint8_t {
   first_order,  ///< a + J_r⁻¹(a) ζ, and J_r(ζ̂) (ζ − ζ̂) after the fusion
 };
 
+namespace detail {
+
 /// diag(G, I) P diag(G, I)ᵀ.
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> with_attitude_transformed(const Matrix3<Scalar>& g,
@@ -31,6 +33,8 @@ template <typename Scalar>
   return transformed_shape(transform, shape);
 }
 
+}  // namespace detail
+
 /// The ellipsoid of errors x about a center, in coordinates where it is E(x̂, P), put about its own center (paper, eqs. nattes,
 /// nveles).
 template <typename State>
@@ -39,7 +43,7 @@ template <typename State>
   using Scalar = StateScalar<State>;
   StateEllipsoid<State> result{retract(center, ellipsoid.center), ellipsoid.shape};
   if (recentring == Recentring::first_order) {
-    result.shape = with_attitude_transformed(
+    result.shape = detail::with_attitude_transformed(
         ExponentialChart::moved_to(Vector3<Scalar>(ellipsoid.center.template head<3>())), ellipsoid.shape);
   }
   return result;
@@ -52,13 +56,13 @@ template <typename State>
   using Scalar = StateScalar<State>;
   Ellipsoid<Scalar, 6> seen{state_error(center, ellipsoid.center), ellipsoid.shape};
   if (recentring == Recentring::first_order) {
-    seen.shape = with_attitude_transformed(ExponentialChart::seen_from(Vector3<Scalar>(seen.center.template head<3>())),
-                                           ellipsoid.shape);
+    seen.shape = detail::with_attitude_transformed(
+        ExponentialChart::seen_from(Vector3<Scalar>(seen.center.template head<3>())), ellipsoid.shape);
   }
   return seen;
 }
 
-namespace fusion {
+namespace detail {
 
 /// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
 template <typename State>
@@ -68,10 +72,10 @@ template <typename State>
          (cholesky(set.shape, factor) == Status::ok || validate(set) == Status::ok);
 }
 
-}  // namespace fusion
+}  // namespace detail
 
 /// Fuses a predicted and a measured ellipsoid about the measured center (paper, eqs. xhatP-LP).
-/// \return what `minimal_intersection` says; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State>
 [[nodiscard]] Status fuse(const StateEllipsoid<State>& measured, const StateEllipsoid<State>& predicted,
                           Recentring recentring, const SizeCriterion<StateScalar<State>, 6>& criterion,
@@ -95,7 +99,7 @@ template <typename State>
     // The prediction alone has no need to be carried to the measured center and back.
     const StateEllipsoid<State> fused =
         intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
-    if (!fusion::is_kept(fused)) {
+    if (!detail::is_kept(fused)) {
       return Status::beyond_domain;
     }
     fusion.ellipsoid = fused;
@@ -104,7 +108,7 @@ template <typename State>
   return status;
 }
 
-namespace fusion {
+namespace detail {
 
 /// The q of least size for ‖y − Bu‖ ≤ 1 with a few rows: with the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its
 /// eigenvectors, wᵢ the weights W' of the vectors of u that belong to them and w₀ that of all others,
@@ -183,11 +187,11 @@ template <typename Scalar, int Rows, int N>
   return scalar::isfinite(q) && q > Scalar(0) ? q : start;
 }
 
-}  // namespace fusion
+}  // namespace detail
 
 /// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
 /// velocity or an attitude alone, about the predicted center.
-/// \return what `validate`, `whitened` and `minimal_intersection` say; after `empty_intersection` the margin is set, and nothing else.
+/// \return the status of `validate`, `whitened` and `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
 template <typename State, int Rows>
 [[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                           const StateEllipsoid<State>& predicted, Recentring recentring,
@@ -218,16 +222,16 @@ template <typename State, int Rows>
   const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
     return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
   };
-  const fusion::Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};
+  const detail::Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};
   Intersection<Scalar, 6> intersection;
-  fusion::Combination<Scalar, 6> best;
+  detail::Combination<Scalar, 6> best;
   const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
-  const fusion::RelativeSize<Scalar, 6> size(l, present, criterion);
+  const detail::RelativeSize<Scalar, 6> size(l, present, criterion);
   Scalar start = problem.typical_weight();
   if (start > Scalar(0) && present.sum() == Scalar(6)) {
-    start = fusion::weight_of_rows(y, b, size, start);
+    start = detail::weight_of_rows(y, b, size, start);
   }
-  const Status status = fusion::minimal_intersection(origin, l, problem, size, start, intersection, best);
+  const Status status = detail::minimal_intersection(origin, l, problem, size, start, intersection, best);
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
   }
@@ -254,11 +258,11 @@ template <typename State, int Rows>
     rows.template topRows<Rows>() = b;
     Vector6<Scalar> offset = Vector6<Scalar>::Zero();
     offset.template head<Rows>() = -y;
-    fusion::recombine(origin, l, rows, offset, present, q, intersection.set);
+    detail::recombine(origin, l, rows, offset, present, q, intersection.set);
     intersection.share = q / (Scalar(1) + q);
   }
   const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
-  if (!fusion::is_kept(fused)) {
+  if (!detail::is_kept(fused)) {
     return Status::beyond_domain;
   }
   fusion.ellipsoid = fused;

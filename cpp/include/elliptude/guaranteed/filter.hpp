@@ -1,48 +1,20 @@
 #pragma once
 
 /// \file
-/// The guaranteed filter: its set holds the state of the continuous motion whenever what it was told of errors holds. (theory,
+/// The guaranteed filter: its set holds the state of the continuous motion if all bounds that it was told hold. (theory,
 /// sections 16 to 18)
 
-#include "elliptude/first_order/filter.hpp"
-#include "elliptude/guaranteed/detail/solution.hpp"
-#include "elliptude/guaranteed/detail/union_set.hpp"
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 
 namespace elliptude {
 
-/// What to do with measurements that no predicted state can have caused: some bound is then wrong.
-enum class Policy : std::uint8_t {
-  raise,             ///< report `empty_intersection`, and leave the filter as it was
-  drop_measurement,  ///< leave out as few measurements as make the rest agree with the prediction
-  restart,           ///< forget the prediction, and start again from the measurements
-  relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
-};
-
-/// What the truth's being in the set rests on.
-enum class Claim : std::uint8_t {
-  unconditional,  ///< on what the filter was told of errors, for all that it has used
-  conditional,    ///< also on that what was dropped on the way was what was wrong
-  none,           ///< no set: the attitude is not known
-};
-
-/// What a guaranteed update did.
-template <typename Scalar>
-struct GuaranteedUpdate {
-  Claim claim = Claim::none;
-  bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
-  Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
-  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 where that
-  /// has no measure, as of an angular velocity beyond the `FilterDomain`.
-  Scalar margin = Scalar(1);
-  Sensors contradicting = 0;  ///< where the margin is negative: the measurement that weighs most against the rest
-};
-
-/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing at all of the attitude, at the beginning or when a
-/// prediction has become too large to be of use, and then starts from the next measurements that determine one. A function
+/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or after a
+/// prediction has become too large to be useful. It then starts from the next measurements that determine one. A function
 /// that does not return `ok` has changed nothing.
 template <typename FlowType>
-class AttitudeFilter<FlowType, GuaranteedEstimator> {
+class GuaranteedFilter {
  public:
   using Flow = FlowType;
   using State = typename Flow::State;
@@ -56,9 +28,9 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     Policy policy = Policy::raise;
     /// For `Policy::relaxed`: how many of at most eight measurements may be wrong, 0 to 2.
     int most_wrong = 0;
-    /// After how many updates in a row without contradiction a conditional claim ends: the set is then taken from the
-    /// measurements of that moment alone, if they bound one. As many updates after a contradiction that others have followed
-    /// the past is given up for such a set, too, which remains conditional until so many have agreed. (theory, section 16.8)
+    /// A conditional claim ends after this many updates in a row without contradiction: the set is then taken from the
+    /// measurements of that moment alone, if they bound one. If contradictions go on, the past is given up for such a set
+    /// this many updates after the first one; the claim stays conditional until as many have agreed. (theory, section 16.8)
     int regain_after = 10;
     /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`, which is all
     /// that is ever known of it, and the attitude is predicted and fused by itself: its sets are smaller, as no part of a sum
@@ -68,9 +40,9 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   };
 
   /// A filter that knows nothing at `time`.
-  /// \return `not_finite`; `out_of_range` of the settings; what `validate` says of the criterion.
+  /// \return `not_finite`; `out_of_range` of the settings; the status of `validate` for the criterion.
   [[nodiscard]] static Status make(const Flow& flow, const Settings& settings, const Scalar& time,
-                                   AttitudeFilter& filter) noexcept {
+                                   GuaranteedFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
@@ -89,8 +61,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  /// The state is in this set now.
-  /// \return what `validate` says; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
+  /// Starts the filter: the state is in this set now.
+  /// \return the status of `validate`; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
   /// `out_of_range` beyond the `FilterDomain`.
   template <typename Chart>
   [[nodiscard]] Status start(const StateEllipsoid<State, Chart>& set) noexcept {
@@ -111,7 +83,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     if (!is_rotation(begin.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
       begin.center.attitude = renormalized(begin.center.attitude);  // about the nearest rotation, which rounding turns
-      begin.shape = with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+      begin.shape =
+          detail::with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
     }
     confine(begin);
     if (!can_be_kept(begin)) {
@@ -126,7 +99,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   }
 
   /// The angular velocity, or the gyro's bias, is in this ellipsoid at all times, rad/s.
-  /// \return what `validate` says; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
+  /// \return the status of `validate`; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
   [[nodiscard]] Status bound_vector(const Ellipsoid<Scalar, 3>& bound) noexcept {
     if (const Status status = validated(bound); status != Status::ok) {
       return status;
@@ -139,8 +112,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  /// Forgets all but what bounds the vector: the attitude, what was measured of the vector, and what was dropped. So one goes on
-  /// under `Policy::raise` where the past is what is wrong, or cannot be predicted.
+  /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it to go on
+  /// under `Policy::raise` if the past is wrong, or cannot be predicted.
   void forget() noexcept {
     known_.has_attitude = false;
     known_.has_vector = false;
@@ -152,19 +125,19 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   [[nodiscard]] const Flow& flow() const noexcept { return flow_; }
   [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
   [[nodiscard]] Claim claim() const noexcept { return claim_; }
-  /// Whether there is a set; `ellipsoid` is only then of use.
+  /// Whether there is a set; `ellipsoid` is meaningless otherwise.
   [[nodiscard]] bool knows_attitude() const noexcept { return known_.has_attitude; }
   [[nodiscard]] const Set& ellipsoid() const noexcept { return known_.set; }
-  /// Whether something is known of the angular velocity or the bias while the attitude is not; `vector` is only then of use.
+  /// Whether the angular velocity or the bias is known while the attitude is not; `vector` is meaningless otherwise.
   [[nodiscard]] bool knows_vector() const noexcept { return known_.has_vector; }
   [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return known_.vector; }
-  /// Whether what is known, of the attitude or of the vector, rests on what was dropped, and what updates have said since.
+  /// Whether the set, of the attitude or of the vector, rests on what was dropped, and what updates have shown since.
   [[nodiscard]] const Trust& trust() const noexcept { return trust_; }
 
-  /// Goes on, bit for bit, as a filter that was stored, after `make` with its settings and time and `bound_vector`.
+  /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.
   /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
-  /// \return `out_of_range` of both, or of a negative count; what `start` and `bound_vector` say.
+  /// \return `out_of_range` of both, or of a negative count; the status of `start` and `bound_vector`.
   [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
     if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr)) {
       return Status::out_of_range;
@@ -189,7 +162,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
   /// the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another can be: a wrong rate
   /// may be one that no step is short enough for.
-  /// \return what the flow says, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
+  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
   /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
@@ -202,7 +175,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   /// row of a log is predicted from one before it in one piece. (theory, section 18.6)
   /// \param turn rotation vector in the body axes at the filter's time, rad.
   /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
-  /// \return what `predict` says, and `out_of_range` of a negative angle.
+  /// \return the status of `predict`, and `out_of_range` of a negative angle.
   [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
     static_assert(!measures_rate, "a rigid body's flow predicts the angular velocity, which a turn does not tell");
     if (!scalar::all_finite(turn) || !(angle == angle)) {
@@ -225,7 +198,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     });
   }
 
-  /// Fuses all measurements of one moment with the prediction, at once. Where the attitude is not known they may start it.
+  /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start it.
   /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity given to a
   /// gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the `FilterDomain`, or of more than
   /// eight measurements of which some may be wrong; `empty_intersection` if they contradict the prediction, or each other, and
@@ -235,8 +208,8 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         (!measures_rate && measurements.angular_velocity != nullptr)) {
       return Status::out_of_range;
     }
-    const Sensors given = sensors::present(measurements);
-    Sensors beyond = 0;  // what cannot be, and is left out
+    const Sensors given = detail::sensors::present(measurements);
+    Sensors beyond = 0;  // impossible measurements, which are left out
     if (measurements.angular_velocity != nullptr) {
       const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
       if (const Status status = validate(rate); status != Status::ok) {
@@ -251,27 +224,29 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     }
     const Sensors all = given & ~beyond;
     GuaranteedUpdate<Scalar> result;
+    const detail::SetSolver<State> solver = solver_of(measurements);
     Solution solution;
     Status status = Status::ok;
     if (may_be_wrong() && given != 0) {
-      if (sensors::number_of(given) > 8) {
+      if (detail::sensors::number_of(given) > 8) {
         return Status::out_of_range;
       }
-      status = relaxed(measurements, all, settings_.most_wrong - sensors::number_of(beyond), solution, result);
+      status = detail::UnionOfChoices<State>(solver, all, settings_.most_wrong - detail::sensors::number_of(beyond))
+                   .find(solution, result);
     } else {
-      const SetSolver<State> solver = solver_of(measurements);
       status = solver.solve(all, Past::used, nullptr, solution);
       if (status == Status::ok) {
         result.margin = solution.fusion.margin;
       } else if (status != Status::unbounded) {
-        if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
+        if (const Status invalid = detail::sensors::checked(measurements, Status::ok); invalid != Status::ok) {
           return invalid;
         }
-        // What is right by itself and cannot be put together is as good as a contradiction, but is not called one.
+        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not reported as one.
         const bool empty = status == Status::empty_intersection;
         result.margin = empty ? solution.fusion.margin : Scalar(-1);
-        result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
-        if (const Status resolved = resolve(solver, all, solution, result); resolved != Status::empty_intersection) {
+        result.contradicting = empty ? detail::sensors::at(all, solution.fusion.contradiction) : 0;
+        if (const Status resolved = detail::resolve(solver, settings_.policy, all, solution, result);
+            resolved != Status::empty_intersection) {
           status = resolved;
         }
       }
@@ -292,7 +267,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   }
 
   /// One linear measurement of the error [ζ; δ] about the present center.
-  /// \return what `to_quadric` and `minimal_intersection` say; `unbounded` if the attitude is not known, or the set is not in
+  /// \return the status of `to_quadric` and `minimal_intersection`; `unbounded` if the attitude is not known, or the set is not in
   /// the `FilterDomain` afterwards.
   template <int Rows>
   [[nodiscard]] Status update(const LinearMeasurement<Scalar, Rows>& measurement,
@@ -318,15 +293,16 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     } else {
       QuadricFusion<Scalar, 3> found;
       found.margin = Scalar(1);
-      const Ellipsoid<Scalar, 3> predicted = attitude_of(known_.set);
+      const Ellipsoid<Scalar, 3> predicted = detail::attitude_of(known_.set);
       const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
                                            quadric.c};
-      status = minimal_intersection(&predicted, &of_attitude, 1, attitude_criterion(settings_.criterion), found);
+      status =
+          minimal_intersection(&predicted, &of_attitude, 1, detail::attitude_criterion(settings_.criterion), found);
       fusion.margin = found.margin;
       if (status == Status::ok) {
         fusion.prediction_alone = found.prediction_alone;
         fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
-        fusion.set.shape = product_shape(found.set.shape, known_.vector_bound.shape);
+        fusion.set.shape = detail::product_shape(found.set.shape, known_.vector_bound.shape);
       }
     }
     if (status != Status::ok) {
@@ -347,10 +323,10 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   }
 
  private:
-  using Solution = elliptude::Solution<State>;
-  using Past = typename SetSolver<State>::Past;
+  using Solution = detail::Solution<State>;
+  using Past = typename detail::SetSolver<State>::Past;
 
-  [[nodiscard]] SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
+  [[nodiscard]] detail::SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
     return {known_, settings_.criterion, settings_.estimates_vector, measurements};
   }
 
@@ -362,14 +338,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return !known_.has_attitude ? Claim::none : trust_.rests_on_drops() ? Claim::conditional : Claim::unconditional;
   }
 
-  [[nodiscard]] static Ellipsoid<Scalar, 3> vector_of(const Set& set) noexcept {
-    return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
-  }
-  [[nodiscard]] static Ellipsoid<Scalar, 3> attitude_of(const Set& set) noexcept {
-    return {Vector3<Scalar>::Zero(), set.shape.template topLeftCorner<3, 3>()};
-  }
-
-  /// \return what `validate` says of an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
+  /// \return the status of `validate` for an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
   [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
     if (const Status status = validate(vector); status != Status::ok) {
       return status;
@@ -381,12 +350,13 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return in_domain(vector) ? Status::ok : Status::out_of_range;
   }
 
-  /// Where the vector is left to its bound, nothing else is said of it.
+  /// If the vector is left to its bound, nothing else is known about it.
   void confine(Set& set) const noexcept {
     if constexpr (!measures_rate) {
       if (!settings_.estimates_vector && known_.has_vector_bound) {
         set.center.gyro_bias = known_.vector_bound.center;
-        set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known_.vector_bound.shape);
+        set.shape =
+            detail::product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known_.vector_bound.shape);
       }
     }
   }
@@ -410,7 +380,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
         return status;
       }
     }
-    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? vector_of(known_.set) : known_.vector;
+    Ellipsoid<Scalar, 3> vector = known_.has_attitude ? detail::vector_of(known_.set) : known_.vector;
     bool has_vector = settings_.estimates_vector && (known_.has_attitude || known_.has_vector);
     if (has_vector) {
       const Status status = flow_.predict_vector(time_, duration, input, vector, vector);
@@ -458,7 +428,7 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return settings_.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
   }
 
-  /// Whether a prediction fails for the set, and not for what the user has given: a small set at rest can be predicted.
+  /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
   template <typename Move>
   [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
     Set another{{known_.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
@@ -475,12 +445,11 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       return Status::not_finite;
     }
     const Matrix<Scalar, Rows, 3> h = measurement.h.template rightCols<3>();
-    const Matrix<Scalar, Rows, 3> half = h.lazyProduct(known_.vector_bound.shape);
-    const Matrix<Scalar, Rows> added = half.lazyProduct(h.transpose());
+    const Matrix<Scalar, Rows> added = congruence(h, known_.vector_bound.shape);
     if (added.trace() > Scalar(0)) {
       const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
       measurement.bound =
-          (scalar::constant<Scalar>(0.5L) + Scalar(16) * Scalar(scalar::epsilon<Scalar>)) * (sum + sum.transpose());
+          (scalar::constant<Scalar>(0.5L) + rounding::share<Scalar>(rounding::small_sum)) * (sum + sum.transpose());
       measurement.h.template rightCols<3>().setZero();
     }
     return Status::ok;
@@ -498,155 +467,6 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
       return Status::unbounded;
     }
     next = placed;
-    return Status::ok;
-  }
-
-  /// After a contradiction, by the policy.
-  /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
-  [[nodiscard]] Status resolve(const SetSolver<State>& solver, Sensors all, Solution& solution,
-                               GuaranteedUpdate<Scalar>& result) const noexcept {
-    if (settings_.policy != Policy::drop_measurement && settings_.policy != Policy::restart) {
-      return Status::empty_intersection;
-    }
-    if (settings_.policy == Policy::restart && (known_.has_attitude || known_.has_vector)) {
-      Solution alone;
-      if (solver.solve(all, Past::forgotten, nullptr, alone) == Status::ok) {
-        solution = alone;
-        return Status::ok;
-      }
-    }
-    // The fewest that have to go; among as many, those without which the others agree best.
-    const auto attempt = [&](Sensors dropped, Scalar& best) {
-      Solution trial;
-      const Sensors kept = all & ~dropped;
-      if (kept == 0 && !known_.has_attitude) {
-        return;
-      }
-      if (solver.solve(kept, Past::used, nullptr, trial) == Status::ok &&
-          (result.dropped == 0 || trial.fusion.margin > best)) {
-        best = trial.fusion.margin;
-        result.dropped = dropped;
-        solution = trial;
-      }
-    };
-    Scalar best(0);
-    for (Sensors rest = all; rest != 0; rest &= rest - 1) {
-      attempt(sensors::lowest(rest), best);
-    }
-    if (result.dropped == 0) {
-      for (Sensors first = all; first != 0; first &= first - 1) {
-        for (Sensors second = first & (first - 1); second != 0; second &= second - 1) {
-          attempt(sensors::lowest(first) | sensors::lowest(second), best);
-        }
-      }
-    }
-    if (result.dropped == 0) {
-      attempt(all, best);
-    }
-    if (result.dropped != 0) {
-      return Status::ok;
-    }
-    // With none of them to go by: which ones are right is not to be known. Without a prediction what the angular velocity says
-    // does not need them.
-    result.dropped = known_.has_attitude ? all : all & ~angular_velocity_bit;
-    return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
-  }
-
-  /// All states that the prediction allows and that at most `wrong` measurements exclude: the union over what may be left out, in
-  /// one ellipsoid, and that within the prediction, which holds them all. Measurements that every consistent choice leaves out
-  /// are proved wrong. (theory, section 16.10)
-  [[nodiscard]] Status relaxed(const Measurements<Scalar>& measurements, Sensors all, int wrong, Solution& solution,
-                               GuaranteedUpdate<Scalar>& result) const noexcept {
-    if (const Status status = sensors::checked(measurements, Status::ok); status != Status::ok) {
-      return status;
-    }
-    const SetSolver<State> solver = solver_of(measurements);
-    // All choices in the same coordinates. An angular velocity or an attitude that may be wrong had better not choose them.
-    State center = known_.set.center;
-    if (!known_.has_attitude &&
-        solver.measured_center(all & ~angular_velocity_bit & ~attitude_bit, Past::used, center) != Status::ok &&
-        solver.measured_center(all, Past::used, center) != Status::ok) {
-      return Status::unbounded;
-    }
-    bool found = false;
-    bool uses_prediction = true;
-    bool alone = false;  // whether some choice says no more than the prediction
-    Sensors kept_by_some = 0;
-    result.margin = Scalar(-1);
-    Status failure = Status::ok;
-    const auto add = [&](Sensors kept) {
-      if (failure != Status::ok) {
-        return;  // what one choice leaves unbounded, no other bounds
-      }
-      Solution trial;
-      Status status = known_.has_attitude ? Status::ok : Status::unbounded;
-      if (known_.has_attitude || kept != 0) {
-        status = solver.solve(kept, Past::used, &center, trial);
-      }
-      if (status == Status::empty_intersection) {
-        result.contradicting = sensors::at(kept, trial.fusion.contradiction);
-        return;
-      }
-      if (status != Status::ok) {
-        failure = status;
-        return;
-      }
-      kept_by_some |= kept;
-      result.margin = trial.fusion.margin > result.margin ? trial.fusion.margin : result.margin;
-      uses_prediction = uses_prediction && trial.used_prediction;
-      alone = alone || trial.fusion.prediction_alone;
-      if (!found) {
-        solution = trial;
-        found = true;
-      } else if (!alone) {
-        failure = enclosing(solution.fusion.set, trial.fusion.set, solution.fusion.set);
-      }
-    };
-    sensors::for_each_choice(all, wrong, add);
-    if (failure != Status::ok) {
-      result.margin = Scalar(1);  // not all choices were looked at: nothing is known to contradict
-      result.contradicting = 0;
-    }
-    if (failure != Status::ok && !known_.has_attitude) {
-      return Status::unbounded;
-    }
-    if (failure == Status::ok && !found) {
-      return Status::empty_intersection;
-    }
-    if (failure == Status::ok) {
-      if (wrong >= sensors::number_of(all)) {
-        // All may be wrong: one is proved so if it contradicts what is known by itself.
-        for (Sensors rest = all; rest != 0; rest &= rest - 1) {
-          Solution trial;
-          const Sensors one = sensors::lowest(rest);
-          if (solver.solve(one, Past::used, &center, trial) != Status::empty_intersection) {
-            kept_by_some |= one;
-          }
-        }
-      }
-      result.dropped = all & ~kept_by_some;
-    }
-    solution.used_prediction = known_.has_attitude && (uses_prediction || alone || failure != Status::ok);
-    if (known_.has_attitude) {
-      const Ellipsoid<Scalar, 6> predicted = known_.set.in_coordinates();
-      alone = alone || failure != Status::ok;
-      if (!alone && settings_.estimates_vector) {
-        solution.fusion.set = within_prediction(predicted, solution.fusion.set, settings_.criterion, alone);
-      } else if (!alone) {
-        const Ellipsoid<Scalar, 3> joined{solution.fusion.set.center.template head<3>(),
-                                          solution.fusion.set.shape.template topLeftCorner<3, 3>()};
-        const Ellipsoid<Scalar, 3> attitude =
-            within_prediction(attitude_of(known_.set), joined, attitude_criterion(settings_.criterion), alone);
-        solution.fusion.set.center << attitude.center, Vector3<Scalar>::Zero();
-        solution.fusion.set.shape = product_shape(attitude.shape, known_.vector_bound.shape);
-      }
-      if (alone) {
-        solution.center = known_.set.center;
-        solution.fusion.set = predicted;
-        solution.used_prediction = true;
-      }
-    }
-    solution.fusion.prediction_alone = alone;
     return Status::ok;
   }
 
@@ -682,29 +502,12 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     Ellipsoid<Scalar, 3> vector = known_.vector;
     bool has_vector = known_.has_vector;
     if (!bounded && !known_.has_attitude && !may_be_wrong() && (all & angular_velocity_bit & ~result.dropped) != 0) {
-      const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
-      const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
-      const Status status = has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
-      const bool may_drop = settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart;
-      if (status != Status::ok && !may_drop) {
+      if (const Status status = take_up(*measurements.angular_velocity, trust, vector, result); status != Status::ok) {
         if (status == Status::empty_intersection) {
           update.margin = result.margin;
           update.contradicting = angular_velocity_bit;
         }
         return status;
-      }
-      if (status != Status::ok) {
-        trust = trust_;
-        trust.count(true, true);
-      }
-      const bool is_due = trust.past_is_due(settings_.regain_after);
-      if (is_due) {
-        trust.give_up_past(settings_.regain_after);
-      }
-      if (!has_vector || is_due || (status != Status::ok && settings_.policy == Policy::restart)) {
-        vector = measured;
-      } else if (status != Status::ok) {
-        result.dropped |= angular_velocity_bit;
       }
       has_vector = true;
     }
@@ -722,7 +525,34 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
     return Status::ok;
   }
 
-  /// What is known of the vector, and what was measured of it together with that.
+  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
+  /// \param vector what is known of it, if anything is.
+  /// \return the status of `fused_vector`, where nothing may be left out.
+  [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,
+                               GuaranteedUpdate<Scalar>& result) const noexcept {
+    const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
+    const Status status = known_.has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
+    const bool may_drop = settings_.policy == Policy::drop_measurement || settings_.policy == Policy::restart;
+    if (status != Status::ok && !may_drop) {
+      return status;
+    }
+    if (status != Status::ok) {
+      trust = trust_;
+      trust.count(true, true);
+    }
+    const bool is_due = trust.past_is_due(settings_.regain_after);
+    if (is_due) {
+      trust.give_up_past(settings_.regain_after);
+    }
+    if (!known_.has_vector || is_due || (status != Status::ok && settings_.policy == Policy::restart)) {
+      vector = measured;
+    } else if (status != Status::ok) {
+      result.dropped |= angular_velocity_bit;
+    }
+    return Status::ok;
+  }
+
+  /// The set of the vector: its bound, what is known, and what was measured.
   /// \param margin set after `empty_intersection`.
   [[nodiscard]] static Status fused_vector(const Ellipsoid<Scalar, 3>& measured, Ellipsoid<Scalar, 3>& vector,
                                            Scalar& margin) noexcept {
@@ -751,13 +581,9 @@ class AttitudeFilter<FlowType, GuaranteedEstimator> {
   Flow flow_;
   Settings settings_;
   Scalar time_;
-  Knowledge<State> known_;
-  Trust trust_;  // of what is known, of the attitude or of the vector
+  detail::Knowledge<State> known_;
+  Trust trust_;  // in the set, of the attitude or of the vector
   Claim claim_;
 };
-
-/// The guaranteed filter of a flow.
-template <typename Flow>
-using GuaranteedFilter = AttitudeFilter<Flow, GuaranteedEstimator>;
 
 }  // namespace elliptude

@@ -3,7 +3,8 @@
 /// \file
 /// Which sets a guaranteed filter keeps: the domain in which everything computed from them stays finite. (theory, section 16.9)
 
-#include "elliptude/guaranteed/flow.hpp"
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/base/rounding.hpp"
 
 namespace elliptude {
 
@@ -11,12 +12,12 @@ namespace elliptude {
 /// grows beyond it is forgotten.
 template <typename Scalar>
 struct FilterDomain {
-  static constexpr bool is_single = static_cast<double>(scalar::epsilon<Scalar>) > 1e-10;
+  static constexpr bool is_single = rounding::is_single<Scalar>;
 
   /// The largest angular velocity or bias, rad/s, half-width of its bounds, and half-width of γ.
   [[nodiscard]] static Scalar largest() noexcept { return scalar::constant<Scalar>(is_single ? 1e6L : 1e9L); }
   /// rad/s: bounds with smaller half-widths are used as if they were wider by no more than this.
-  [[nodiscard]] static Scalar least_width() noexcept { return Scalar(scalar::epsilon<Scalar>); }
+  [[nodiscard]] static Scalar least_width() noexcept { return rounding::share<Scalar>(1); }
 };
 
 /// Whether an ellipsoid of the vector is within the domain; false of NaN.

@@ -4,6 +4,7 @@
 /// The motion of a rigid body over one step as a power series in time, with a bound of how far it is from the exact solution
 /// of Euler's equations. (theory, section 17)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"
 
 namespace elliptude {
@@ -13,6 +14,15 @@ template <typename Scalar>
 struct BodyInput {
   Vector3<Scalar> control_torque = Vector3<Scalar>::Zero();  ///< u, N m, body axes
   Vector3<Scalar> wheel_momentum = Vector3<Scalar>::Zero();  ///< h_w, N m s, body axes; its change is a control torque
+};
+
+/// The uncertainty of a rigid body: unknown torque and inertia error.
+template <typename Scalar>
+struct BodyUncertainty {
+  /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it changes.
+  Matrix3<Scalar> torque = Matrix3<Scalar>::Zero();
+  /// Largest error of the inertia matrix in the spectral norm, kg m². It affects the gravity gradient too.
+  Scalar inertia = Scalar(0);
 };
 
 /// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
@@ -87,7 +97,7 @@ struct MotionSeries {
 
   /// The series from `state` at `time` over a step h > 0.
   /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing
-  /// at this step, or its terms are beyond all numbers.
+  /// at this step, or its terms overflow.
   [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
                               const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
     input = body_input;
@@ -161,10 +171,9 @@ struct MotionSeries {
     stiffness_size = (torque_bounds.largest + torque_bounds.by_inertia * greatest) * angle / least;
     const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm())) / least;
     const Scalar change = largest_rate - rate_norms[0];  // Σ ‖ω_k‖ hᵏ over k ≥ 1
-    rate_defect +=
-        Scalar(scalar::epsilon<Scalar>) *
-        (Scalar(32) * largest_rate +
-         Scalar(64) * (change * greatest / least + (largest_rate * gyroscopic_size + stiffness_size + control) * h));
+    rate_defect += rounding::share<Scalar>(rounding::series_rate) * largest_rate +
+                   rounding::share<Scalar>(rounding::series_change) *
+                       (change * greatest / least + (largest_rate * gyroscopic_size + stiffness_size + control) * h);
   }
 
   /// The end of the step: the rate, and the attitude by the quaternion's series q' = ½ q ⊗ ω̂.
@@ -188,7 +197,7 @@ struct MotionSeries {
     }
     // A quaternion that errs by t is, made a unit, in error by at most 2t, and the angle by twice that and a little.
     const Scalar rest = tail(terms + 1, scalar::constant<Scalar>(0.5L), Scalar(0), h);
-    attitude_error = scalar::constant<Scalar>(4.5L) * rest + Scalar(32) * Scalar(scalar::epsilon<Scalar>);
+    attitude_error = scalar::constant<Scalar>(4.5L) * rest + rounding::share<Scalar>(rounding::series_attitude);
     if (!(attitude_error < scalar::constant<Scalar>(0.001L))) {
       return Status::step_too_long;
     }

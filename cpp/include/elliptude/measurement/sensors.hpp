@@ -3,7 +3,7 @@
 /// \file
 /// The measurements of one moment, and sets of them as bits.
 
-#include "elliptude/measurement/measurement.hpp"
+#include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {
 
@@ -24,7 +24,7 @@ inline constexpr std::size_t most_sensor_directions = 32;
 inline constexpr Sensors angular_velocity_bit = Sensors(1) << most_sensor_directions;
 inline constexpr Sensors attitude_bit = Sensors(1) << (most_sensor_directions + 1);
 
-namespace sensors {
+namespace detail::sensors {
 
 [[nodiscard]] constexpr Sensors lowest(Sensors sensors) noexcept { return sensors & (~sensors + 1); }
 
@@ -103,5 +103,5 @@ template <typename Scalar>
   return status;
 }
 
-}  // namespace sensors
+}  // namespace detail::sensors
 }  // namespace elliptude

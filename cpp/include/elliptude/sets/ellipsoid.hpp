@@ -1,12 +1,13 @@
 #pragma once
 
 /// \file
-/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2) and bounds of their sums.
+/// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2).
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
-#include "elliptude/base/scalar.hpp"
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/cholesky.hpp"
+#include "elliptude/linear/eigen.hpp"
 
 namespace elliptude {
 
@@ -50,8 +51,8 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] bool is_in_domain(const Matrix<Scalar, N>& shape) noexcept {
   using Limits = std::numeric_limits<scalar::Value<Scalar>>;
-  const Scalar least(Limits::min() / (Limits::epsilon() * Limits::epsilon()));
-  const Scalar most(Limits::max() * (Limits::epsilon() * Limits::epsilon()));
+  const Scalar least = Scalar(Limits::min()) / rounding::square<Scalar>();
+  const Scalar most = Scalar(Limits::max()) * rounding::square<Scalar>();
   for (int i = 0; i < N; ++i) {
     const Scalar& square = shape(i, i);
     if (!(square <= most) || !(scalar::abs(square) >= least || square == Scalar(0))) {
@@ -80,13 +81,11 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
                                                   const Matrix<Scalar, N>& shape) noexcept {
-  const Matrix<Scalar, N> half = transform.lazyProduct(shape);
-  const Matrix<Scalar, N> whole = half.lazyProduct(transform.transpose());
-  Matrix<Scalar, N> result = scalar::constant<Scalar>(0.5L) * (whole + whole.transpose());
+  Matrix<Scalar, N> result = symmetrized(congruence(transform, shape));
   Matrix<Scalar, N> factor;
   if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
     const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
-    result.diagonal() += Scalar(128) * Scalar(scalar::epsilon<Scalar>) * width.cwiseAbs2();
+    result.diagonal() += rounding::share<Scalar>(rounding::image) * width.cwiseAbs2();
   }
   return result;
 }
@@ -97,10 +96,7 @@ template <typename Scalar, int M, int N>
 [[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid,
                                                 const Matrix<Scalar, M, N>& transform,
                                                 const Vector<Scalar, M>& shift) noexcept {
-  const Matrix<Scalar, M, N> half = transform.lazyProduct(ellipsoid.shape);
-  const Matrix<Scalar, M> shape = half.lazyProduct(transform.transpose());
-  return {transform.lazyProduct(ellipsoid.center) + shift,
-          scalar::constant<Scalar>(0.5L) * (shape + shape.transpose())};
+  return {transform.lazyProduct(ellipsoid.center) + shift, symmetrized(congruence(transform, ellipsoid.shape))};
 }
 
 /// The projection on `Size` consecutive coordinates from `First` on.
@@ -172,7 +168,7 @@ template <typename Scalar, int N>
   // The unit ball's volume by V(n) = V(n − 2) 2π/n.
   long double ball = N % 2 == 0 ? 1.0L : 2.0L;
   for (int n = N % 2 == 0 ? 2 : 3; n <= N; n += 2) {
-    ball *= 2.0L * 3.14159265358979323846264338327950288L / static_cast<long double>(n);
+    ball *= 2.0L * scalar::pi<long double>() / static_cast<long double>(n);
   }
   Scalar sum = scalar::log(scalar::constant<Scalar>(ball));
   for (int i = 0; i < N; ++i) {
@@ -197,118 +193,6 @@ template <typename Scalar, int N>
   }
   axes.lengths = eigen.values.cwiseMax(Scalar(0)).cwiseSqrt();
   axes.directions = eigen.vectors;
-  return Status::ok;
-}
-
-/// The sum of two ellipsoids about zero, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
-template <typename Scalar, int N>
-[[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
-  const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
-  const Scalar width_b = scalar::sqrt(Scalar(b.trace()));
-  if (width_a == Scalar(0)) {
-    return b;
-  }
-  if (width_b == Scalar(0)) {
-    return a;
-  }
-  return (Scalar(1) + width_b / width_a) * a + (Scalar(1) + width_a / width_b) * b;
-}
-
-/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
-/// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
-/// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
-/// shape of zeros only move the center.
-/// \return `out_of_range` for no terms or more than `max_terms`; what `validate` says of a term or of the criterion; for the
-/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
-/// `beyond_domain` if the sum is beyond all numbers.
-template <typename Scalar, int N>
-[[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
-                                 const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
-  constexpr std::size_t max_terms = 64;
-  if (count == 0 || count > max_terms) {
-    return Status::out_of_range;
-  }
-  if (const Status status = validate(criterion); status != Status::ok) {
-    return status;
-  }
-  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
-  std::array<Scalar, max_terms> share{};
-  const auto combined = [&](const Scalar& total) {
-    Matrix<Scalar, N> shape = Matrix<Scalar, N>::Zero();
-    for (std::size_t i = 0; i < count; ++i) {
-      if (share[i] > Scalar(0)) {
-        shape += (total / share[i]) * terms[i].shape;
-      }
-    }
-    return shape;
-  };
-
-  // The best shares for the trace; for the volume they are where the iteration starts.
-  Scalar total(0);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (const Status status = validate(terms[i]); status != Status::ok) {
-      return status;
-    }
-    center += terms[i].center;
-    const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
-    if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
-      // A term must not be lost to rounding.
-      return Status::not_positive_definite;
-    }
-    share[i] = scalar::sqrt(square);
-    total += share[i];
-  }
-  Matrix<Scalar, N> shape = combined(total);
-
-  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
-    constexpr int most_steps = 200;
-    const Scalar tolerance = Scalar(8) * Scalar(scalar::epsilon<Scalar>);
-    for (int step = 0; step < most_steps; ++step) {
-      Matrix<Scalar, N> inverse;
-      if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
-        return status;
-      }
-      Scalar change(0);
-      Scalar next_total(0);
-      std::array<Scalar, max_terms> next{};
-      for (std::size_t i = 0; i < count; ++i) {
-        if (share[i] > Scalar(0)) {
-          const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
-          if (!(square > Scalar(0))) {  // flat to rounding
-            return Status::not_positive_definite;
-          }
-          next[i] = scalar::sqrt(square);
-          next_total += next[i];
-        }
-      }
-      for (std::size_t i = 0; i < count; ++i) {
-        const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
-        change = difference > change ? difference : change;
-      }
-      share = next;
-      total = next_total;
-      shape = combined(total);
-      if (change <= tolerance) {
-        break;
-      }
-    }
-  }
-  if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {
-    return Status::beyond_domain;
-  }
-  Matrix<Scalar, N> factor;
-  if (cholesky(shape, factor) != Status::ok) {
-    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of its own
-    // terms, each at most √(Pᵢᵢ Pⱼⱼ).
-    for (std::size_t i = 0; i < count; ++i) {
-      if (cholesky(terms[i].shape, factor) == Status::ok) {
-        shape.diagonal() *= Scalar(1) + Scalar(128) * Scalar(scalar::epsilon<Scalar>);
-        break;
-      }
-    }
-  }
-  sum.center = center;
-  sum.shape = shape;
   return Status::ok;
 }
 

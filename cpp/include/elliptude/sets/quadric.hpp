@@ -4,6 +4,7 @@
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
 /// quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/intersection.hpp"
 
 namespace elliptude {
@@ -87,7 +88,7 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> offset = ellipsoid.center.cwiseAbs();
   const Vector<Scalar, N> reach = offset + Vector<Scalar, N>(ellipsoid.shape.diagonal().cwiseSqrt());
   const Scalar lost = offset.dot(result.a.cwiseAbs().lazyProduct(reach));
-  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + Scalar(4 * N) * Scalar(scalar::epsilon<Scalar>) * lost;
+  result.c = Scalar(1) + result.g.dot(ellipsoid.center) + rounding::share<Scalar>(rounding::quadric(N)) * lost;
   quadric = result;
   return Status::ok;
 }
@@ -120,12 +121,11 @@ template <typename Scalar, int M, int N>
   const Matrix<Scalar, N, M> half = quadric.a.lazyProduct(transform);
   const Matrix<Scalar, M> a = transform.transpose().lazyProduct(half);
   const Vector<Scalar, N> gradient = quadric.a.lazyProduct(shift) + quadric.g;
-  return {scalar::constant<Scalar>(0.5L) * (a + a.transpose()), transform.transpose().lazyProduct(gradient),
-          slack(quadric, shift)};
+  return {symmetrized(a), transform.transpose().lazyProduct(gradient), slack(quadric, shift)};
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return what `validate` says; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
+/// \return the status of `validate`; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
 /// nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
@@ -155,7 +155,7 @@ template <typename Scalar, int N>
 /// A small ellipsoid that contains the intersection of an ellipsoid, which may be flat, with a quadric, which may be
 /// unbounded or indefinite: the smallest of the family that two multipliers give, never larger than the ellipsoid.
 /// `share` 0 is the quadric alone, 1 the ellipsoid.
-/// \return what `validate` says; `empty_intersection` if they have no common point; `beyond_domain` also of
+/// \return the status of `validate`; `empty_intersection` if they have no common point; `beyond_domain` also for
 /// what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Quadric<Scalar, N>& quadric, const Ellipsoid<Scalar, N>& ellipsoid,
@@ -178,11 +178,11 @@ template <typename Scalar, int N>
       l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
   const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
-  const fusion::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
+  const detail::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
   Intersection<Scalar, N> intersection;
-  fusion::Combination<Scalar, N> best;
-  const fusion::RelativeSize<Scalar, N> size(l, present, criterion);
-  if (const Status status = fusion::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
+  detail::Combination<Scalar, N> best;
+  const detail::RelativeSize<Scalar, N> size(l, present, criterion);
+  if (const Status status = detail::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
                                                          intersection, best);
       status != Status::ok) {
     return status;
@@ -192,7 +192,7 @@ template <typename Scalar, int N>
   } else {
     // Where the quadric is far sharper than the ellipsoid, A at the best q has too few right digits for a bound; with more of the
     // ellipsoid it has half of them, and any q gives one.
-    const Scalar sure = scalar::sqrt(Scalar(scalar::epsilon<Scalar>)) * seen.a.norm();
+    const Scalar sure = rounding::root<Scalar>() * seen.a.norm();
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (q < sure && problem.is_ill_conditioned(q, best)) {
       if (problem.combine(sure, best) == Status::ok && best.level >= Scalar(0)) {
@@ -205,7 +205,7 @@ template <typename Scalar, int N>
         intersection.share = Scalar(1);
       }
     }
-    if (const Status status = fusion::validate_combined(intersection.set, present.sum() < Scalar(N));
+    if (const Status status = detail::validate_combined(intersection.set, present.sum() < Scalar(N));
         status != Status::ok) {
       return status;
     }

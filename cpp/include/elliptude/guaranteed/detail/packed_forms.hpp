@@ -8,10 +8,10 @@
 /// those with d = 3 stand there twice. Its value is then the inner product with u uᵀ packed in the same way, which has the
 /// length ‖u‖². There are 24 entries, whole SIMD registers of any width.
 
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/base/scalar.hpp"
 
 namespace elliptude {
-namespace packed {
+namespace detail::packed {
 
 constexpr int size = 24;
 
@@ -124,5 +124,5 @@ template <typename Scalar>
   return result;
 }
 
-}  // namespace packed
+}  // namespace detail::packed
 }  // namespace elliptude

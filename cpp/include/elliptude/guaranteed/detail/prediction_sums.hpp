@@ -7,10 +7,11 @@
 #include <array>
 
 #include "elliptude/base/rounding.hpp"
-#include "elliptude/linear/factorization.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/norms.hpp"
 
 namespace elliptude {
-namespace tube {
+namespace detail::tube {
 
 /// A growth in a prediction that is always acceptable.
 template <typename Scalar>
@@ -111,5 +112,5 @@ template <typename Scalar>
   return scalar::sqrt(spectral_norm(shape));
 }
 
-}  // namespace tube
+}  // namespace detail::tube
 }  // namespace elliptude

@@ -4,11 +4,12 @@
 /// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
 /// about contradictions. (theory, sections 16.5 to 16.7)
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/measurement/sensors.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 
-namespace elliptude {
+namespace elliptude::detail {
 
 /// What a guaranteed filter knows.
 template <typename State>
@@ -16,14 +17,24 @@ struct Knowledge {
   using Scalar = StateScalar<State>;
 
   GibbsEllipsoid<State> set;          ///< where the attitude is known
-  Ellipsoid<Scalar, 3> vector;        ///< what is known of the vector where the attitude is not
-  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for it
+  Ellipsoid<Scalar, 3> vector;        ///< what is known about the vector while the attitude is not known
+  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for the vector
   bool has_attitude = false;
   bool has_vector = false;
   bool has_vector_bound = false;
 };
 
-/// A set of states about a center that is only where its coordinates begin.
+/// What a set says of the vector, and of the attitude, alone.
+template <typename State>
+[[nodiscard]] Ellipsoid<StateScalar<State>, 3> vector_of(const GibbsEllipsoid<State>& set) noexcept {
+  return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
+}
+template <typename State>
+[[nodiscard]] Ellipsoid<StateScalar<State>, 3> attitude_of(const GibbsEllipsoid<State>& set) noexcept {
+  return {Vector3<StateScalar<State>>::Zero(), set.shape.template topLeftCorner<3, 3>()};
+}
+
+/// A set of states about a center that is only the origin of its coordinates.
 template <typename State>
 struct Solution {
   State center;
@@ -64,7 +75,7 @@ class SetSolver {
   enum class Past : std::uint8_t { used, forgotten };
 
   /// \param center where the coordinates begin if there is no prediction; null for one by the selected measurements.
-  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; what `validate` says.
+  /// \return `unbounded` if they do not bound the attitude; `empty_intersection`; the status of `validate`.
   [[nodiscard]] Status solve(Sensors selected, Past past, const State* center,
                              Solution<State>& solution) const noexcept {
     const bool with_prediction = past == Past::used && known.has_attitude;
@@ -109,11 +120,11 @@ class SetSolver {
         if ((selected & direction_bit(i)) != 0) {
           const Direction<Scalar>& direction = measurements.directions[i];
           // A weight is any positive number: within these no sum is lost.
-          const Scalar least(scalar::epsilon<Scalar>);
+          const Scalar least = rounding::share<Scalar>(1);
           const Scalar square = direction.bound.trace();
           const Scalar weight = square < least ? Scalar(Scalar(1) / least)
                                                : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);
-          profile += (weight * scalar::unit(direction.reference)) * scalar::unit(direction.body).transpose();
+          profile += profile_term(weight, scalar::unit(direction.reference), scalar::unit(direction.body));
         }
       }
       Scalar condition;
@@ -179,7 +190,7 @@ class SetSolver {
     }
     const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
     const Status status =
-        fusion::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
+        detail::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
     solution.used_prediction =
         with_prediction && status == Status::ok &&
         (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > least_multiplier());
@@ -232,4 +243,4 @@ class SetSolver {
   }
 };
 
-}  // namespace elliptude
+}  // namespace elliptude::detail

@@ -9,7 +9,7 @@
 #include "elliptude/base/scalar.hpp"
 
 namespace elliptude {
-namespace step_means {
+namespace detail::step_means {
 
 template <typename Scalar>
 [[nodiscard]] Scalar cube_of(const Scalar& x) noexcept {
@@ -119,5 +119,5 @@ template <typename Scalar>
   return half * change.drift * (at_ends - Scalar(1)) + (half * change.rest + change.missing) * at_ends;
 }
 
-}  // namespace step_means
+}  // namespace detail::step_means
 }  // namespace elliptude

@@ -1,13 +1,13 @@
 #pragma once
 
 /// \file
-/// An ellipsoid about two, and what a prediction leaves of it: for measurements of which some may be wrong. (theory, section
+/// An ellipsoid about two, and its intersection with a prediction, for measurements some of which may be wrong. (theory, section
 /// 16.10)
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 
-namespace elliptude {
+namespace elliptude::detail {
 
 /// An ellipsoid about two: about the middle of their centers, with a shape that majorises both, and the distance added.
 /// \return `not_positive_definite`, `not_converged`.
@@ -19,10 +19,8 @@ template <typename Scalar>
     return status;
   }
   const Matrix6<Scalar> inverse = lower_inverse(l);
-  const Matrix6<Scalar> half = inverse.lazyProduct(second.shape);
   SymmetricEigen<Scalar, 6> eigen;
-  if (const Status status = symmetric_eigen(Matrix6<Scalar>(half.lazyProduct(inverse.transpose())), eigen);
-      status != Status::ok) {
+  if (const Status status = symmetric_eigen(congruence(inverse, second.shape), eigen); status != Status::ok) {
     return status;
   }
   // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in `inverse_from_below`.
@@ -35,7 +33,7 @@ template <typename Scalar>
   const Vector6<Scalar> offset = scalar::constant<Scalar>(0.5L) * (second.center - first.center);
   shape = enlarged(shape, Matrix6<Scalar>(offset * offset.transpose()));
   both.center = first.center + offset;
-  both.shape = scalar::constant<Scalar>(0.5L) * (shape + shape.transpose());
+  both.shape = symmetrized(shape);
   both.shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
   return Status::ok;
 }
@@ -54,4 +52,4 @@ template <typename Scalar, int N>
   return alone ? predicted : fusion.set;
 }
 
-}  // namespace elliptude
+}  // namespace elliptude::detail

@@ -1,0 +1,249 @@
+#pragma once
+
+/// \file
+/// The guaranteed flow of a rigid body: the set that it predicts holds the state of the continuous motion, with nothing left out
+/// (theory, section 17). The errors are y = [γ; δω] in the Gibbs chart.
+///
+/// A guaranteed flow has a `State`, an `Input` and
+///
+///     Status predict(time, duration, input, ellipsoid, result) const noexcept
+///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
+///
+/// the second for an unknown attitude.
+
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/base/interruption.hpp"
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/guaranteed/error_tube.hpp"
+
+namespace elliptude {
+
+/// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
+/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
+template <typename Scalar, typename Potential>
+class GuaranteedRigidBodyFlow {
+  static_assert(has_expansion<Potential, Scalar>,
+                "this potential offers no bounds of its torque: see guaranteed/torque_expansion.hpp for what a "
+                "guaranteed flow needs");
+
+ public:
+  using State = RigidBodyState<Scalar>;
+  using Input = BodyInput<Scalar>;
+
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
+  ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
+  /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia error
+  /// reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
+  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                   const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
+                                   GuaranteedRigidBodyFlow& flow) noexcept {
+    if (!scalar::isfinite(longest_step) || !scalar::isfinite(uncertainty.inertia)) {
+      return Status::not_finite;
+    }
+    if (!(longest_step > Scalar(0)) || !(uncertainty.inertia >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (!(uncertainty.inertia < body.principal_moments()(2))) {
+      return Status::invalid_inertia;
+    }
+    if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), uncertainty.torque});
+        status != Status::ok) {
+      return status;
+    }
+    const TorqueExpansion<Potential, Scalar, 1> expansion(potential);
+    const TorqueBounds<Scalar> torque_bounds = expansion.bounds(Matrix3<Scalar>::Identity());
+    const TorqueBounds<Scalar> acceleration_bounds = expansion.bounds(body.inertia_inverse());
+    if (!scalar::isfinite(torque_bounds.largest) || !scalar::isfinite(acceleration_bounds.largest)) {
+      return Status::not_finite;
+    }
+    flow.body_ = body;
+    flow.potential_ = potential;
+    flow.longest_step_ = longest_step;
+    flow.uncertainty_ = uncertainty;
+    flow.torque_bounds_ = torque_bounds;
+    flow.acceleration_bounds_ = acceleration_bounds;
+    flow.most_steps_ = default_most_steps;
+    flow.interruption_ = Interruption();
+    return Status::ok;
+  }
+
+  [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
+  [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+  /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
+  /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
+  /// the step too long for it, for the prediction to say anything; `interrupted`.
+  [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
+        !scalar::all_finite(input.wheel_momentum)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    using std::ceil;
+    // A step that is longer than the longest only by rounding does not need another one.
+    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
+    }
+    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    Status status = divided(time, duration, steps, input, ellipsoid, result);
+    long finer = steps;
+    const bool may_close = status == Status::unbounded || status == Status::step_too_long;
+    for (int retry = 0; retry < 2 && may_close && finer <= most_steps_ / 3; ++retry) {
+      finer *= 3;
+      const Status again = divided(time, duration, finer, input, ellipsoid, result);
+      if (again == Status::ok || again == Status::interrupted) {
+        return again;
+      }
+      if (again == Status::unbounded) {
+        status = again;  // the motion is not what fails
+      }
+    }
+    return status;
+  }
+
+  /// What remains known about the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
+                                      const Ellipsoid<Scalar, 3>& ellipsoid,
+                                      Ellipsoid<Scalar, 3>& result) const noexcept {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    if (duration == Scalar(0)) {
+      result = ellipsoid;
+      return Status::ok;
+    }
+    const Scalar error = uncertainty_.inertia;
+    const Matrix3<Scalar>& j = body_.inertia();
+    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Scalar gradient = torque_bounds_.by_inertia * error;
+    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + detail::tube::radius(ellipsoid.shape);
+    const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
+    Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
+                      detail::tube::radius(momentum_shape) + error * speed;
+    momentum +=
+        duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+                    detail::tube::radius(uncertainty_.torque));
+    momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
+    const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
+    shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+    if (!scalar::all_finite(shape) || !is_in_domain(shape)) {
+      return Status::beyond_domain;
+    }
+    result.center = -inverse * input.wheel_momentum;
+    result.shape = shape;
+    return Status::ok;
+  }
+
+ private:
+  struct Course {
+    GibbsEllipsoid<State> end;
+    Scalar size;                  // of the set at the end: √det P
+    Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
+  };
+
+  /// The prediction in so many steps.
+  [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
+                               const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
+    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
+    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    Course longest_tubes;
+    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
+    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded ||
+                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
+      Course shorter_tubes;
+      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
+      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
+        result = shorter_tubes.end;
+        return Status::ok;
+      }
+    }
+    if (status == Status::ok) {
+      result = longest_tubes.end;
+    }
+    return status;
+  }
+
+  /// A tube after another, each until its errors have moved by more than `longest`.
+  [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
+                              const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
+                              Course& course) const noexcept {
+    State state = ellipsoid.center;
+    state.attitude =
+        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+    MotionSeries<Scalar, Potential> series(potential_, torque_bounds_, acceleration_bounds_);
+    const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
+    ErrorTube<Scalar, Potential> tube;
+    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
+      Matrix6<Scalar> factor;  // of a set that is as it should be, h² has overflowed
+      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
+    }
+    course.largest_displacement = Scalar(0);
+    for (long step = 0; step < steps; ++step) {
+      if (interruption_.after(step)) {
+        return Status::interrupted;
+      }
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
+      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
+        return status;
+      }
+      const Scalar displacement = tube.displacement();
+      if (displacement > course.largest_displacement) {
+        course.largest_displacement = displacement;
+      }
+      if (displacement > longest && tube.start(tube.shape(), h, stiffness) != Status::ok) {
+        return Status::unbounded;
+      }
+      if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
+        return status;
+      }
+      state = series.end;
+    }
+    course.end.center = state;
+    course.end.shape = tube.shape();
+    Matrix6<Scalar> factor;
+    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+      return Status::unbounded;
+    }
+    course.size = factor.diagonal().prod();
+    return Status::ok;
+  }
+
+  RigidBody<Scalar> body_;
+  Potential potential_;
+  Scalar longest_step_;
+  BodyUncertainty<Scalar> uncertainty_;
+  TorqueBounds<Scalar> torque_bounds_;        // of M
+  TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
+};
+
+}  // namespace elliptude

@@ -1,0 +1,228 @@
+#pragma once
+
+/// \file
+/// The linear part of the errors of an error tube over a step, as a polynomial in time with a bound of its error. (theory, section
+/// 17.4)
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/guaranteed/motion_series.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/linear/norms.hpp"
+
+namespace elliptude::detail {
+
+/// Y(s) = Σ Y_k sᵏ over a step, which is Y(h/2) (I + W(s)).
+template <typename Scalar>
+struct LinearPart {
+  using Columns = Matrix<Scalar, 6, 3>;
+
+  Matrix6<Scalar> middle;
+  Matrix6<Scalar> end;
+  Columns from_attitude;      // Y(h/2)⁻¹, its first three columns
+  Columns from_rate;          // and its last
+  Scalar from_attitude_norm;  // what an error of γ' is, at most, in u'
+  Scalar from_rate_norm;      // and one of δω'
+  Scalar largest_attitude;    // of γ in the middle for ‖u‖ ≤ 1
+  Scalar largest_difference;  // of δω
+  Scalar change_odd;          // of W, its part that is linear in s − h/2
+  Scalar change;              // of W, all
+  Scalar error;               // of the integral of Y(h/2)⁻¹ (Y' − A Y)
+};
+
+/// Y_k from Y' = A(s) Y, and what follows from them.
+template <typename Scalar, typename Potential>
+class LinearExpansion {
+ public:
+  LinearExpansion(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series) noexcept
+      : body_(body), series_(series) {}
+
+  /// \param frame Y at the start of the step.
+  /// \return `unbounded` if Y changes too much over the step.
+  [[nodiscard]] Status expand(const Matrix6<Scalar>& frame, LinearPart<Scalar>& linear) noexcept {
+    find_coefficients(frame);
+    Matrix6<Scalar> inverse;
+    if (!evaluate(linear, inverse) || !bound_change(inverse, linear)) {
+      return Status::unbounded;
+    }
+    bound_error(inverse, linear);
+    return Status::ok;
+  }
+
+ private:
+  static constexpr int order = 4;      // of Y within a step
+  static constexpr int jacobians = 4;  // terms of the torque's Jacobian
+  // Three rows of Y, transposed: columns fill SIMD registers with two rows of zeros.
+  using Block = Matrix<Scalar, 8, 3>;
+  using Columns = Matrix<Scalar, 6, 3>;
+  using Blocks = std::array<Block, order + 1>;
+
+  [[nodiscard]] static Scalar number(std::size_t k) noexcept { return Scalar(static_cast<scalar::Value<Scalar>>(k)); }
+
+  [[nodiscard]] static Scalar block_norm(const Block& block) noexcept {
+    return norm_of_gram(Matrix3<Scalar>(block.transpose().lazyProduct(block)));
+  }
+  [[nodiscard]] static Scalar column_norm(const Columns& columns) noexcept {
+    return norm_of_gram(Matrix3<Scalar>(columns.transpose().lazyProduct(columns)));
+  }
+
+  [[nodiscard]] static Block value_at(const Blocks& blocks, const Scalar& s) noexcept {
+    Block value = blocks[order];
+    for (std::size_t k = order; k-- > 0;) {
+      value = blocks[k] + s * value;
+    }
+    return value;
+  }
+  [[nodiscard]] static Block slope_at(const Blocks& blocks, const Scalar& s) noexcept {
+    Block slope = number(order) * blocks[order];
+    for (std::size_t k = order - 1; k > 0; --k) {
+      slope = number(k) * blocks[k] + s * slope;
+    }
+    return slope;
+  }
+  [[nodiscard]] static Matrix6<Scalar> rows(const Block& first, const Block& second) noexcept {
+    Matrix6<Scalar> matrix;
+    matrix.template topRows<3>() = first.template topRows<6>().transpose();
+    matrix.template bottomRows<3>() = second.template topRows<6>().transpose();
+    return matrix;
+  }
+
+  /// Everything is transposed.
+  void find_coefficients(const Matrix6<Scalar>& frame) noexcept {
+    const Matrix3<Scalar>& inertia = body_.inertia();
+    const Matrix3<Scalar>& inverse_inertia = body_.inertia_inverse();
+    for (int j = 0; j < jacobians; ++j) {
+      stiffness_[static_cast<std::size_t>(j)] = inverse_inertia.lazyProduct(series_.torque.jacobian(j)).transpose();
+    }
+    std::array<Matrix3<Scalar>, order + 1> turning;     // −S(ω_j), transposed: S(ω_j)
+    std::array<Matrix3<Scalar>, order + 1> gyroscopic;  // J⁻¹ (S(Jω_j + h_w) − S(ω_j) J)
+    for (std::size_t j = 0; j <= order; ++j) {
+      turning[j] = hat(series_.rate[j]);
+      gyroscopic[j] =
+          inverse_inertia.lazyProduct(Matrix3<Scalar>(hat(series_.momentum[j]) - turning[j].lazyProduct(inertia)))
+              .transpose();
+    }
+    top_[0].setZero();
+    bottom_[0].setZero();
+    top_[0].template topRows<6>() = frame.template topRows<3>().transpose();
+    bottom_[0].template topRows<6>() = frame.template bottomRows<3>().transpose();
+    for (std::size_t k = 0; k <= order; ++k) {  // coefficient k of A Y, which is (k + 1) Y_{k+1}
+      next_top_ = bottom_[k];
+      next_bottom_.setZero();
+      for (std::size_t j = 0; j <= k; ++j) {
+        next_top_ += top_[k - j].lazyProduct(turning[j]);
+        next_bottom_ += bottom_[k - j].lazyProduct(gyroscopic[j]);
+        if (j < jacobians) {
+          next_bottom_ += top_[k - j].lazyProduct(stiffness_[j]);
+        }
+      }
+      if (k < order) {
+        top_[k + 1] = (Scalar(1) / number(k + 1)) * next_top_;
+        bottom_[k + 1] = (Scalar(1) / number(k + 1)) * next_bottom_;
+      }
+    }
+    for (std::size_t k = 0; k <= order; ++k) {
+      top_norms_[k] = scalar::sqrt(Scalar(top_[k].squaredNorm()));
+      bottom_norms_[k] = scalar::sqrt(Scalar(bottom_[k].squaredNorm()));
+    }
+  }
+
+  /// Y in the middle and at the end of the step. \return whether it has an inverse in the middle.
+  [[nodiscard]] bool evaluate(LinearPart<Scalar>& linear, Matrix6<Scalar>& inverse) const noexcept {
+    const Scalar& h = series_.step_powers[1];
+    const Scalar middle = scalar::constant<Scalar>(0.5L) * h;
+    const Block middle_top = value_at(top_, middle);
+    const Block middle_bottom = value_at(bottom_, middle);
+    linear.middle = rows(middle_top, middle_bottom);
+    linear.end = rows(value_at(top_, h), value_at(bottom_, h));
+    if (inverse_of(linear.middle, inverse) != Status::ok) {
+      return false;
+    }
+    linear.from_attitude = inverse.template leftCols<3>();
+    linear.from_rate = inverse.template rightCols<3>();
+    linear.from_attitude_norm = column_norm(linear.from_attitude);
+    linear.from_rate_norm = column_norm(linear.from_rate);
+    linear.largest_attitude = block_norm(middle_top);
+    linear.largest_difference = block_norm(middle_bottom);
+    return true;
+  }
+
+  /// Of W. \return whether that is less than a half.
+  [[nodiscard]] bool bound_change(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
+    const auto& powers = series_.step_powers;
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Scalar middle = half * powers[1];
+    const Matrix6<Scalar> slope = rows(slope_at(top_, middle), slope_at(bottom_, middle));
+    linear.change_odd = spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(slope))) * middle;
+    Scalar curvature(0);
+    for (std::size_t k = 2; k <= order; ++k) {
+      curvature += number(k * (k - 1)) * powers[k - 2] *
+                   (linear.from_attitude_norm * top_norms_[k] + linear.from_rate_norm * bottom_norms_[k]);
+    }
+    linear.change = linear.change_odd + half * curvature * middle * middle;
+    return linear.change < half;
+  }
+
+  /// Of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; and of rounding.
+  void bound_error(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
+    const auto& powers = series_.step_powers;
+    const Scalar& h = powers[1];
+    const Scalar one(1);
+    const Scalar largest_attitude = linear.largest_attitude * (one + linear.change);
+    const Scalar largest_difference = linear.largest_difference * (one + linear.change);
+    const Matrix6<Scalar> first_error = inverse.lazyProduct(rows(next_top_, next_bottom_));
+    linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
+    Scalar top_sum(0);
+    Scalar bottom_sum(0);
+    add_up_rest(top_sum, bottom_sum);
+    const TorqueBounds<Scalar>& torque = series_.acceleration;  // of J⁻¹M
+    if (torque.largest > Scalar(0)) {
+      bottom_sum += torque.degree * torque.largest * series_.tail(jacobians, torque.degree, torque.turn_rate, h) * h /
+                    number(jacobians + 1) * largest_attitude;
+    }
+    linear.error += linear.from_attitude_norm * top_sum + linear.from_rate_norm * bottom_sum;
+    // Rounding of Y and of what is calculated from it.
+    linear.error += rounding::share<Scalar>(rounding::linear_part) *
+                    (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
+    // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large. ‖u‖ ≤ 2.
+    const Scalar ratio = body_.principal_moments()(0) / body_.principal_moments()(2);
+    linear.error += rounding::share<Scalar>(rounding::linear_rate) * h * linear.from_rate_norm *
+                    ((series_.gyroscopic_size + ratio * largest_difference) * largest_difference +
+                     series_.stiffness_size * largest_attitude * (one + largest_attitude));
+  }
+
+  /// The integral of sⁱ⁺ʲ with i + j > order is at most hⁱ⁺ʲ⁺¹/(order + 2); sums over i come first.
+  void add_up_rest(Scalar& top_sum, Scalar& bottom_sum) const noexcept {
+    const auto& powers = series_.step_powers;
+    std::array<Scalar, order + 1> top_sums;
+    std::array<Scalar, order + 1> bottom_sums;
+    top_sums[order] = powers[order] * top_norms_[order];
+    bottom_sums[order] = powers[order] * bottom_norms_[order];
+    for (std::size_t i = order; i-- > 0;) {
+      top_sums[i] = top_sums[i + 1] + powers[i] * top_norms_[i];
+      bottom_sums[i] = bottom_sums[i + 1] + powers[i] * bottom_norms_[i];
+    }
+    for (std::size_t j = 1; j < series_.rate_norms.size(); ++j) {
+      const Scalar momentum = scalar::sqrt(Scalar(series_.momentum[j].squaredNorm()));
+      const Scalar gyroscopic_norm =
+          (momentum + series_.rate_norms[j] * body_.principal_moments()(0)) / body_.principal_moments()(2);
+      const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness_[j].squaredNorm())) : Scalar(0);
+      const std::size_t first = j > order ? 0 : order + 1 - j;
+      top_sum += powers[j] * series_.rate_norms[j] * top_sums[first];
+      bottom_sum += powers[j] * (gyroscopic_norm * bottom_sums[first] + stiffness_norm * top_sums[first]);
+    }
+    top_sum *= powers[1] / number(order + 2);
+    bottom_sum *= powers[1] / number(order + 2);
+  }
+
+  const RigidBody<Scalar>& body_;
+  const MotionSeries<Scalar, Potential>& series_;
+  std::array<Matrix3<Scalar>, jacobians> stiffness_;  // J⁻¹ 𝓜_j
+  Blocks top_;                                        // of γ
+  Blocks bottom_;                                     // of δω
+  Block next_top_;                                    // (order + 1) Y_{order+1}, which Y leaves out
+  Block next_bottom_;
+  std::array<Scalar, order + 1> top_norms_;
+  std::array<Scalar, order + 1> bottom_norms_;
+};
+
+}  // namespace elliptude::detail

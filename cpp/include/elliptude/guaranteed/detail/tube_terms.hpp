@@ -1,0 +1,108 @@
+#pragma once
+
+/// \file
+/// What moves the errors of an error tube beyond the linear part: forms of second order, the unknown torque, and pushes of third
+/// order. (theory, sections 17.4 and 17.5)
+
+#include "elliptude/guaranteed/detail/linear_part.hpp"
+#include "elliptude/guaranteed/detail/packed_forms.hpp"
+
+namespace elliptude::detail {
+
+/// The terms of second order of u' in the middle of the step, as forms of u.
+template <typename Scalar, typename Potential>
+[[nodiscard]] packed::Forms<Scalar> second_order_forms(const RigidBody<Scalar>& body,
+                                                       const MotionSeries<Scalar, Potential>& series,
+                                                       const Scalar& middle,
+                                                       const LinearPart<Scalar>& linear) noexcept {
+  using Factor = packed::Factor<Scalar>;
+  const Matrix6<Scalar>& y = linear.middle;
+  const std::array<Factor, 3> attitude{Factor(y.row(0)), Factor(y.row(1)), Factor(y.row(2))};
+  const std::array<Factor, 3> difference{Factor(y.row(3)), Factor(y.row(4)), Factor(y.row(5))};
+  // The six products of three linear forms, as `expansion::RowForms` counts them.
+  const auto squares_of = [](const std::array<Factor, 3>& factors) {
+    const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
+    packed::Forms<Scalar> squares;
+    for (int a = 0; a < 3; ++a) {
+      const auto at = static_cast<std::size_t>(a);
+      squares.col(a) = packed::product(factors[at], factors[at]);
+      squares.col(3 + a) = root * packed::product(factors[(at + 1) % 3], factors[(at + 2) % 3]);
+    }
+    return squares;
+  };
+
+  Matrix<Scalar, packed::size, 3> by_attitude;
+  for (int a = 0; a < 3; ++a) {  // ½ γ × δω
+    const auto next = static_cast<std::size_t>((a + 1) % 3);
+    const auto last = static_cast<std::size_t>((a + 2) % 3);
+    by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (packed::product(attitude[next], difference[last]) -
+                                                           packed::product(attitude[last], difference[next]));
+  }
+  // −J⁻¹ (δω × Jδω)
+  const expansion::RowForms<Scalar> gyroscopic =
+      -body.inertia_inverse().lazyProduct(expansion::gyroscopic_forms(body.inertia()));
+  Matrix<Scalar, packed::size, 3> by_rate = squares_of(difference).lazyProduct(gyroscopic.transpose());
+  if (series.acceleration.largest > Scalar(0)) {
+    expansion::Forms<Scalar> torque_forms{Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero()};
+    series.torque.add_curvature(middle, body.inertia_inverse(), torque_forms);
+    const expansion::RowForms<Scalar> curvature = expansion::rows_of(torque_forms);
+    by_rate += squares_of(attitude).lazyProduct(curvature.transpose());
+  }
+  packed::Forms<Scalar> forms = by_attitude.lazyProduct(linear.from_attitude.transpose());
+  forms += by_rate.lazyProduct(linear.from_rate.transpose());
+  return forms;
+}
+
+/// The unknown torque, and the inertia error as a torque (theory, section 17.5).
+template <typename Scalar, typename Potential>
+[[nodiscard]] Status unknown_torque(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
+                                    const BodyUncertainty<Scalar>& uncertainty, const Scalar& largest_difference,
+                                    Matrix3<Scalar>& shape) noexcept {
+  shape = uncertainty.torque;
+  if (!(uncertainty.inertia > Scalar(0))) {
+    return Status::ok;
+  }
+  const Scalar error = uncertainty.inertia;
+  const Scalar least_moment = body.principal_moments()(2) - error;
+  if (!(least_moment > Scalar(0))) {
+    return Status::invalid_inertia;
+  }
+  const Scalar speed = series.largest_rate + Scalar(2) * largest_difference;
+  const Scalar wheel = scalar::sqrt(Scalar(series.input.wheel_momentum.squaredNorm()));
+  const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
+  const Scalar gradient = series.acceleration.by_inertia * error;
+  const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
+  const Scalar acceleration =
+      (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed + wheel * speed +
+       series.torque_bounds.largest + gradient + control + scalar::sqrt(Scalar(shape.trace()))) /
+      least_moment;
+  const Scalar ball = error * speed * speed + gradient + error * acceleration;
+  shape = sum_of_shapes(shape, Matrix3<Scalar>((ball * ball) * Matrix3<Scalar>::Identity()));
+  return Status::ok;
+}
+
+/// Shape of an ellipsoid that holds the terms of third order of u' in the middle of the step, for ‖u‖ ≤ 1.
+template <typename Scalar, typename Potential>
+[[nodiscard]] Matrix6<Scalar> cubic_push(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
+                                         const Scalar& middle, const LinearPart<Scalar>& linear) noexcept {
+  const Matrix<Scalar, 3, 6> top = linear.middle.template topRows<3>();
+  const Matrix<Scalar, 3, 6> bottom = linear.middle.template bottomRows<3>();
+  const Matrix3<Scalar> attitudes = top.lazyProduct(top.transpose());  // shape of the ellipsoid of γ
+  // ¼ γ (γ·δω): a number, which is a form of u, times γ
+  const Matrix6<Scalar> inner = top.transpose().lazyProduct(bottom);
+  const Matrix6<Scalar> symmetric = inner + inner.transpose();
+  const Scalar eighth = scalar::constant<Scalar>(0.125L) * spectral_norm(symmetric);
+  Matrix6<Scalar> shape = congruence(linear.from_attitude, Matrix3<Scalar>((eighth * eighth) * attitudes));
+  if (series.acceleration.largest > Scalar(0)) {
+    Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
+    if (cholesky(attitudes, axes) != Status::ok) {
+      axes = linear.largest_attitude * Matrix3<Scalar>::Identity();
+    }
+    expansion::CubicForms<Scalar> forms = expansion::CubicForms<Scalar>::Zero();
+    series.torque.add_cubic(middle, body.inertia_inverse(), axes, forms);
+    shape = sum_of_shapes(shape, congruence(linear.from_rate, Matrix3<Scalar>(forms.transpose().lazyProduct(forms))));
+  }
+  return shape;
+}
+
+}  // namespace elliptude::detail

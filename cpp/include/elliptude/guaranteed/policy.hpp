@@ -1,0 +1,37 @@
+#pragma once
+
+/// \file
+/// What a guaranteed filter does about measurements that contradict its set, and what an update reports.
+
+#include "elliptude/measurement/sensors.hpp"
+
+namespace elliptude {
+
+/// What to do with measurements that no predicted state can have caused: some bound is then wrong.
+enum class Policy : std::uint8_t {
+  raise,             ///< report `empty_intersection`, and leave the filter as it was
+  drop_measurement,  ///< leave out as few measurements as make the rest agree with the prediction
+  restart,           ///< forget the prediction, and start again from the measurements
+  relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
+};
+
+/// What the guarantee of a set rests on.
+enum class Claim : std::uint8_t {
+  unconditional,  ///< on the stated bounds of everything that the filter used
+  conditional,    ///< also on the dropped measurements having been the wrong ones
+  none,           ///< no set: the attitude is not known
+};
+
+/// The report of a guaranteed update.
+template <typename Scalar>
+struct GuaranteedUpdate {
+  Claim claim = Claim::none;
+  bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
+  Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
+  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 if that
+  /// cannot be measured, as for an angular velocity beyond the `FilterDomain`.
+  Scalar margin = Scalar(1);
+  Sensors contradicting = 0;  ///< if the margin is negative: the measurement that weighs most against the rest
+};
+
+}  // namespace elliptude

@@ -1,0 +1,224 @@
+#pragma once
+
+/// \file
+/// Cholesky's factorisation of small matrices of fixed size, with roots and without, as plain loops: no blocked path that would link
+/// `malloc`, a bounded number of operations, and any scalar type. Acceptance tests are written so that NaN fails them.
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/base/status.hpp"
+
+namespace elliptude {
+
+/// Whether entries (i, j) and (j, i) differ by at most √ε of the largest entry: input may have been stored with half the digits.
+/// NaN off the diagonal is refused; NaN on the diagonal may pass.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
+  const Scalar tolerance = rounding::root<Scalar>() * a.cwiseAbs().maxCoeff();
+  for (int j = 0; j < N; ++j) {
+    for (int i = j + 1; i < N; ++i) {
+      if (!scalar::all(scalar::abs(Scalar(a(i, j) - a(j, i))) <= tolerance)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+namespace detail {
+
+/// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled: half the
+/// instructions.
+template <int Column, typename Scalar, int N>
+[[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor) noexcept {
+  if constexpr (Column < N) {
+    Scalar pivot = a(Column, Column);
+    for (int k = 0; k < Column; ++k) {
+      pivot -= factor(Column, k) * factor(Column, k);
+    }
+    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return false;
+    }
+    const Scalar diagonal = scalar::sqrt(pivot);
+    const Scalar inverse = Scalar(1) / diagonal;
+    factor.col(Column).template head<Column>().setZero();
+    factor(Column, Column) = diagonal;
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar entry = a(i, Column);
+      for (int k = 0; k < Column; ++k) {
+        entry -= factor(i, k) * factor(Column, k);
+      }
+      factor(i, Column) = entry * inverse;
+    }
+    return cholesky_columns<Column + 1>(a, factor);
+  } else {
+    return true;
+  }
+}
+
+}  // namespace detail
+
+/// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
+/// \return `not_positive_definite` if a pivot is not positive (or is NaN).
+template <typename Scalar, int N>
+[[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> factor;
+  if (!detail::cholesky_columns<0>(a, factor)) {
+    return Status::not_positive_definite;
+  }
+  l = factor;
+  return Status::ok;
+}
+
+/// `cholesky` for a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
+/// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised diagonal: by
+/// 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7), and if that is not
+/// enough by as much of the largest, as the entries of I − nnᵀ, for example, err relative to one and not to themselves. So l lᵀ is
+/// a or a little more, and an ellipsoid factored in this way does not shrink by it. Raising the small pivot alone would not
+/// do: the errors of the entries below it would be divided by its root.
+/// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is negative.
+template <typename Scalar, int N>
+[[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
+  const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
+  Matrix<Scalar, N> raised = a;
+  Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
+  for (int j = 0; j < N; ++j) {
+    if (!(a(j, j) >= Scalar(0))) {
+      return Status::not_positive_definite;
+    }
+    if (a(j, j) == Scalar(0)) {
+      bool zeros = true;
+      for (int i = 0; i < N; ++i) {
+        zeros = zeros && (i < j ? a(j, i) : a(i, j)) == Scalar(0);
+      }
+      if (zeros) {
+        raised(j, j) = Scalar(1);  // stands alone, and is removed again below
+        present(j) = Scalar(0);
+      }
+    }
+  }
+  Matrix<Scalar, N> factor;
+  Status status = cholesky(raised, factor);
+  bool accurate = status == Status::ok;
+  for (int j = 0; j < N; ++j) {
+    accurate = accurate && factor(j, j) * factor(j, j) > rounding * raised(j, j);
+  }
+  if (!accurate) {
+    raised.diagonal() *= Scalar(1) + rounding;
+    status = cholesky(raised, factor);
+  }
+  if (status != Status::ok) {
+    raised.diagonal().array() += rounding * a.diagonal().maxCoeff();
+    status = cholesky(raised, factor);
+  }
+  if (status != Status::ok) {
+    return status;
+  }
+  l = factor;
+  l.diagonal().array() *= present.array();
+  return Status::ok;
+}
+
+/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots, each
+/// of which would have to wait for the one before.
+template <typename Scalar, int N>
+struct RootFreeFactor {
+  Matrix<Scalar, N> l;  ///< below the diagonal; the rest is undefined
+  Vector<Scalar, N> p;  ///< inverse pivots
+};
+
+namespace detail {
+
+/// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p).
+template <int Column, typename Scalar, int N>
+[[nodiscard]] bool root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled,
+                                     RootFreeFactor<Scalar, N>& factor) noexcept {
+  if constexpr (Column < N) {
+    Scalar pivot = a(Column, Column);
+    for (int k = 0; k < Column; ++k) {
+      pivot -= factor.l(Column, k) * scaled(Column, k);
+    }
+    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+      return false;
+    }
+    factor.p(Column) = Scalar(1) / pivot;
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar entry = a(i, Column);
+      for (int k = 0; k < Column; ++k) {
+        entry -= factor.l(i, k) * scaled(Column, k);
+      }
+      scaled(i, Column) = entry;
+      factor.l(i, Column) = entry * factor.p(Column);
+    }
+    return root_free_columns<Column + 1>(a, scaled, factor);
+  } else {
+    return true;
+  }
+}
+
+/// The columns of the inverse of a unit lower triangle from `Column` on.
+template <int Column, typename Scalar, int N>
+void unit_inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
+  if constexpr (Column < N) {
+    inverse.col(Column).template head<Column>().setZero();
+    inverse(Column, Column) = Scalar(1);
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar sum = l(i, Column);
+      for (int k = Column + 1; k < i; ++k) {
+        sum += l(i, k) * inverse(k, Column);
+      }
+      inverse(i, Column) = -sum;
+    }
+    unit_inverse_columns<Column + 1>(l, inverse);
+  }
+}
+
+template <int Row, typename Scalar, int N>
+void solve_unit_down(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
+  if constexpr (Row < N) {
+    for (int k = 0; k < Row; ++k) {
+      x(Row) -= l(Row, k) * x(k);
+    }
+    solve_unit_down<Row + 1>(l, x);
+  }
+}
+
+template <int Row, typename Scalar, int N>
+void solve_unit_up(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
+  if constexpr (Row >= 0) {
+    for (int k = Row + 1; k < N; ++k) {
+      x(Row) -= l(k, Row) * x(k);
+    }
+    solve_unit_up<Row - 1>(l, x);
+  }
+}
+
+}  // namespace detail
+
+/// \return `not_positive_definite` if a pivot is not positive (or is NaN).
+template <typename Scalar, int N>
+[[nodiscard]] Status factorize(const Matrix<Scalar, N>& a, RootFreeFactor<Scalar, N>& factor) noexcept {
+  Matrix<Scalar, N> scaled;
+  return detail::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
+}
+
+/// The lower triangle r with a⁻¹ = rᵀr.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> inverse_root(const RootFreeFactor<Scalar, N>& factor) noexcept {
+  Matrix<Scalar, N> root;
+  detail::unit_inverse_columns<0>(factor.l, root);
+  const Vector<Scalar, N> scale = factor.p.cwiseSqrt();
+  root.array().colwise() *= scale.array();
+  return root;
+}
+
+/// x with a x = b.
+template <typename Scalar, int N>
+[[nodiscard]] Vector<Scalar, N> solve(const RootFreeFactor<Scalar, N>& factor, const Vector<Scalar, N>& b) noexcept {
+  Vector<Scalar, N> x = b;
+  detail::solve_unit_down<0>(factor.l, x);
+  x.array() *= factor.p.array();
+  detail::solve_unit_up<N - 1>(factor.l, x);
+  return x;
+}
+
+}  // namespace elliptude

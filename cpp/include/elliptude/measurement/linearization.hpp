@@ -1,0 +1,213 @@
+#pragma once
+
+/// \file
+/// The ellipsoid of several measurements together (paper, §3.2), and each as linear rows of the error, to first order.
+
+#include "elliptude/attitude/state_ellipsoid.hpp"
+#include "elliptude/attitude/wahba.hpp"
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/triangular.hpp"
+#include "elliptude/measurement/types.hpp"
+
+namespace elliptude {
+
+/// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq. zetakpm):
+/// 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
+template <typename Scalar>
+class MeasuredDirections {
+ public:
+  static constexpr std::size_t most_directions = 32;
+
+  /// \return the status of `validate` for a direction; `attitude_undetermined` for fewer than two, or collinear ones;
+  /// `out_of_range` for more than `most_directions`.
+  [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count, WahbaMethod method,
+                                   MeasuredDirections& measured) noexcept {
+    if (count > most_directions) {
+      return Status::out_of_range;
+    }
+    if (count < 2) {
+      return Status::attitude_undetermined;
+    }
+    MeasuredDirections result;
+    Scalar largest(0);  // the weights count as shares of it
+    for (std::size_t i = 0; i < count; ++i) {
+      if (const Status status = validate(directions[i]); status != Status::ok) {
+        return status;
+      }
+      largest = directions[i].weight > largest ? directions[i].weight : largest;
+    }
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
+      profile += profile_term(Scalar(directions[i].weight / largest), e, b);
+    }
+    Scalar condition;
+    if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
+      return status;
+    }
+    const Matrix3<Scalar> a = result.attitude_.transpose() * profile;
+    const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
+    const Matrix3<Scalar> inverse = curvature.inverse();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
+      const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
+      const Matrix3<Scalar> sensitivity =
+          Scalar(-directions[i].weight / largest) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
+      const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
+      result.terms_[i] = symmetrized(term);
+    }
+    result.count_ = count;
+    measured = result;
+    return Status::ok;
+  }
+
+  [[nodiscard]] const Matrix3<Scalar>& attitude() const noexcept { return attitude_; }
+  /// How many directions there are, and the shape 𝒜ⁱ Sⁱ 𝒜ⁱᵀ of the effect of one direction's error on ζ.
+  [[nodiscard]] std::size_t count() const noexcept { return count_; }
+  [[nodiscard]] const Matrix3<Scalar>& term(std::size_t i) const noexcept { return terms_[i]; }
+
+  /// The measured attitude alone: the sum of these ellipsoids.
+  [[nodiscard]] Status measured_attitude(const SizeCriterion<Scalar, 3>& criterion,
+                                         MeasuredAttitude<Scalar>& result) const noexcept {
+    std::array<Ellipsoid<Scalar, 3>, most_directions> ellipsoids;
+    for (std::size_t i = 0; i < count_; ++i) {
+      ellipsoids[i] = {Vector3<Scalar>::Zero(), terms_[i]};
+    }
+    Ellipsoid<Scalar, 3> sum;
+    if (const Status status = minimal_sum(ellipsoids.data(), count_, criterion, sum); status != Status::ok) {
+      return status;
+    }
+    result = {attitude_, sum.shape};
+    return Status::ok;
+  }
+
+ private:
+  Matrix3<Scalar> attitude_;
+  std::array<Matrix3<Scalar>, most_directions> terms_;
+  std::size_t count_ = 0;
+};
+
+/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat
+/// ellipsoids that each error makes in [ζ; δω].
+/// \return the status of `validate` for the angular velocity, and the status of `minimal_sum`.
+template <typename Scalar>
+[[nodiscard]] Status measured_state(const MeasuredDirections<Scalar>& directions,
+                                    const AngularVelocity<Scalar>& angular_velocity,
+                                    const SizeCriterion<Scalar, 6>& criterion,
+                                    StateEllipsoid<RigidBodyState<Scalar>>& measured) noexcept {
+  if (const Status status = validate(angular_velocity); status != Status::ok) {
+    return status;
+  }
+  std::array<Ellipsoid<Scalar, 6>, MeasuredDirections<Scalar>::most_directions + 1> terms;
+  for (std::size_t i = 0; i <= directions.count(); ++i) {
+    terms[i] = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
+    if (i < directions.count()) {
+      terms[i].shape.template topLeftCorner<3, 3>() = directions.term(i);
+    } else {
+      terms[i].shape.template bottomRightCorner<3, 3>() = angular_velocity.bound;
+    }
+  }
+  Ellipsoid<Scalar, 6> sum;
+  if (const Status status = minimal_sum(terms.data(), directions.count() + 1, criterion, sum); status != Status::ok) {
+    return status;
+  }
+  measured = {{directions.attitude(), angular_velocity.value}, sum.shape};
+  return Status::ok;
+}
+
+/// One direction alone as two linear rows of ζ about a center. With b̂ = Ĉᵀe and a the shortest turn to where it was measured,
+/// exp(S(a))ᵀ b̂ = b̃, it is linearized about Ĉ exp(S(a)), where the error J_r(a) (ζ − a) turns b̃ as −ν does: at any distance,
+///
+///     Uᵀ S(b̃) a = Uᵀ S(b̃) J_r(a) ζ + Uᵀ S(b̃) ν,   J_r(a) a = a,
+///
+/// with the columns of U two axes across b̃; about b̃ itself the direction says nothing. (theory, section 10)
+/// \return the status of `validate`.
+template <typename Scalar>
+[[nodiscard]] Status linear_direction(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
+                                      LinearMeasurement<Scalar, 2>& linear) noexcept {
+  if (const Status status = validate(direction); status != Status::ok) {
+    return status;
+  }
+  const Vector3<Scalar> b = scalar::unit(direction.body);
+  const Vector3<Scalar> predicted = center.transpose() * scalar::unit(direction.reference);
+  int least = 0;
+  b.cwiseAbs().minCoeff(&least);
+  Matrix<Scalar, 3, 2> across;
+  across.col(0) = b.cross(Vector3<Scalar>::Unit(least)).normalized();
+  across.col(1) = b.cross(Vector3<Scalar>(across.col(0)));
+
+  // a = θ n; at the antipode any axis across b̃ will do.
+  const Vector3<Scalar> normal = b.cross(predicted);
+  const Scalar sine = normal.norm();
+  const Scalar cosine = b.dot(predicted);
+  Vector3<Scalar> offset = normal;
+  if (sine > rounding::share<Scalar>(1)) {
+    offset = (scalar::atan2(sine, cosine) / sine) * normal;
+  } else if (cosine < Scalar(0)) {
+    offset = scalar::atan2(Scalar(0), cosine) * across.col(0);
+  }
+  const Matrix<Scalar, 2, 3> rows = across.transpose() * hat(b);
+  linear.y = rows * offset;
+  linear.h.setZero();
+  linear.h.template leftCols<3>() = rows * right_jacobian(offset);
+  linear.bound = rows * direction.bound * rows.transpose();
+  return Status::ok;
+}
+
+/// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ + J_r⁻¹(ζ̃) ν.
+template <typename Scalar>
+[[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
+                                     LinearMeasurement<Scalar, 3>& linear) noexcept {
+  if (!scalar::all_finite(measured.attitude)) {
+    return Status::not_finite;
+  }
+  if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
+    return Status::not_a_rotation;
+  }
+  linear.y = ExponentialChart::error(center, measured.attitude);
+  linear.h.setZero();
+  linear.h.template leftCols<3>().setIdentity();
+  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
+  linear.bound = moved * measured.bound * moved.transpose();
+  return Status::ok;
+}
+
+/// An angular velocity as three linear rows of δω about a center.
+template <typename Scalar>
+[[nodiscard]] LinearMeasurement<Scalar, 3> linear_angular_velocity(const Vector3<Scalar>& center,
+                                                                   const AngularVelocity<Scalar>& measured) noexcept {
+  LinearMeasurement<Scalar, 3> linear;
+  linear.y = measured.value - center;
+  linear.h.setZero();
+  linear.h.template rightCols<3>().setIdentity();
+  linear.bound = measured.bound;
+  return linear;
+}
+
+/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
+/// \return `not_finite`, `not_symmetric`; `beyond_domain`; `not_positive_definite` of a bound with a zero width.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
+                              Matrix<Scalar, Rows, 6>& h) noexcept {
+  if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
+      !scalar::all_finite(measurement.bound)) {
+    return Status::not_finite;
+  }
+  if (!is_in_domain(measurement.bound)) {
+    return Status::beyond_domain;
+  }
+  if (!is_symmetric(measurement.bound)) {
+    return Status::not_symmetric;
+  }
+  Matrix<Scalar, Rows> l;
+  if (const Status status = cholesky(measurement.bound, l); status != Status::ok) {
+    return status;
+  }
+  h = solve_lower(l, measurement.h);
+  y = solve_lower(l, measurement.y);
+  return Status::ok;
+}
+
+}  // namespace elliptude

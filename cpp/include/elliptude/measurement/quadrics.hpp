@@ -1,0 +1,207 @@
+#pragma once
+
+/// \file
+/// Measurements as exact quadrics of the error about any center. (theory, section 16)
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/measurement/linearization.hpp"
+#include "elliptude/sets/quadric.hpp"
+
+namespace elliptude {
+
+/// A linear measurement of x as a quadric, which may be a cylinder.
+/// \return the status of `whitened`.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
+                                Quadric<Scalar, 6>& quadric) noexcept {
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
+  quadric.a = h.transpose().lazyProduct(h);
+  quadric.g = -h.transpose().lazyProduct(y);
+  quadric.c = Scalar(1) - y.squaredNorm();
+  return Status::ok;
+}
+
+/// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for every ν.
+/// (theory, section 16)
+/// \return the status of `validate`.
+template <typename Scalar>
+[[nodiscard]] Status angle_bound(const Direction<Scalar>& direction, Scalar& angle) noexcept {
+  if (const Status status = validate(direction); status != Status::ok) {
+    return status;
+  }
+  const Vector3<Scalar> b = scalar::unit(direction.body);
+  int least = 0;
+  b.cwiseAbs().minCoeff(&least);
+  const Vector3<Scalar> first = b.cross(Vector3<Scalar>::Unit(least)).normalized();
+  const Vector3<Scalar> second = b.cross(first);
+  const Vector3<Scalar> s1 = direction.bound.lazyProduct(first);
+  const Vector3<Scalar> s2 = direction.bound.lazyProduct(second);
+  const Scalar half = scalar::constant<Scalar>(0.5L);
+  const Scalar mean = half * (first.dot(s1) + second.dot(s2));
+  const Scalar difference = half * (first.dot(s1) - second.dot(s2));
+  const Scalar mixed = half * (first.dot(s2) + second.dot(s1));
+  angle = scalar::sqrt(Scalar(mean + scalar::sqrt(Scalar(difference * difference + mixed * mixed))));
+  return Status::ok;
+}
+
+/// The attitudes with ∠(Cᵀe, b̃) ≤ r, r the `angle_bound`, exactly, in γ about any center: with b̂ = Ĉᵀe, c = b̂·b̃, d = b̃ × b̂,
+///
+///     ¼ γᵀ[(cos r + c) I − b̂b̃ᵀ − b̃b̂ᵀ]γ − d·γ ≤ 2 sin²(r/2) − ½‖b̂ − b̃‖²,
+///
+/// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little wider, for
+/// rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
+/// \param center a rotation to rounding.
+/// \return the status of `validate` for the direction; `not_finite` of the center.
+template <typename Scalar>
+[[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
+                          Quadric<Scalar, 3>& quadric) noexcept {
+  Scalar angle;
+  if (const Status status = angle_bound(direction, angle); status != Status::ok) {
+    return status;
+  }
+  const Vector3<Scalar> body = scalar::unit(direction.body);
+  const Vector3<Scalar> predicted =
+      Vector3<Scalar>(center.transpose().lazyProduct(scalar::unit(direction.reference))).normalized();
+  if (!scalar::all_finite(predicted)) {
+    return Status::not_finite;
+  }
+  angle =
+      angle * (Scalar(1) + rounding::share<Scalar>(rounding::direction)) + rounding::share<Scalar>(rounding::direction);
+  if (!(angle < scalar::pi<Scalar>())) {
+    quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
+    return Status::ok;
+  }
+  const Scalar sine = scalar::sin(Scalar(scalar::constant<Scalar>(0.5L) * angle));
+  const Scalar versine = Scalar(2) * sine * sine;
+  const Scalar inverse = Scalar(1) / versine;
+  const Vector3<Scalar> difference = predicted - body;
+  const Vector3<Scalar> d = body.cross(difference);  // b̃ × b̂ without cancellation
+  const Matrix3<Scalar> mixed = predicted.lazyProduct(body.transpose());
+  Matrix3<Scalar> a = -(mixed + mixed.transpose());
+  a.diagonal().array() +=
+      (Scalar(1) - versine) + predicted.dot(body) - rounding::share<Scalar>(rounding::cone_curvature);
+  quadric.a = (scalar::constant<Scalar>(0.25L) * inverse) * a;
+  quadric.g = (scalar::constant<Scalar>(-0.5L) * inverse) * d;
+  quadric.c =
+      Scalar(1) + rounding::share<Scalar>(rounding::cone_level) -
+      (scalar::constant<Scalar>(0.5L) * (Scalar(1) - rounding::share<Scalar>(rounding::cone_misfit)) * inverse) *
+          difference.squaredNorm();
+  return Status::ok;
+}
+
+/// A quadric of the attitude error alone, as one of [γ; δ].
+template <typename Scalar>
+[[nodiscard]] HalfQuadric<Scalar> of_attitude(const Quadric<Scalar, 3>& quadric) noexcept {
+  return {quadric, Half::first};
+}
+
+/// A quadric of the vector's error alone, as one of [γ; δ].
+template <typename Scalar>
+[[nodiscard]] HalfQuadric<Scalar> of_vector(const Quadric<Scalar, 3>& quadric) noexcept {
+  return {quadric, Half::second};
+}
+
+/// A measured attitude as a quadric of γ about any center. About C̃ it is in γ̃ᵀM γ̃ ≤ 1, M⁻¹ = τ² bound with τ at the largest angle,
+/// and with γ̂ = 2ĝ the error of C̃ that is, in γ about Ĉ, exactly (projectively)
+///
+///     (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ).
+///
+/// With a bound that reaches half turns, or about a center from which C̃ is, to half the digits, a half turn, it says nothing:
+/// A = 0, g = 0, c = 1.
+/// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement.
+template <typename Scalar>
+[[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
+                                Quadric<Scalar, 3>& quadric) noexcept {
+  if (!scalar::all_finite(measured.attitude) || !scalar::all_finite(measured.bound)) {
+    return Status::not_finite;
+  }
+  if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
+    return Status::not_a_rotation;
+  }
+  if (!is_symmetric(measured.bound)) {
+    return Status::not_symmetric;
+  }
+  Matrix3<Scalar> m;
+  if (const Status status = cholesky(measured.bound, m); status != Status::ok) {
+    return status;
+  }
+  // Largest angle; a bound of less than rounding is used as if it were wider by that.
+  Matrix3<Scalar> bound = measured.bound;
+  bound.diagonal().array() += rounding::square<Scalar>();
+  SymmetricEigen<Scalar, 3> eigen;
+  const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
+  const Scalar angle = bounded
+                           ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
+                                    (Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle)))
+                           : Scalar(4);
+  // A rotation to half the digits, as it may have been stored, is off by more than the widening below: use the nearest rotation.
+  const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
+  const Scalar farthest = Scalar(1) / rounding::root<Scalar>();
+  if (!(angle < scalar::pi<Scalar>()) || !(gamma.norm() < farthest)) {
+    quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
+    return Status::ok;
+  }
+  // The measured center rounds by a few ε, which the shortest semi-axis has to cover.
+  const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));
+  const Scalar wider =
+      Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + Scalar(1) / shortest);
+  const Scalar stretch = gibbs_stretch(angle) * wider;
+  m *= Scalar(1) / (stretch * stretch);
+  const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
+  const Matrix3<Scalar> half = m.lazyProduct(t);
+  const Vector3<Scalar> mg = m.lazyProduct(gamma);
+  const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
+  quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
+  quadric.a.diagonal().array() -=
+      rounding::share<Scalar>(rounding::attitude_curvature) * (quadric.a.norm() + mg.norm());
+  quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
+  quadric.c = Scalar(1) - gamma.dot(mg) +
+              rounding::share<Scalar>(rounding::attitude_level) * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
+  return Status::ok;
+}
+
+/// A measured angular velocity as a quadric of δω about a center: (δω − (ω̃ − ω̂))ᵀ bound⁻¹ (δω − (ω̃ − ω̂)) ≤ 1.
+/// \return the status of `validate`.
+template <typename Scalar>
+[[nodiscard]] Status to_quadric(const Vector3<Scalar>& center, const AngularVelocity<Scalar>& measured,
+                                Quadric<Scalar, 3>& quadric) noexcept {
+  return to_quadric(Ellipsoid<Scalar, 3>{measured.value - center, measured.bound}, quadric);
+}
+
+/// A linear measurement y = H [ζ; δ] + v as a quadric of [γ; δ]: γ is in the prediction, so ζ − γ is in E(0, (1 − 1/τ)² P_γγ), and
+/// H's image of that is added to the bound of v.
+/// \return the status of `whitened`.
+template <typename State, int Rows>
+[[nodiscard]] Status to_quadric(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
+                                const StateEllipsoid<State, GibbsChart>& predicted,
+                                Quadric<StateScalar<State>, 6>& quadric) noexcept {
+  using Scalar = StateScalar<State>;
+  LinearMeasurement<Scalar, Rows> wider = measurement;
+  const Matrix<Scalar, Rows, 3> h = measurement.h.template leftCols<3>();
+  if (h.cwiseAbs().maxCoeff() > Scalar(0)) {
+    Scalar length;
+    if (const Status status = largest_attitude_error(predicted, length); status != Status::ok) {
+      return status;
+    }
+    const Scalar rest = (length > Scalar(0) ? Scalar(Scalar(1) - GibbsChart::angle(length) / length) : Scalar(0)) +
+                        rounding::share<Scalar>(rounding::attitude_angle);
+    const Matrix<Scalar, Rows> added =
+        (rest * rest) * congruence(h, Matrix3<Scalar>(predicted.shape.template topLeftCorner<3, 3>()));
+    Matrix<Scalar, Rows> inverse;
+    if (const Status status = inverse_positive_definite(measurement.bound, inverse); status != Status::ok) {
+      return status;
+    }
+    const Scalar p = scalar::sqrt(Scalar(inverse.cwiseProduct(added).sum() / Scalar(Rows)));
+    if (p > Scalar(0)) {
+      wider.bound = (Scalar(1) + p) * measurement.bound +
+                    (scalar::constant<Scalar>(0.5L) + scalar::constant<Scalar>(0.5L) / p) * (added + added.transpose());
+    }
+  }
+  return to_quadric(wider, quadric);
+}
+
+}  // namespace elliptude

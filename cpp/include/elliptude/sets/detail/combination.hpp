@@ -1,0 +1,366 @@
+#pragma once
+
+/// \file
+/// The weighted sum of a quadric and the unit ball: the family of ellipsoids in which `minimal_intersection` searches. (theory,
+/// section 7)
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/sets/overlap.hpp"
+
+namespace elliptude::detail {
+
+/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and
+/// N = k + q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball
+/// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A.
+template <typename Scalar, int N>
+struct Combination {
+  Matrix<Scalar, N> root;     ///< lower triangle with A⁻¹ = rootᵀ root
+  Matrix<Scalar, N> inverse;  ///< A⁻¹
+  Vector<Scalar, N> center;   ///< −A⁻¹v
+  Scalar level;               ///< N
+  Scalar quadric_slack;       ///< k − uᵀMu − 2vᵀu at the center
+  Scalar ball_slack;          ///< 1 − ‖center‖², which is dN/dq
+
+  /// Whether the center lies in both sets, a proof that they meet.
+  [[nodiscard]] bool is_common_point() const noexcept { return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0); }
+};
+
+/// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
+template <typename Scalar, int N, typename Slack>
+struct Problem {
+  const Matrix<Scalar, N>& m;
+  const Vector<Scalar, N>& v;
+  const Vector<Scalar, N>& present;  ///< 1 where the coordinate exists, else 0
+  const Slack& slack;
+
+  /// The q below which, where M is singular, A⁻¹ has less than three right digits, so that N < 0 proves nothing.
+  [[nodiscard]] Scalar least_weight() const noexcept {
+    return rounding::share<Scalar>(rounding::three_digits * N) * m.norm();
+  }
+
+  /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε, and ε^⅔ is
+  /// not worth another way.
+  [[nodiscard]] bool is_ill_conditioned(const Scalar& q, const Combination<Scalar, N>& at) const noexcept {
+    const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse.trace();
+    return !(condition * condition * condition * rounding::share<Scalar>(1) <= Scalar(1));
+  }
+
+  /// A q of the size of the quadric; zero if that says nothing.
+  [[nodiscard]] Scalar typical_weight() const noexcept { return (m.norm() + v.norm()) / scalar::sqrt(Scalar(N)); }
+
+  /// \return `not_positive_definite` if A is not.
+  [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
+    Matrix<Scalar, N> a = m;
+    for (int i = 0; i < N; ++i) {
+      a(i, i) += present(i) > Scalar(0) ? q : Scalar(1);
+    }
+    Matrix<Scalar, N> l;
+    if (const Status status = cholesky(a, l); status != Status::ok) {
+      return status;
+    }
+    result.root = lower_inverse(l);
+    result.inverse = square_of_lower(result.root);
+    result.center.noalias() = -result.inverse.lazyProduct(v);
+    evaluate(q, result);
+    // The level is at most N at any point, and less than it by the center's rounding times A.
+    for (int k = 0; k < 2 && result.level < Scalar(0); ++k) {
+      const Vector<Scalar, N> residual = a.lazyProduct(result.center) + v;
+      Combination<Scalar, N> refined = result;
+      refined.center -= result.inverse.lazyProduct(residual);
+      evaluate(q, refined);
+      result = refined.level > result.level ? refined : result;
+    }
+    return Status::ok;
+  }
+
+ private:
+  void evaluate(const Scalar& q, Combination<Scalar, N>& at) const noexcept {
+    at.quadric_slack = slack(at.center);
+    at.ball_slack = Scalar(1) - at.center.squaredNorm();
+    at.level = at.quadric_slack + q * at.ball_slack;
+  }
+};
+
+/// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least value
+/// is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a bracket.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] bool provably_empty(const Problem<Scalar, N, Slack>& problem, const Scalar& start) noexcept {
+  Scalar low(0);
+  Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  const Scalar least = problem.least_weight();
+  Scalar q = start;
+  constexpr int most_steps = 60;
+  for (int step = 0; step < most_steps && q > least; ++step) {
+    Combination<Scalar, N> combination;
+    Scalar next;
+    if (problem.combine(q, combination) != Status::ok) {
+      low = q;
+      next = Scalar(4) * q;
+    } else {
+      if (combination.level < Scalar(0)) {
+        return true;
+      }
+      const Scalar length = combination.center.norm();
+      if (combination.is_common_point()) {
+        return false;
+      }
+      (length > Scalar(1) ? low : high) = q;
+      const Scalar change = combination.center.squaredNorm() * (length - Scalar(1)) /
+                            combination.center.dot(combination.inverse.lazyProduct(combination.center));
+      if (scalar::abs(change) <= rounding::root<Scalar>() * q) {
+        return false;
+      }
+      next = q + change;
+    }
+    if (!(next > low && next < high)) {
+      next = scalar::isfinite(high) ? scalar::constant<Scalar>(0.5L) * (low + high) : Scalar(4) * q;
+    }
+    q = next;
+  }
+  return false;
+}
+
+/// The size of the ellipsoid that a combination stands for, seen in x = origin + factor u, by its logarithm less that of the
+/// second set's, log of tr(W' N A⁻¹) / tr W' with W' = factorᵀ W factor, or of det(N A⁻¹) over the coordinates that exist.
+template <typename Scalar, int N>
+class RelativeSize {
+ public:
+  RelativeSize(const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& present,
+               const SizeCriterion<Scalar, N>& criterion) noexcept
+      : by_volume_(criterion.kind == SizeCriterion<Scalar, N>::Kind::volume),
+        dimension_(present.sum()),
+        absent_(Scalar(N) - dimension_),
+        weight_(by_volume_ ? Matrix<Scalar, N>(present.asDiagonal())
+                           : Matrix<Scalar, N>(factor.transpose().lazyProduct(
+                                 Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))))) {}
+
+  [[nodiscard]] Scalar operator()(const Combination<Scalar, N>& c) const noexcept {
+    if (by_volume_) {
+      Scalar determinant(1);
+      for (int i = 0; i < N; ++i) {
+        determinant *= c.root(i, i);  // of the root of A⁻¹
+      }
+      return dimension_ * scalar::log(c.level) + Scalar(2) * scalar::log(determinant);
+    }
+    return scalar::log(Scalar(c.level * weight_.cwiseProduct(c.inverse).sum() / weight_.trace()));
+  }
+
+  /// First and second derivative with respect to q.
+  void derivatives(const Combination<Scalar, N>& c, Scalar& first, Scalar& second) const noexcept {
+    const Scalar level1 = c.ball_slack / c.level;
+    const Scalar level2 = Scalar(2) * c.center.dot(c.inverse.lazyProduct(c.center)) / c.level - level1 * level1;
+    if (by_volume_) {
+      first = dimension_ * level1 - (c.inverse.trace() - absent_);
+      second = dimension_ * level2 + (c.inverse.squaredNorm() - absent_);
+    } else {
+      const Matrix<Scalar, N> half = c.inverse.lazyProduct(weight_);
+      const Matrix<Scalar, N> both = half.lazyProduct(c.inverse);
+      const Scalar trace = half.trace();
+      const Scalar trace1 = -both.trace() / trace;
+      first = level1 + trace1;
+      second = level2 + Scalar(2) * both.cwiseProduct(c.inverse).sum() / trace - trace1 * trace1;
+    }
+  }
+
+  [[nodiscard]] bool by_volume() const noexcept { return by_volume_; }
+  [[nodiscard]] const Matrix<Scalar, N>& weight() const noexcept { return weight_; }  ///< W', if not by volume
+
+  /// The quadric's slack at the ball's center from which on mixing in the quadric gains nothing: where the derivative
+  /// with respect to 1/q at 1/q = 0 is not negative.
+  [[nodiscard]] Scalar idle_slack(const Matrix<Scalar, N>& m) const noexcept {
+    return by_volume_ ? Scalar(m.trace() / dimension_) : Scalar(weight_.cwiseProduct(m).sum() / weight_.trace());
+  }
+
+ private:
+  bool by_volume_;
+  Scalar dimension_;
+  Scalar absent_;
+  Matrix<Scalar, N> weight_;
+};
+
+/// The end of a search: the combination, its share, and whether the search met a common point of the two sets.
+template <typename Scalar, int N>
+struct Found {
+  Combination<Scalar, N> combination;
+  Scalar share;
+  bool common_point;
+};
+
+/// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
+/// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
+/// iterate is a valid bound.
+/// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Status least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
+                                       const Scalar& start, Found<Scalar, N>& found) noexcept {
+  // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
+  // and the size to about ε.
+  const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
+  const Scalar longest(4);
+  const Scalar least = problem.least_weight();
+  constexpr int most_steps = 60;
+  Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  Scalar log_q = scalar::log(start);
+  bool bounded = false;
+  bool first_set_tried = false;
+  for (int step = 0; step < most_steps; ++step) {
+    const Scalar q = scalar::exp(log_q);
+    Combination<Scalar, N> trial;
+    Scalar move = longest;
+    if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
+      low = log_q;
+    } else {
+      if (trial.level < Scalar(0)) {
+        return Status::empty_intersection;
+      }
+      bounded = true;
+      found.combination = trial;
+      found.share = q / (Scalar(1) + q);
+      found.common_point = found.common_point || trial.is_common_point();
+      if (!(trial.level > Scalar(0))) {  // the sets touch in one point
+        return Status::ok;
+      }
+      Scalar slope;
+      Scalar curvature;
+      size.derivatives(trial, slope, curvature);
+      curvature = q * slope + q * q * curvature;  // now with respect to log q
+      slope = q * slope;
+      (slope > Scalar(0) ? high : low) = log_q;
+      move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
+      move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+      if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
+        // On the way to q = 0, the first set alone: the best if that is bounded and the size grows from there.
+        first_set_tried = true;
+        if (problem.combine(Scalar(0), trial) == Status::ok && trial.level >= Scalar(0)) {
+          size.derivatives(trial, slope, curvature);
+          if (!(slope < Scalar(0))) {  // also where the level is zero
+            found.combination = trial;
+            found.share = Scalar(0);
+            found.common_point = found.common_point || trial.is_common_point();
+            return Status::ok;
+          }
+        }
+      }
+    }
+    Scalar next = log_q + move;
+    if (!(next > low && next < high)) {
+      next = scalar::constant<Scalar>(0.5L) * (low + high);
+    }
+    log_q = next;
+    if (bounded && scalar::abs(move) <= tolerance) {
+      break;
+    }
+  }
+  if (!bounded) {
+    return Status::not_converged;
+  }
+  const Scalar q = scalar::exp(log_q);
+  Combination<Scalar, N> last;
+  if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
+    found.combination = last;
+    found.share = q / (Scalar(1) + q);
+    found.common_point = found.common_point || last.is_common_point();
+  }
+  return Status::ok;
+}
+
+/// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
+/// x = origin + factor u; the second set alone where that is smallest.
+/// \param start a q to search from, such as `problem.typical_weight()`.
+/// \param best the combination that it is, unless `share` is 1.
+/// \return as `least_combination`.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
+                                          const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
+                                          const Scalar& start, Intersection<Scalar, N>& result,
+                                          Combination<Scalar, N>& best) noexcept {
+  const auto second_set_alone = [&]() {
+    result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
+    result.set.center = origin;
+    result.share = Scalar(1);
+    return Status::ok;
+  };
+  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
+  if (!scalar::isfinite(start) || !scalar::isfinite(slack_at_origin)) {
+    return Status::beyond_domain;  // the input is finite, but the sets differ too much in size
+  }
+  if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
+    return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
+  }
+  Found<Scalar, N> found;
+  found.common_point = slack_at_origin >= Scalar(0);
+  const bool idle = slack_at_origin >= size.idle_slack(problem.m);
+  if (!idle) {
+    if (const Status status = least_combination(problem, size, start, found); status != Status::ok) {
+      return status;
+    }
+  }
+  if (!found.common_point && provably_empty(problem, start)) {
+    return Status::empty_intersection;
+  }
+  best = found.combination;
+  if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
+    return second_set_alone();
+  }
+  const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
+  result.set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
+  result.set.center = origin + factor.lazyProduct(best.center);
+  result.share = found.share;
+  return Status::ok;
+}
+
+/// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
+/// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
+template <typename Scalar, int N>
+void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& b,
+               const Vector<Scalar, N>& w, const Vector<Scalar, N>& present, const Scalar& q,
+               Ellipsoid<Scalar, N>& set) noexcept {
+  Matrix<Scalar, 2 * N, N> stacked = Matrix<Scalar, 2 * N, N>::Zero();
+  stacked.template topRows<N>() = b;
+  const Scalar root = scalar::sqrt(q);
+  for (int i = 0; i < N; ++i) {
+    stacked(N + i, i) = present(i) > Scalar(0) ? root : Scalar(1);
+  }
+  Vector<Scalar, 2 * N> right = Vector<Scalar, 2 * N>::Zero();
+  right.template head<N>() = -w;
+  triangularize(stacked, right);
+  const Matrix<Scalar, N> lower =
+      Matrix<Scalar, N>(stacked.template topRows<N>().template triangularView<Eigen::Upper>()).transpose();
+  const Vector<Scalar, N> u = solve_lower_transposed(lower, Vector<Scalar, N>(right.template head<N>()));
+  const Scalar level =
+      (Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm()) + q * (Scalar(1) - u.squaredNorm());
+  const Matrix<Scalar, N> half = solve_lower(lower, Matrix<Scalar, N>(factor.transpose()));
+  if (level >= Scalar(0) && scalar::all_finite(u) && scalar::all_finite(half)) {
+    set.center = origin + factor.lazyProduct(u);
+    set.shape.noalias() = level * half.transpose().lazyProduct(half);
+  }
+}
+
+/// Checks a combined set: it must be positive definite, unless the second set is flat or the two have one point in common.
+/// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
+  Matrix<Scalar, N> factor;
+  if (validate(set) != Status::ok) {
+    return Status::beyond_domain;
+  }
+  const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
+  return may_be_flat || cholesky(set.shape, factor) == Status::ok ? Status::ok : Status::beyond_domain;
+}
+
+/// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
+template <typename Scalar, int N>
+[[nodiscard]] bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
+                              const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+    return first.diagonal().prod() < second.diagonal().prod();
+  }
+  const auto trace = [&](const Matrix<Scalar, N>& factor) {
+    return Scalar(criterion.weight.cwiseProduct(factor.lazyProduct(factor.transpose())).sum());
+  };
+  return trace(first) < trace(second);
+}
+
+}  // namespace elliptude::detail

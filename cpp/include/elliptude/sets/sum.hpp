@@ -1,0 +1,144 @@
+#pragma once
+
+/// \file
+/// What bounds the sum {Σ xᵢ : xᵢ in Eᵢ} of ellipsoids: of two about zero, small by the trace or by the volume, and of many.
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/inverse.hpp"
+#include "elliptude/sets/ellipsoid.hpp"
+
+namespace elliptude {
+
+/// The sum of two ellipsoids about zero, for the least trace (paper, eq. Pmkl); either may be flat, or a point.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> sum_of_shapes(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& b) noexcept {
+  const Scalar width_a = scalar::sqrt(Scalar(a.trace()));
+  const Scalar width_b = scalar::sqrt(Scalar(b.trace()));
+  if (width_a == Scalar(0)) {
+    return b;
+  }
+  if (width_b == Scalar(0)) {
+    return a;
+  }
+  return (Scalar(1) + width_b / width_a) * a + (Scalar(1) + width_a / width_b) * b;
+}
+
+/// A shape whose ellipsoid contains the sum of E(0, P) and E(0, R): (1 + p) P + (1 + 1/p) R for any p > 0. This p is the best
+/// for the volume to first order in R.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> enlarged(const Matrix<Scalar, N>& shape, const Matrix<Scalar, N>& added) noexcept {
+  Matrix<Scalar, N> inverse;
+  Scalar square = inverse_positive_definite(shape, inverse) == Status::ok
+                      ? Scalar(inverse.cwiseProduct(added).sum() / Scalar(N))
+                      : Scalar(added.trace() / shape.trace());
+  if (!(square > Scalar(0)) || !scalar::isfinite(square)) {
+    if (!(added.trace() > Scalar(0))) {
+      return shape;
+    }
+    square = Scalar(1);
+  }
+  const Scalar p = scalar::sqrt(square);
+  Matrix<Scalar, N> sum = (Scalar(1) + p) * shape + (Scalar(1) + Scalar(1) / p) * added;
+  sum.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
+  return sum;
+}
+
+/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
+/// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
+/// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
+/// shape of zeros only move the center.
+/// \return `out_of_range` for no terms or more than `max_terms`; the status of `validate` for a term or for the criterion; for the
+/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
+/// `beyond_domain` if the sum overflows.
+template <typename Scalar, int N>
+[[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
+                                 const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
+  constexpr std::size_t max_terms = 64;
+  if (count == 0 || count > max_terms) {
+    return Status::out_of_range;
+  }
+  if (const Status status = validate(criterion); status != Status::ok) {
+    return status;
+  }
+  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
+  std::array<Scalar, max_terms> share{};
+  const auto combined = [&](const Scalar& total) {
+    Matrix<Scalar, N> shape = Matrix<Scalar, N>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (share[i] > Scalar(0)) {
+        shape += (total / share[i]) * terms[i].shape;
+      }
+    }
+    return shape;
+  };
+
+  // The best shares for the trace; for the volume they are where the iteration starts.
+  Scalar total(0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const Status status = validate(terms[i]); status != Status::ok) {
+      return status;
+    }
+    center += terms[i].center;
+    const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
+    if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+      // A term must not be lost to rounding.
+      return Status::not_positive_definite;
+    }
+    share[i] = scalar::sqrt(square);
+    total += share[i];
+  }
+  Matrix<Scalar, N> shape = combined(total);
+
+  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+    constexpr int most_steps = 200;
+    const Scalar tolerance = rounding::share<Scalar>(rounding::settled);
+    for (int step = 0; step < most_steps; ++step) {
+      Matrix<Scalar, N> inverse;
+      if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
+        return status;
+      }
+      Scalar change(0);
+      Scalar next_total(0);
+      std::array<Scalar, max_terms> next{};
+      for (std::size_t i = 0; i < count; ++i) {
+        if (share[i] > Scalar(0)) {
+          const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
+          if (!(square > Scalar(0))) {  // flat to rounding
+            return Status::not_positive_definite;
+          }
+          next[i] = scalar::sqrt(square);
+          next_total += next[i];
+        }
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
+        change = difference > change ? difference : change;
+      }
+      share = next;
+      total = next_total;
+      shape = combined(total);
+      if (change <= tolerance) {
+        break;
+      }
+    }
+  }
+  if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {
+    return Status::beyond_domain;
+  }
+  Matrix<Scalar, N> factor;
+  if (cholesky(shape, factor) != Status::ok) {
+    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of its own
+    // terms, each at most √(Pᵢᵢ Pⱼⱼ).
+    for (std::size_t i = 0; i < count; ++i) {
+      if (cholesky(terms[i].shape, factor) == Status::ok) {
+        shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::many_terms);
+        break;
+      }
+    }
+  }
+  sum.center = center;
+  sum.shape = shape;
+  return Status::ok;
+}
+
+}  // namespace elliptude
