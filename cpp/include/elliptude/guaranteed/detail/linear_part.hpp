@@ -146,7 +146,7 @@ class LinearExpansion {
     return true;
   }
 
-  /// Of W. \return whether that is less than a half.
+  /// Bounds of W. \return whether they are below a half.
   [[nodiscard]] bool bound_change(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
     const auto& powers = series_.step_powers;
     const Scalar half = scalar::constant<Scalar>(0.5L);
@@ -162,7 +162,7 @@ class LinearExpansion {
     return linear.change < half;
   }
 
-  /// Of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; and of rounding.
+  /// Bound of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; with rounding.
   void bound_error(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
     const auto& powers = series_.step_powers;
     const Scalar& h = powers[1];
