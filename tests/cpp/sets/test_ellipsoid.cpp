@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "elliptude/sets/intersection.hpp"
+#include "elliptude/sets/sum.hpp"
 #include "support/random.hpp"
 #include "support/search.hpp"
 

@@ -6,6 +6,7 @@ import re
 import elliptude as el
 import numpy as np
 import pytest
+from elliptude.results import CLAIMS
 from scipy.spatial.transform import Rotation
 
 FLOW = el.GuaranteedGyroFlow(0.01, 0.001)
@@ -105,7 +106,7 @@ def test_anchor_without_an_attitude_leaves_the_rows_after_it_to_their_measuremen
         reference=REFERENCE,
         bounds=[[0.01, 0.01], [np.nan, np.nan], [np.nan, np.nan], [np.nan, np.nan]],
     )
-    assert [el.result.CLAIMS[claim] for claim in log.claims] == [
+    assert [CLAIMS[claim] for claim in log.claims] == [
         "unconditional",
         "unconditional",
         "none",

@@ -215,7 +215,7 @@ def test_own_error_of_the_reference(tmp_path, made):
         assert said["all"]["inside"] == inside
         assert (said["reference_error_deg"], said["reference_error_from"]) == (error, source)
         own_error = f"{error:g} degrees by {source}" if source else "not stated"
-        assert f"own error: {own_error}; inside" in " ".join(run(result, reference, *arguments).stdout.split())
+        assert f"own error: {own_error}; a row is inside" in " ".join(run(result, reference, *arguments).stdout.split())
     arguments = ["report", str(result), "--reference", str(reference), "--config", str(config)]
     done = CliRunner().invoke(cli.make_app(), [*arguments, "--out", str(tmp_path / "report.html")])
     assert done.exit_code == 0, done.output

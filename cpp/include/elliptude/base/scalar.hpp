@@ -10,6 +10,7 @@
 /// status for a pack is `ok` only if every lane is.
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <cstddef>

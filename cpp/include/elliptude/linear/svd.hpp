@@ -3,7 +3,6 @@
 /// \file
 /// The singular value decomposition of a 3x3 matrix within SO(3).
 
-#include <Eigen/Geometry>
 #include <utility>
 
 #include "elliptude/base/rounding.hpp"
