@@ -76,6 +76,7 @@ class TorqueExpansion<python::BoundedPotential, double, Terms> {
   template <typename Potential>
   using Expansion = TorqueExpansion<Potential, double, Terms>;
   using Term = std::variant<std::monostate, Expansion<UniformGravity<double>>, Expansion<GravityGradient<double>>>;
+  static_assert(std::variant_size_v<Term> == 3, "each kind of term needs a branch in for_each and sum");
 
   template <typename Function>
   void for_each(const Function& f) const noexcept {

@@ -43,4 +43,4 @@ class GravityGradient(Model):
 
 
 Potential: TypeAlias = Annotated[FreeBody | UniformGravity | GravityGradient, Field(discriminator="kind")]
-"""A table with the key ``kind``. To add a potential, add its class here, and to `elliptude.simulation.potentials`."""
+"""A table with the key ``kind``. CONTRIBUTING.md says where else a new one goes."""

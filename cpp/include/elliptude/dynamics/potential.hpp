@@ -13,9 +13,9 @@
 ///
 ///     Scalar torque_curvature_bound() const;
 ///
-/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time; without it a potential cannot be used where
-/// bounds are guaranteed. A potential reports a failure by a torque that is not finite: the integrator then returns
-/// `Status::callback_failed`.
+/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time. A guaranteed flow needs more of a potential:
+/// a `TorqueExpansion` (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the
+/// integrator then returns `Status::callback_failed`.
 
 #include <tuple>
 #include <utility>
