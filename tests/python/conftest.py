@@ -1,6 +1,7 @@
 """With ELLIPTUDE_SKIPS=listed, as in .ci/run, the tests fail where one is skipped for a reason that is not here."""
 
 import os
+import signal
 from dataclasses import dataclass
 
 import pytest
@@ -24,6 +25,12 @@ LISTED = (
         why="The recordings are not part of the project, which is built and tested without them, too.",
     ),
 )
+
+
+def pytest_configure():
+    # A shell that runs the tests in the background ignores Ctrl-C, and so would every program that the tests interrupt.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def is_listed(reason: str) -> bool:
