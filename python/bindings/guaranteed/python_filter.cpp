@@ -662,12 +662,12 @@ py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::
     auto& filter = std::get<GyroFilter>(any);
     GyroFilter anchor = filter;
     const auto predict = [&](Index i) {
+      require_forward(time, i, filter);  // from the row before, which need not be the anchor
       if (from.begins_at_row_before(i)) {
         anchor = filter;
       } else {
         filter = anchor;
       }
-      require_forward(time, i, filter);
       const std::string place = "[" + std::to_string(i) + "]";
       turn_to(filter, time[0][i], Eigen::Map<const Vector3<double>>(turn[0] + 3 * i), "turns" + place, angle[0][i],
               "turn_bounds" + place);

@@ -140,6 +140,7 @@ def test_bad_turns_leave_the_filter_as_it_was(time, turn, angle, message):
         ({"anchors": [-1, 0, 0.5, 2]}, None, "anchors[2]"),
         ({"turn_bounds": [0.0, 0.1, -1.0, 0.1]}, 2, "turn_bounds[2] must not be negative"),
         ({"times": [0.0, 2.0, 1.0, 3.0], "anchors": [-1, 0, 1, 2]}, 2, "times must not go backwards, but times[2]"),
+        ({"times": [0.0, 2.0, 1.0, 3.0]}, 2, "times must not go backwards, but times[2] is 1 s after 2 s"),
         ({"turns": np.full((4, 3), 1e300)}, 0, "turns[0] is a turn of"),
         ({"turns": np.zeros((3, 3))}, None, "turns"),
     ],
