@@ -134,22 +134,26 @@ class QuotientSearch {
     return rounding::share<Scalar>(rounding::quotient) * size;
   }
 
-  /// Multipliers of one, and those of the ball and s as large as they need be; X and w with the same product everywhere.
+  /// Multipliers of one, that of the ball large enough to outweigh the others well, and s likewise; X and w with the same product
+  /// everywhere.
   [[nodiscard]] bool find_start() noexcept {
-    x_[0] = Scalar(4);
-    x_[1] = Scalar(2);
+    const Scalar others(static_cast<scalar::Value<Scalar>>(count_ - 1));  // with F, each of norm one at most
+    x_[1] = others + Scalar(1);
     for (std::size_t k = 2; k < count_; ++k) {
       x_[k] = Scalar(1);
     }
-    RootFreeFactor<Scalar, N + 1> factor;
+    x_[0] = Scalar(2) * x_[1];
     constexpr int most_doublings = 60;
     int step = 0;
-    while (factorize(lowered(x_, relief_), factor) != Status::ok) {
+    while (!is_positive_definite(lowered(x_, scalar::constant<Scalar>(0.5L)))) {
       if (++step > most_doublings) {
         return false;
       }
       x_[0] *= Scalar(2);
-      x_[1] *= step > 3 ? Scalar(1) : Scalar(2);
+    }
+    RootFreeFactor<Scalar, N + 1> factor;
+    if (factorize(lowered(x_, relief_), factor) != Status::ok) {
+      return false;
     }
     z_ = lowered(x_, relief_);
     primal_ = square_of_lower(inverse_root(factor));
