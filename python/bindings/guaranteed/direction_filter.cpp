@@ -5,7 +5,6 @@
 #include "measurement/arguments.hpp"
 #include "module.hpp"
 
-
 namespace elliptude::python {
 
 namespace {
@@ -111,8 +110,7 @@ class PythonDirectionFilter {
       throw RowFault(error.what(), row);
     }
     filter_ = working;
-    return py::module_::import("elliptude.results")
-        .attr("DirectionLog")(found.array(), angles.array(), claim, dropped);
+    return py::module_::import("elliptude.results").attr("DirectionLog")(found.array(), angles.array(), claim, dropped);
   }
 
  private:
@@ -171,10 +169,12 @@ ValueError
       .def_property_readonly("policy", &Filter::policy, "What is done with a measurement that contradicts.")
       .def_property_readonly("regain_after", &Filter::regain_after,
                              "After how many updates without contradiction a conditional claim ends.")
-      .def_property_readonly("claim", &Filter::claim,
-                             "What the cap rests on: 'unconditional', 'conditional' or 'none', as for GuaranteedFilter.")
-      .def_property_readonly("direction", &Filter::direction,
-                             "Where the direction is, a unit vector in body axes, shape (3,); None if nothing is known.")
+      .def_property_readonly(
+          "claim", &Filter::claim,
+          "What the cap rests on: 'unconditional', 'conditional' or 'none', as for GuaranteedFilter.")
+      .def_property_readonly(
+          "direction", &Filter::direction,
+          "Where the direction is, a unit vector in body axes, shape (3,); None if nothing is known.")
       .def_property_readonly("angle", &Filter::angle, "How far it may be from there, rad; pi if nothing is known.")
       .def("forget", &Filter::forget, R"(forget(self)
 --

@@ -205,11 +205,10 @@ PythonGuaranteedFilter::PythonGuaranteedFilter(py::object flow, const std::optio
     }
     make<BodyFilter>(flow_.cast<const GuaranteedBodyFlowSettings&>().flow, settings, begin, start);
   } else if (py::isinstance<GuaranteedGyroFlowSettings>(flow_)) {
-    make<GyroFilter>(
-        flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
-        {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after, settings.estimates_vector,
-         settings.keeps_constraints},
-        begin, start);
+    make<GyroFilter>(flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
+                     {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after,
+                      settings.estimates_vector, settings.keeps_constraints},
+                     begin, start);
   } else {
     throw py::type_error(std::string("flow must be a GuaranteedRigidBodyFlow or a GuaranteedGyroFlow, not ") +
                          Py_TYPE(flow_.ptr())->tp_name);

@@ -150,13 +150,13 @@ TEST_CASE("attitude bounds: no attitude is farther off, and some is nearly as fa
     const double both = 2 * std::acos(std::cos(bounds.tilt / 2) * std::cos(bounds.heading() / 2));
     CHECK(bounds.angle == doctest::Approx(both).epsilon(1e-6));
   }
-  MESSAGE("found / bound at most " << worst << "; bound / found in the mean " << total / count << ", at most " << largest);
+  MESSAGE("found / bound at most " << worst << "; bound / found in the mean " << total / count << ", at most "
+                                   << largest);
   CHECK(worst <= 1);
   CHECK(total / count < 1.03);
 }
 
-TEST_CASE("attitude bounds: a heading's sides are those of the turn from the center to the truth")
-{
+TEST_CASE("attitude bounds: a heading's sides are those of the turn from the center to the truth") {
   // North is measured 0.2 rad off the center's, to 0.05: the truth is turned about the vertical by as much, in the sense of C.
   const Vector3<double> vertical = Vector3<double>::UnitZ();
   const Matrix3<double> center = Matrix3<double>::Identity();
@@ -183,8 +183,8 @@ TEST_CASE("attitude bounds: a set alone, in closed form") {
     const double across = random.log_uniform(1e-8, 3);
     const Vector3<double> vertical = random.unit_vector<3>();
     const Matrix3<double> along = vertical * vertical.transpose();
-    const Ellipsoid<double, 3> set{Vector3<double>::Zero(), width * width * along +
-                                                                across * across * (Matrix3<double>::Identity() - along)};
+    const Ellipsoid<double, 3> set{Vector3<double>::Zero(),
+                                   width * width * along + across * across * (Matrix3<double>::Identity() - along)};
     AttitudeBounds<double> bounds{};
     REQUIRE(attitude_bounds<double>(set, nullptr, 0, vertical, bounds) == Status::ok);
     // The ends of the semi-axes: |γ·n| = width, and |γ⊥| = across with γ·n = 0.

@@ -75,8 +75,7 @@ TEST_CASE("direction cap: what two have in common is in the third, and reaches i
       const Long3 x = at_angle(from.center.cast<long double>(), random.unit_vector<3>().cast<long double>(),
                                static_cast<long double>(share) * from.angle);
       if (holds(first, x) && holds(second, x)) {
-        worst = std::max(worst,
-                         static_cast<double>(angle_between(both.center.cast<long double>(), x) / both.angle));
+        worst = std::max(worst, static_cast<double>(angle_between(both.center.cast<long double>(), x) / both.angle));
       }
     }
   }
@@ -120,10 +119,9 @@ TEST_CASE("direction cap: a turn takes the direction along, an unknown turn wide
                              static_cast<long double>(before.angle));
     // A direction d at rest is Cᵀd in the body: it turns the other way.
     const Matrix3<double> more = exp(Vector3<double>(angle * random.unit_vector<3>()));
-    const Long3 y = (trial % 2 == 0 ? Matrix3<double>(turn * more) : Matrix3<double>(more * turn))
-                        .transpose()
-                        .cast<long double>() *
-                    x;
+    const Long3 y =
+        (trial % 2 == 0 ? Matrix3<double>(turn * more) : Matrix3<double>(more * turn)).transpose().cast<long double>() *
+        x;
     worst = std::max(worst, static_cast<double>(angle_between(after.center.cast<long double>(), y) / after.angle));
   }
   CHECK(worst <= 1);

@@ -22,7 +22,9 @@ Filter filter_of(Policy policy, int regain_after = 5) {
   return filter;
 }
 
-double angle_between(const Vector3<double>& a, const Vector3<double>& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
+double angle_between(const Vector3<double>& a, const Vector3<double>& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
 
 // A body that turns, a gyro's turns with errors up to an angle, and measurements of the vertical with errors up to another.
 class Motion {

@@ -29,8 +29,8 @@ namespace detail {
 
 /// A bound of n·γ/2 over the set and the quadrics; infinite if none was found.
 template <typename Scalar>
-[[nodiscard]] Status largest_along(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics, std::size_t count,
-                                   const Vector3<Scalar>& direction, Scalar& largest) noexcept {
+[[nodiscard]] Status largest_along(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
+                                   std::size_t count, const Vector3<Scalar>& direction, Scalar& largest) noexcept {
   const Scalar quarter = scalar::constant<Scalar>(0.25L);
   Matrix<Scalar, 4> one = Matrix<Scalar, 4>::Zero();
   one(0, 0) = Scalar(1);
@@ -76,8 +76,7 @@ template <typename Scalar>
                                      std::size_t count, const Vector3<Scalar>& vertical,
                                      AttitudeBounds<Scalar>& bounds) noexcept {
   Scalar sine_square;
-  if (const Status status = detail::largest_across(set, quadrics, count, vertical, sine_square);
-      status != Status::ok) {
+  if (const Status status = detail::largest_across(set, quadrics, count, vertical, sine_square); status != Status::ok) {
     return status;
   }
   Scalar most;
@@ -96,8 +95,7 @@ template <typename Scalar>
   const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
   const Scalar pi = scalar::pi<Scalar>();
   const auto widened = [&](const Scalar& angle) {
-    const Scalar result =
-        Scalar(2) * (angle + rounding::share<Scalar>(rounding::product) * scalar::abs(angle)) + slip;
+    const Scalar result = Scalar(2) * (angle + rounding::share<Scalar>(rounding::product) * scalar::abs(angle)) + slip;
     return result < pi ? result : pi;
   };
   const auto half_heading = [&](const Scalar& tangent) {

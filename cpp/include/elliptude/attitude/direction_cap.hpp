@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Caps of the sphere: a direction that is known within an angle, and what two of them have in common. (theory, section 18.19)
+/// Caps of the sphere: a direction that is known within an angle, and what two of them have in common. (theory, section 18.9)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
@@ -79,12 +79,12 @@ template <typename Scalar>
     return Status::empty_intersection;
   }
   const Scalar sine_square = half * half * square_bound;
-  const Scalar angle = sine_square < Scalar(1)
-                           ? Scalar(Scalar(2) * scalar::atan2(scalar::sqrt(sine_square),
-                                                              scalar::sqrt(Scalar(Scalar(1) - sine_square))))
-                           : scalar::pi<Scalar>();
-  const Scalar covered = angle * (Scalar(1) + rounding::share<Scalar>(rounding::product)) +
-                         rounding::share<Scalar>(rounding::direction);
+  const Scalar angle =
+      sine_square < Scalar(1)
+          ? Scalar(Scalar(2) * scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(Scalar(Scalar(1) - sine_square))))
+          : scalar::pi<Scalar>();
+  const Scalar covered =
+      angle * (Scalar(1) + rounding::share<Scalar>(rounding::product)) + rounding::share<Scalar>(rounding::direction);
   if (covered < smaller.angle) {
     const Vector3<Scalar> w = (Scalar(1) - beta) * smaller.center + beta * larger.center;
     result = {scalar::unit(w), covered};

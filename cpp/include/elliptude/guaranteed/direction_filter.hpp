@@ -2,7 +2,7 @@
 
 /// \file
 /// A filter that follows one direction alone, such as the vertical, as seen from the body: what is known of tilt needs no heading.
-/// (theory, section 18.19)
+/// (theory, section 18.9)
 
 #include "elliptude/attitude/direction_cap.hpp"
 #include "elliptude/guaranteed/policy.hpp"

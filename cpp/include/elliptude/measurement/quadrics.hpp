@@ -114,8 +114,7 @@ template <typename Scalar>
 [[nodiscard]] Quadric<Scalar, 3> seen_from(const Vector3<Scalar>& gamma, const Matrix3<Scalar>& form,
                                            const Scalar& shortest, const Scalar& longest) noexcept {
   const Scalar moved = Scalar(1) + scalar::constant<Scalar>(0.25L) * longest * longest;
-  const Scalar wider =
-      Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + moved / shortest);
+  const Scalar wider = Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + moved / shortest);
   const Matrix3<Scalar> m = form * (Scalar(1) / (wider * wider));
   const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
   const Matrix3<Scalar> half = m.lazyProduct(t);

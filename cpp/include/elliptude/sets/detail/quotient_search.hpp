@@ -215,9 +215,9 @@ class QuotientSearch {
     Step step;
     aim_at(Scalar(0), inverse, Form(Form::Zero()), products, step);
     const Scalar whole = gap();
-    Scalar left = gap(step, longest(z_, step.z, x_, step.x, Scalar(1)),
-                      longest(primal_, step.primal, w_, step.w, Scalar(1))) /
-                  whole;
+    Scalar left =
+        gap(step, longest(z_, step.z, x_, step.x, Scalar(1)), longest(primal_, step.primal, w_, step.w, Scalar(1))) /
+        whole;
     const Scalar least = scalar::constant<Scalar>(0.05L);
     left = left > least ? (left < Scalar(1) ? left : Scalar(1)) : least;
     const Form second = symmetrized(Form(Form(step.primal.lazyProduct(step.z)).lazyProduct(inverse)));
