@@ -316,8 +316,9 @@ inline std::array<Cycle, cycle_count> typical_cycles() {
   return cycles;
 }
 
-/// One step of the flow and the fusion of all measurements with its end, for a filter that has been running.
-template <SizeCriterion<double, 6>::Kind kind>
+/// One step of the flow and the fusion of all measurements with its end, for a filter that has been running; and with `asks` the
+/// bounds of tilt and heading after it.
+template <SizeCriterion<double, 6>::Kind kind, bool asks>
 double guaranteed_cycle(long count) {
   static const std::array<Cycle, cycle_count> cycles = typical_cycles();
   using Flow = GuaranteedRigidBodyFlow<double, GravityGradient<double>>;
@@ -328,6 +329,7 @@ double guaranteed_cycle(long count) {
   Filter::Settings settings;
   settings.criterion = kind == SizeCriterion<double, 6>::Kind::trace ? SizeCriterion<double, 6>::trace()
                                                                      : SizeCriterion<double, 6>::volume();
+  settings.keeps_constraints = asks;
   const auto measured = [](const Cycle& cycle) {
     return Measurements<double>{cycle.directions.data(), cycle.directions.size(), &cycle.angular_velocity, nullptr};
   };
@@ -345,6 +347,11 @@ double guaranteed_cycle(long count) {
     expect_ok(filter.predict(cycles[at].time, BodyInput<double>()));
     expect_ok(filter.update(measured(cycles[at]), update));
     sum += filter.ellipsoid().shape.trace();
+    if constexpr (asks) {
+      AttitudeBounds<double> bounds{};
+      expect_ok(filter.bounds(Vector3d::UnitZ(), bounds));
+      sum += bounds.angle;
+    }
   }
   return sum;
 }
@@ -468,7 +475,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 35> all{{
+inline constexpr std::array<Operation, 37> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -488,8 +495,10 @@ inline constexpr std::array<Operation, 35> all{{
     {"fuse_3_cones_and_rate_trace", fuse_quadrics<Kind::trace>},
     {"fuse_3_cones_and_rate_volume", fuse_quadrics<Kind::volume>},
     {"gyro_row_2_directions", gyro_row},
-    {"guaranteed_cycle_trace", guaranteed_cycle<Kind::trace>},
-    {"guaranteed_cycle_volume", guaranteed_cycle<Kind::volume>},
+    {"guaranteed_cycle_trace", guaranteed_cycle<Kind::trace, false>},
+    {"guaranteed_cycle_volume", guaranteed_cycle<Kind::volume, false>},
+    {"guaranteed_cycle_with_bounds_trace", guaranteed_cycle<Kind::trace, true>},
+    {"guaranteed_cycle_with_bounds_volume", guaranteed_cycle<Kind::volume, true>},
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
     {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
     {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},

@@ -100,8 +100,9 @@ class QuotientSearch {
     return form.cwiseAbs().rowwise().sum().maxCoeff();
   }
 
+  /// tr(AB) of a symmetric A.
   [[nodiscard]] static Scalar trace_of_product(const Form& a, const Form& b) noexcept {
-    return a.cwiseProduct(b.transpose()).sum();
+    return a.cwiseProduct(b).sum();
   }
 
   /// Σ xₖBₖ.
@@ -215,9 +216,10 @@ class QuotientSearch {
     Step step;
     aim_at(Scalar(0), inverse, Form(Form::Zero()), products, step);
     const Scalar whole = gap();
-    Scalar left =
-        gap(step, longest(z_, step.z, x_, step.x, Scalar(1)), longest(primal_, step.primal, w_, step.w, Scalar(1))) /
-        whole;
+    const Scalar coarse = scalar::constant<Scalar>(0.5L);
+    const Scalar dual = longest(z_, step.z, x_, step.x, Scalar(1), coarse);
+    const Scalar primal = longest(primal_, step.primal, w_, step.w, Scalar(1), coarse);
+    Scalar left = gap(step, dual, primal) / whole;
     const Scalar least = scalar::constant<Scalar>(0.05L);
     left = left > least ? (left < Scalar(1) ? left : Scalar(1)) : least;
     const Form second = symmetrized(Form(Form(step.primal.lazyProduct(step.z)).lazyProduct(inverse)));
@@ -227,8 +229,9 @@ class QuotientSearch {
     const Scalar unknowns(static_cast<scalar::Value<Scalar>>(N + static_cast<int>(count_)));
     aim_at(Scalar(left * whole / unknowns), inverse, second, products, step);
     const Scalar inside = scalar::constant<Scalar>(0.95L);
-    const Scalar dual_share = longest(z_, step.z, x_, step.x, inside);
-    const Scalar primal_share = longest(primal_, step.primal, w_, step.w, inside);
+    const Scalar fine = scalar::constant<Scalar>(0.8L);
+    const Scalar dual_share = longest(z_, step.z, x_, step.x, inside, fine);
+    const Scalar primal_share = longest(primal_, step.primal, w_, step.w, inside, fine);
     Unknowns next = x_;
     for (std::size_t k = 0; k < count_; ++k) {
       next[k] += dual_share * step.x[k];
@@ -261,9 +264,10 @@ class QuotientSearch {
     }
   }
 
-  /// How much of a step stays inside, up to a share of the way to the boundary; less where the matrix decides, by halves.
+  /// How much of a step stays inside, up to a share of the way to the boundary; shorter and shorter by a ratio where the matrix
+  /// decides.
   [[nodiscard]] Scalar longest(const Form& form, const Form& move, const Unknowns& numbers, const Unknowns& along,
-                               const Scalar& share) const noexcept {
+                               const Scalar& share, const Scalar& ratio) const noexcept {
     Scalar length(1);
     for (std::size_t k = 1; k < count_; ++k) {
       if (length * along[k] < -share * numbers[k]) {
@@ -275,7 +279,7 @@ class QuotientSearch {
       if (is_positive_definite(Form(form + (length / share) * move))) {
         return length;
       }
-      length *= scalar::constant<Scalar>(0.8L);
+      length *= ratio;
     }
     return Scalar(0);
   }
