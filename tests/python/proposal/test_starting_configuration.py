@@ -106,7 +106,7 @@ def test_from_a_users_csv_to_a_report_in_two_commands(tmp_path):
     assert_every_number_says_from_what_it_comes(config.read_text())
     written = tomllib.loads(config.read_text())
     assert "start" not in written
-    assert written["estimator"] == {"mode": "guaranteed", "policy": "drop_measurement"}
+    assert written["estimator"] == {"mode": "guaranteed", "policy": "drop_measurement", "criterion": "trace"}
     rule, standard = written["rule"], hand_held()
     recording = made()
     at_start = recording.times < 5.0
