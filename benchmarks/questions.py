@@ -2,9 +2,9 @@
 
     python benchmarks/questions.py --logs 1000 --rows 1000
 
-A gyro's turns and two or three measured directions, each wrong by its bound or nearly so, in directions that change or stay; rows are
-predicted from the row before or from anchors. No bound may be broken. How near the truth comes to a bound says whether it
-could have been.
+A gyro's turns and one to three measured directions, each wrong by its bound or nearly so, in directions that change or
+stay; rows are predicted from the row before or from anchors. No bound may be broken. How near the truth comes to a bound
+says whether it could have been.
 """
 
 import argparse
@@ -74,7 +74,7 @@ def make_log(random: np.random.Generator, rows: int) -> Log:
 
 
 def judge(log: Log, criterion: str) -> tuple[int, int, FloatArray]:
-    """How many rows have bounds, how many are broken, and how near the truth comes to each: tilt, heading, angle, up."""
+    """How many rows have bounds, how many are broken, and how near the truth comes: tilt, heading, angle, up."""
     flow = el.GuaranteedGyroFlow(0.0, 0.0)
     times = np.arange(len(log.turns), dtype=np.float64)
     attitude_filter = el.GuaranteedFilter(flow, criterion=criterion, vector_bound=1e-9, estimate_vector=False)
