@@ -1,8 +1,8 @@
 """How far an attitude may be off, and is at least off, if the truth is in a guaranteed set: theory, section 18.8.
 
-The set is a double cone of quaternions z = (s, v), seen from its center: Σ vᵢ²/aᵢ² ≤ s² along the axes of the shape, with
-aᵢ half the semi-axis of the Gibbs vector. All six numbers are largest shares ‖Bᵀz‖²/‖z‖² in it, or follow from two
-vectors. Many rows are one call.
+Seen from its center, the set is a double cone of quaternions z = (s, v): Σ vᵢ²/aᵢ² ≤ s² along the axes of the shape,
+with aᵢ half the semi-axis of the Gibbs vector. Total and tilt follow from the largest share ‖Bᵀz‖²/‖z‖² in it, the
+heading from two vectors. Many rows are one call.
 """
 
 from typing import NamedTuple
@@ -120,9 +120,7 @@ def largest_share(basis: FloatArray, squares: FloatArray) -> FloatArray:
     return np.minimum((1.0 + _SHARE) * least, 1.0)
 
 
-def heading_interval(
-    q: FloatArray, twisted: FloatArray, squares: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The turns about up from attitudes to those of their sets, (18.24): all within a half-width of a middle.
 
     Parameters

@@ -64,6 +64,7 @@ class Limits:
     heading: float | None = None
 
     def __post_init__(self) -> None:
+        """Refuse what is no angle."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and not 0.0 <= value <= np.pi:
@@ -188,7 +189,9 @@ def monitor(
     both = known & there
     numbers = ErrorAngles(*(np.full(count, np.nan) for _ in range(6)))
     if both.any():
-        center_up = None if vertical is None else rotation_from_quaternion(sets.quaternions[both]).swapaxes(1, 2) @ vertical
+        center_up = (
+            None if vertical is None else rotation_from_quaternion(sets.quaternions[both]).swapaxes(1, 2) @ vertical
+        )
         offsets = _product(sets.quaternions[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
         for whole, some in zip(numbers, error_angles(offsets, sets.shapes[both], center_up), strict=True):
             whole[both] = some
@@ -204,9 +207,7 @@ def monitor(
     return Monitored(sets.times, known, bounds, least, claims, heading, limits)
 
 
-def _require_something_to_judge(
-    heading: Heading, up: FloatArray | None, caps: UpCaps | None, limits: Limits
-) -> None:
+def _require_something_to_judge(heading: Heading, up: FloatArray | None, caps: UpCaps | None, limits: Limits) -> None:
     if heading not in ("same", "free"):
         raise ValueError(f"heading must be 'same' or 'free', not {heading!r}")
     if up is None and (heading == "free" or caps is not None):
@@ -214,7 +215,9 @@ def _require_something_to_judge(
     for question in QUESTIONS:
         is_judged = question == "tilt" if heading == "free" else question == "total" or up is not None
         if getattr(limits, question) is not None and not is_judged:
-            raise ValueError(f"limit of {question}: it is not judged {'without up' if up is None else 'as the heading is free'}")
+            raise ValueError(
+                f"limit of {question}: it is not judged {'without up' if up is None else 'as the heading is free'}"
+            )
 
 
 def _narrow_by_caps(
@@ -247,10 +250,12 @@ def _narrow_by_caps(
 
 def _quaternions(attitudes: AttitudeLike, count: int) -> FloatArray:
     """Unit quaternions (n, 4), NaN where there is no attitude."""
-    values = np.asarray(attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64)
+    values = np.asarray(
+        attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64
+    )
     if values.shape not in ((count, 4), (count, 3, 3)):
         raise ValueError(f"attitudes must have shape ({count}, 3, 3) or ({count}, 4), not {values.shape}")
-    known = np.isfinite(values.reshape(count, -1)).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(values.reshape(count, -1)).all(axis=1))
     if values.shape == (count, 4):
         lengths = np.linalg.norm(values, axis=1)
         wrong = known & ~(np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE)
