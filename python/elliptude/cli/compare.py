@@ -38,7 +38,10 @@ from elliptude.report.run import Run, read_run
 from elliptude.results import CLAIMS
 
 _GroundFrame = Literal["ENU", "NED", "NWU"]
-_LimitDeg = Annotated[float | None, typer.Option(min=0.0, max=180.0, show_default=False)]
+
+
+def _limit(what: str) -> Any:
+    return typer.Option(min=0.0, max=180.0, help=f"Alert limit of the {what} error, degrees.", show_default=False)
 
 
 def compare(
@@ -176,9 +179,9 @@ def monitor(
         bool,
         typer.Option("--heading-free", help="The estimate's heading counts from elsewhere: judge its tilt alone."),
     ] = False,
-    limit_deg: Annotated[_LimitDeg, typer.Option(help="Alert limit of the whole error, degrees.")] = None,
-    limit_tilt_deg: Annotated[_LimitDeg, typer.Option(help="Alert limit of the tilt error, degrees.")] = None,
-    limit_heading_deg: Annotated[_LimitDeg, typer.Option(help="Alert limit of the heading error, degrees.")] = None,
+    limit_deg: Annotated[float | None, _limit("whole")] = None,
+    limit_tilt_deg: Annotated[float | None, _limit("tilt")] = None,
+    limit_heading_deg: Annotated[float | None, _limit("heading")] = None,
     largest_gap_s: Annotated[
         float, typer.Option(min=0.0, help="Interpolate between samples of the estimate no further apart, s.")
     ] = 0.0,
@@ -201,6 +204,8 @@ def monitor(
     files = [] if out is None else [out / name for name in (f"monitor.{format}", "monitor.png", "monitor.json")]
     refuse_to_replace(files, force)
     limits = _limits(limit_deg, limit_tilt_deg, limit_heading_deg)
+    if heading_free and (limit_deg is not None or limit_heading_deg is not None):
+        raise typer.BadParameter("judges the tilt alone; --limit-tilt-deg is its limit", param_hint="--heading-free")
     run, configuration = _judge(log, config)
     if configuration is not None:
         if frame is not None:
@@ -214,7 +219,9 @@ def monitor(
     has_other_frame = free or estimate_frame is not None
     try:
         seen_by = replace(run, heading_from_start=True) if has_other_frame else run
-        misread = comparison.misread_reference(seen_by, attitudes, choices, largest_gap=largest_gap_s)
+        misread = comparison.misread_reference(
+            seen_by, attitudes, choices, largest_gap=largest_gap_s, against="the centers of the sets"
+        )
         if estimate_frame is not None:
             attitudes = monitored.in_frame(attitudes, _turn(estimate_frame, frame))
         found = monitored.judge(
@@ -317,14 +324,14 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             f"  the bounds are proposals from {summary['bounds_from_recording']}, so that no alarm is a proof: once "
             "there is a reason for each bound, delete bounds_from_recording in the configuration"
         )
-    if summary["heading"] == "free":
+    if summary["questions"] == ["tilt"]:
         why = "; the sets' counts from the first row" if summary["heading_of_sets"] == "from the first row" else ""
         typer.echo(f"  the heading is free{why}: the tilt alone is judged")
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("error", no_wrap=True)
     for heading in ("claim", "rows", "bound ° mean", "median", "max", "no bound", "proved wrong", "not in limit"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for question in ("total", "tilt", "heading"):
+    for question in summary["questions"]:
         figures = summary[question]
         for claim in CLAIMS[:2]:
             bound = figures["bound_deg"][claim]
@@ -339,7 +346,7 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             table.add_row(question, claim, str(bound["rows"]), *angles, *counts)
     Console(width=max(Console().width, 110)).print(table)
     if summary["rows_with_proof"]:
-        least = max(filter(None, (summary[question]["largest_least_deg"] for question in ("total", "tilt", "heading"))))
+        least = max(filter(None, (summary[question]["largest_least_deg"] for question in summary["questions"])))
         typer.secho(
             f"  proved wrong at {summary['rows_with_proof']} rows, first at {summary['first_proof_s']:.6f} s, by up to "
             f"{least:.3g} degrees at least",

@@ -73,6 +73,8 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
     angles.tilt[known] = _angle_of_sine(tilt)
     angles.least_tilt[known] = _least_angle(largest_share(np.concatenate([q[:, :, None], twisted], axis=2), squares))
     middle, half_width = heading_interval(q, twisted[..., 0], squares)
+    # Where up may be nearly opposite, a small turn changes the heading much.
+    half_width += ANGLE_ROUNDING / np.maximum(np.sqrt(1.0 - tilt), ANGLE_ROUNDING**2)
     angles.heading[known] = np.minimum(np.abs(middle) + half_width, np.pi)
     angles.least_heading[known] = np.maximum(np.abs(middle) - half_width, 0.0)
     return angles
@@ -135,7 +137,7 @@ def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) ->
     Returns
     -------
     middle, half_width : (n,) array
-        rad; a half-width of π says nothing.
+        rad; a half-width of π says nothing. Rounding of the vectors themselves is not in it.
     """
 
     def dual(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -152,7 +154,7 @@ def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) ->
     k12 = dual(q, twisted)
     middle = np.arctan2(k12, 0.5 * (k11 - k22))
     beyond = k12**2 - k11 * k22
-    half_width = np.arctan2(np.sqrt(np.maximum(beyond, 0.0)), 0.5 * (k11 + k22)) + ANGLE_ROUNDING
+    half_width = np.arctan2(np.sqrt(np.maximum(beyond, 0.0)), 0.5 * (k11 + k22))
     return middle, np.where(beyond > 0.0, half_width, np.pi)
 
 

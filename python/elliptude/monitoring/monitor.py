@@ -96,8 +96,8 @@ class Monitored:
     """How far they are off at least, rad, shape (n, 3): above 0 the attitude is not what the set allows."""
     claims: NDArray[np.uint8]
     """What each number rests on, an index of `elliptude.results.CLAIMS`, shape (n, 3)."""
-    heading: Heading
-    """Whether the heading was judged; "free" also where the reference frame has no vertical that is known."""
+    questions: tuple[str, ...]
+    """Those of `QUESTIONS` that were judged."""
     limits: Limits
 
     @property
@@ -113,18 +113,21 @@ class Monitored:
         return Alarms(outside & is_proof, outside & ~is_proof, over)
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures for a summary, angles in degrees: bounds by claim, alarms, limits; for each question."""
+        """Figures for a summary, angles in degrees: bounds by claim, alarms, limits; None for what is not judged."""
         alarms = self.alarms
         proved = alarms.proved.any(axis=1)
         result: dict[str, Any] = {
             "rows": len(self.times),
             "judged": int(self.judged.sum()),
-            "heading": self.heading,
+            "questions": list(self.questions),
             "rows_with_proof": int(proved.sum()),
             "first_proof_s": float(self.times[np.argmax(proved)]) if proved.any() else None,
             "rows_with_alarm": int((proved | alarms.over_limit.any(axis=1)).sum()),
         }
         for i, question in enumerate(QUESTIONS):
+            if question not in self.questions:
+                result[question] = None
+                continue
             bounds, limit = np.rad2deg(self.bounds[:, i]), getattr(self.limits, question)
             by_claim = {
                 claim: _figures(bounds[self.judged & (self.claims[:, i] == index)])
@@ -182,17 +185,24 @@ def monitor(
     sets = Sets.of(sets) if isinstance(sets, GuaranteedLog) else sets
     limits = Limits() if limits is None else limits
     count = len(sets.times)
-    estimated = _quaternions(attitudes, count)
+    if sets.shapes.shape != (count, 3, 3) or sets.claims.shape != (count,):
+        raise ValueError(f"sets: shapes {sets.shapes.shape} and claims {sets.claims.shape} are not of {count} rows")
+    centers, estimated = (
+        _quaternions("sets.quaternions", sets.quaternions, count),
+        _quaternions("attitudes", attitudes, count),
+    )
     vertical = None if up is None else _unit_vector("up", up)
-    _require_something_to_judge(heading, vertical, caps, limits)
-    known, there = np.isfinite(estimated[:, 0]), np.isfinite(sets.quaternions[:, 0]) & (sets.claims < _NONE)
+    questions = _questions(heading, vertical, caps)
+    for question in set(QUESTIONS) - set(questions):
+        if getattr(limits, question) is not None:
+            why = "there is no up" if vertical is None else "the heading is free"
+            raise ValueError(f"limit of {question}: it is not judged, because {why}")
+    known, there = np.isfinite(estimated[:, 0]), np.isfinite(centers[:, 0]) & (sets.claims < _NONE)
     both = known & there
     numbers = ErrorAngles(*(np.full(count, np.nan) for _ in range(6)))
     if both.any():
-        center_up = (
-            None if vertical is None else rotation_from_quaternion(sets.quaternions[both]).swapaxes(1, 2) @ vertical
-        )
-        offsets = _product(sets.quaternions[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
+        center_up = None if vertical is None else rotation_from_quaternion(centers[both]).swapaxes(1, 2) @ vertical
+        offsets = _product(centers[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
         for whole, some in zip(numbers, error_angles(offsets, sets.shapes[both], center_up), strict=True):
             whole[both] = some
     bounds = np.column_stack([numbers.total, numbers.tilt, numbers.heading])
@@ -204,20 +214,18 @@ def monitor(
     if heading == "free":
         bounds[:, [0, 2]] = least[:, [0, 2]] = np.nan
         claims[:, [0, 2]] = _NONE
-    return Monitored(sets.times, known, bounds, least, claims, heading, limits)
+    return Monitored(sets.times, known, bounds, least, claims, questions, limits)
 
 
-def _require_something_to_judge(heading: Heading, up: FloatArray | None, caps: UpCaps | None, limits: Limits) -> None:
-    if heading not in ("same", "free"):
+def _questions(heading: Heading, up: FloatArray | None, caps: UpCaps | None) -> tuple[str, ...]:
+    """Those that can be judged."""
+    if heading not in {"same", "free"}:
         raise ValueError(f"heading must be 'same' or 'free', not {heading!r}")
     if up is None and (heading == "free" or caps is not None):
         raise ValueError("up: missing; a free heading leaves the tilt alone, and caps are about up")
-    for question in QUESTIONS:
-        is_judged = question == "tilt" if heading == "free" else question == "total" or up is not None
-        if getattr(limits, question) is not None and not is_judged:
-            raise ValueError(
-                f"limit of {question}: it is not judged {'without up' if up is None else 'as the heading is free'}"
-            )
+    if heading == "free":
+        return ("tilt",)
+    return ("total",) if up is None else QUESTIONS
 
 
 def _narrow_by_caps(
@@ -229,6 +237,11 @@ def _narrow_by_caps(
     up: FloatArray,
 ) -> None:
     """What caps about up say of the tilt, and with it of the whole attitude, (18.25) and (18.26)."""
+    count = len(bounds)
+    if caps.directions.shape != (count, 3) or caps.angles.shape != (count,) or caps.claims.shape != (count,):
+        raise ValueError(f"caps must have directions ({count}, 3), angles ({count},) and claims ({count},)")
+    if (caps.angles < 0.0).any() or (caps.directions == 0.0).all(axis=1).any():
+        raise ValueError("caps: angles must be at least 0, and directions not zero")
     there = np.isfinite(caps.angles) & np.isfinite(caps.directions).all(axis=1) & np.isfinite(estimated[:, 0])
     there &= caps.claims < _NONE
     off = np.full(len(bounds), np.nan)
@@ -248,26 +261,26 @@ def _narrow_by_caps(
     least[:, 0] = np.maximum(least[:, 0], least[:, 1])
 
 
-def _quaternions(attitudes: AttitudeLike, count: int) -> FloatArray:
+def _quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
     """Unit quaternions (n, 4), NaN where there is no attitude."""
     values = np.asarray(
         attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64
     )
     if values.shape not in ((count, 4), (count, 3, 3)):
-        raise ValueError(f"attitudes must have shape ({count}, 3, 3) or ({count}, 4), not {values.shape}")
+        raise ValueError(f"{name} must have shape ({count}, 3, 3) or ({count}, 4), not {values.shape}")
     known: NDArray[np.bool_] = np.asarray(np.isfinite(values.reshape(count, -1)).all(axis=1))
     if values.shape == (count, 4):
         lengths = np.linalg.norm(values, axis=1)
         wrong = known & ~(np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE)
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise ValueError(f"attitudes: the quaternion of row {row} is {lengths[row]:.4g} long, not 1 within 0.01")
+            raise ValueError(f"{name}: the quaternion of row {row} is {lengths[row]:.4g} long, not 1 within 0.01")
         return np.where(known[:, None], values / np.where(known, lengths, 1.0)[:, None], np.nan)
     quaternions = np.full((count, 4), np.nan)
     wrong = known.copy()
     wrong[known] = ~np.asarray(is_rotation(values[known]))
     if wrong.any():
-        raise ValueError(f"attitudes: row {int(np.argmax(wrong))} is not a rotation matrix")
+        raise ValueError(f"{name}: row {int(np.argmax(wrong))} is not a rotation matrix")
     quaternions[known] = quaternion_from_rotation(values[known])
     return quaternions
 

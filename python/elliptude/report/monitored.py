@@ -183,6 +183,6 @@ def hint(monitored: Monitored) -> str | None:
     shares = monitored.alarms.proved[monitored.judged].mean(axis=0)
     if shares[1] > _MOST:
         return "the up direction is wrong at most rows: has the estimate the same body axes and reference frame?"
-    if shares[2] > _MOST and monitored.heading == "same":
+    if shares[2] > _MOST:
         return "the heading is wrong at most rows: if it counts from elsewhere, --heading-free judges the tilt alone"
     return None

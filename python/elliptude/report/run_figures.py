@@ -214,7 +214,7 @@ def monitor_figure(monitored: Monitored, title: str) -> Figure:
     Figure
     """
     bounds = np.where(monitored.judged[:, None], np.rad2deg(monitored.bounds), np.nan)
-    shown = [i for i in range(len(QUESTIONS)) if np.isfinite(bounds[:, i]).any()] or [0]
+    shown = [QUESTIONS.index(question) for question in monitored.questions]
     figure = new_figure(1.6 + 1.7 * len(shown))
     figure.suptitle(title, fontsize=11)
     *panels, strip = figure.subplots(
