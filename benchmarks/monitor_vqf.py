@@ -8,7 +8,8 @@ guaranteed bound by more than that would be a broken promise. The heading of VQF
 the rule; without its magnetometer it is free.
 
 With --fault-deg a slow fault is added to VQF's attitude: a turn about a horizontal reference axis that begins after
-half of the time and grows by 2°/s up to that angle. Then the table says when it is proved, and how large it is then.
+half of the time and grows by 2°/s up to that angle. Then the table says when it is proved, and how large it is then. With
+--picture the trial 24 is drawn.
 """
 
 import argparse
@@ -18,7 +19,7 @@ import numpy as np
 from elliptude import estimation, logs
 from elliptude.logs.reference_attitudes import Reference, read_reference
 from elliptude.monitoring import Limits, Monitored
-from elliptude.report import monitored
+from elliptude.report import figures, monitored, run_figures
 from elliptude.typing import FloatArray
 from real_recordings import TRIALS, broad_configuration
 from scipy.spatial.transform import Rotation
@@ -26,6 +27,7 @@ from vqf import VQF
 
 REFERENCE_ERROR_DEG = 0.5
 FAULT_DEG_PER_S = 2.0
+PICTURE_TRIAL, PICTURE_TILT_LIMIT_DEG = "24", 20.0
 
 
 def vqf_attitudes(path: Path, with_magnetometer: bool) -> Reference:
@@ -72,10 +74,12 @@ def main() -> None:
     parser.add_argument("--datasets", type=Path, default=Path("../shared/datasets"), help="the recordings' folder")
     parser.add_argument("--criterion", default="volume", help="what the filter makes small")
     parser.add_argument("--fault-deg", type=float, default=0.0, help="the fault that VQF's attitude ends with")
+    parser.add_argument("--picture", type=Path, help="where to draw trial 24, PNG")
     arguments = parser.parse_args()
     heads = "   mean    max  bound  ratio  broken  proved"
     print(f"{'trial':9} {'claim %':>7} | total:{heads} | tilt | heading: alike; errors and bounds in degrees")
     configuration = broad_configuration(arguments.criterion)
+    limits = Limits(tilt=np.deg2rad(PICTURE_TILT_LIMIT_DEG))
     for trial in TRIALS:
         (path,) = (arguments.datasets / "broad").glob(f"{trial}_*.npz")
         estimated = estimation.estimate(logs.read_log(path, configuration), configuration)
@@ -89,9 +93,13 @@ def main() -> None:
             fault = Rotation.from_rotvec(np.deg2rad(growing)[:, None] * [1.0, 0.0, 0.0])
             judged = Reference(judged.times, fault * judged.attitudes)
             heading = "same" if with_magnetometer else "free"
-            found = monitored.judge(run, judged, has_vertical=True, heading=heading, limits=Limits())
+            found = monitored.judge(run, judged, has_vertical=True, heading=heading, limits=limits)
             name = trial if with_magnetometer else f"{trial} no mag"
             print(line(name, found, judged, true, (0, 1, 2) if with_magnetometer else (1,)), flush=True)
+            if arguments.picture is not None and name == PICTURE_TRIAL:
+                figures.save(
+                    run_figures.monitor_figure(found, f"VQF judged by excerpt {trial} of BROAD"), arguments.picture
+                )
             proofs = np.flatnonzero(found.alarms.proved.any(axis=1))
             if arguments.fault_deg and len(proofs):
                 first = proofs[0]

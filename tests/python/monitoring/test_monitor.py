@@ -1,11 +1,15 @@
 """Another filter's attitudes judged row by row: claims, caps, limits, alarms; and on a simulated log with its truth."""
 
+import re
+from pathlib import Path
+
 import elliptude as el
 import numpy as np
 import pytest
 from elliptude.monitoring import Limits, Sets, UpCaps, monitor
 from scipy.spatial.transform import Rotation
 
+PAGE = Path(__file__).parents[3] / "docs" / "monitor.md"
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -213,3 +217,11 @@ def test_the_error_of_any_filter_on_a_simulated_log_is_within_its_bound():
     gone = monitor(log, Rotation.from_rotvec(drift) * true, up=UP).alarms.proved.any(axis=1)
     assert not gone[:5].any()
     assert gone[-5:][rows[-5:]].all()
+
+
+def test_the_program_of_the_page_runs(capsys):
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    exec(compile(program, "docs/monitor.md", "exec"), {})
+    all_proved, least = capsys.readouterr().out.split()
+    assert all_proved == "True"
+    assert 5.0 < float(least) < 10.0
