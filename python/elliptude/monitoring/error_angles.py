@@ -12,8 +12,8 @@ import numpy as np
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
-# What rounding may do, section 18.8: to the first row of B, to a share, and to an angle.
-_FIRST_ROW, _SHARE, ANGLE_ROUNDING = 16.0 * _EPSILON, 64.0 * _EPSILON, 64.0 * _EPSILON
+# What rounding may do, section 18.8: to a share, and to an angle.
+_SHARE, ANGLE_ROUNDING = 64.0 * _EPSILON, 64.0 * _EPSILON
 # The multiplier m is sought as log(m/(1-m)) in ± this, by as many steps of the golden section: to 4e-7.
 _RANGE, _STEPS = 40.0, 40
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -95,10 +95,7 @@ def largest_share(basis: FloatArray, squares: FloatArray) -> FloatArray:
     (n,) array
         At most 1; attained up to 1e-6 of it and rounding.
     """
-    first = basis[:, 0, :]
-    length = np.linalg.norm(first, axis=1)
-    rounding = (2.0 * length + _FIRST_ROW) * _FIRST_ROW
-    of_first = first[:, :, None] * first[:, None, :] + rounding[:, None, None] * np.eye(basis.shape[2])
+    of_first = basis[:, 0, :, None] * basis[:, 0, None, :]
     of_others = basis[:, 1:, :, None] * basis[:, 1:, None, :]
 
     def share(x: FloatArray) -> FloatArray:
@@ -153,9 +150,9 @@ def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) ->
     k22 = dual(twisted, twisted) - _SHARE * size(twisted)
     k12 = dual(q, twisted)
     middle = np.arctan2(k12, 0.5 * (k11 - k22))
-    beyond = k12**2 - k11 * k22
-    half_width = np.arctan2(np.sqrt(np.maximum(beyond, 0.0)), 0.5 * (k11 + k22))
-    return middle, np.where(beyond > 0.0, half_width, np.pi)
+    # Where the root is 0 and the sum negative, any heading is possible: π.
+    root = np.sqrt(np.maximum(k12**2 - k11 * k22, 0.0))
+    return middle, np.arctan2(root, 0.5 * (k11 + k22))
 
 
 def _half_axes(shapes: FloatArray) -> tuple[FloatArray, FloatArray]:

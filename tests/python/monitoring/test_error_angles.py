@@ -195,6 +195,37 @@ def test_a_truth_on_the_edge_of_a_thin_set_is_within_the_bounds():
     assert (heading >= found.least_heading - slack / np.cos(0.5 * tilt)).all()
 
 
+def test_where_up_may_be_opposite_any_heading_is_possible():
+    """A ball seen from an estimate that is turned over, and a set that is large itself."""
+    up = np.array([[0.0, 0.0, 1.0]])
+    for turn, width in ((np.pi, 0.3), (np.pi - 0.2, 0.3), (1.0, 3.0)):
+        q0 = Rotation.from_rotvec([turn, 0.0, 0.0]).as_quat(scalar_first=True)
+        found = error_angles(q0[None], (2.0 * np.tan(0.5 * width)) ** 2 * np.eye(3)[None], up)
+        assert (found.heading[0], found.least_heading[0]) == (np.pi, 0.0)
+    # Beyond the ball it is not: the heading has an end again.
+    q0 = Rotation.from_rotvec([np.pi - 0.4, 0.0, 0.0]).as_quat(scalar_first=True)
+    assert error_angles(q0[None], (2.0 * np.tan(0.15)) ** 2 * np.eye(3)[None], up).heading[0] < np.pi
+
+
+def test_the_heading_of_an_estimate_that_is_nearly_upside_down_covers_rounding():
+    """Of the center itself, whose heading against q0 is 2 arctan(z/w) to the last digit, however small both are."""
+    rng = np.random.default_rng(6)
+    n = 20_000
+    cosine, angle = 10.0 ** rng.uniform(-15, -1, n), rng.uniform(0.0, 2.0 * np.pi, n)
+    about = rng.uniform(0.0, 2.0 * np.pi, n)
+    across = np.sqrt(1.0 - cosine**2)
+    q0 = np.column_stack(
+        [cosine * np.cos(angle), across * np.cos(about), across * np.sin(about), cosine * np.sin(angle)]
+    )
+    axes = Rotation.random(n, rng=rng).as_matrix()
+    shapes = axes @ np.diag([1e-36, 2e-36, 3e-36]) @ axes.swapaxes(1, 2)
+    found = error_angles(q0, 0.5 * (shapes + shapes.swapaxes(1, 2)), np.tile([0.0, 0.0, 1.0], (n, 1)))
+    heading = 2.0 * np.arctan2(np.abs(q0[:, 3]), np.abs(q0[:, 0]))
+    assert (heading <= found.heading + 1e-15).all()
+    assert (heading >= found.least_heading - 1e-15).all()
+    assert (found.heading[cosine > 1e-6] <= heading[cosine > 1e-6] + 1e-6).all()
+
+
 def test_a_flat_set_is_one():
     up = np.array([[0.0, 0.0, 1.0]])
     found = error_angles(np.array([[1.0, 0, 0, 0]]), np.diag([0.0, 0.0, 0.04])[None], up)
