@@ -8,8 +8,8 @@ guaranteed bound by more than that would be a broken promise. The heading of VQF
 the rule; without its magnetometer it is free.
 
 With --fault-deg a slow fault is added to VQF's attitude: a turn about a horizontal reference axis that begins after
-half of the time and grows by 2°/s up to that angle. Then the table says when it is proved, and how large it is then. With
---picture the trial 24 is drawn.
+half of the time and grows by 2°/s up to that angle. Then the table says when it is proved, and how large it is then.
+With --picture the trial 24 is drawn.
 """
 
 import argparse

@@ -145,10 +145,12 @@ def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) ->
         product: FloatArray = a[:, 0] ** 2 + np.einsum("ni,ni->n", squares, a[:, 1:] ** 2)
         return product
 
+    # One scale for all, so that no square overflows.
+    scale = np.maximum(np.max(squares, axis=1), 1.0)
     # Less by what rounding may do to them: more turns are possible then.
-    k11 = dual(q, q) - _SHARE * size(q)
-    k22 = dual(twisted, twisted) - _SHARE * size(twisted)
-    k12 = dual(q, twisted)
+    k11 = (dual(q, q) - _SHARE * size(q)) / scale
+    k22 = (dual(twisted, twisted) - _SHARE * size(twisted)) / scale
+    k12 = dual(q, twisted) / scale
     middle = np.arctan2(k12, 0.5 * (k11 - k22))
     # Where the root is 0 and the sum negative, any heading is possible: π.
     root = np.sqrt(np.maximum(k12**2 - k11 * k22, 0.0))

@@ -235,6 +235,21 @@ def test_a_flat_set_is_one():
     assert max(np.array(point)[:3, 0]) < 1e-6
 
 
+@pytest.mark.filterwarnings("error")
+def test_extreme_sets():
+    up = np.array([[0.0, 0.0, 1.0]])
+    q0 = Rotation.from_rotvec([0.5, 0.0, 0.2]).as_quat(scalar_first=True)[None]
+    for size in (1e18, 1e150, 1e300):
+        for shape in (size * np.eye(3), np.diag([1e-300, 1.0, size])):
+            found = np.array(error_angles(q0, shape[None], up))[:, 0]
+            assert np.isfinite(found).all()
+            assert found[0] > 3.0
+    tiny = np.array(error_angles(q0, 1e-300 * np.eye(3)[None], up))[:, 0]
+    np.testing.assert_allclose(tiny[:3], tiny[3:], atol=1e-6)
+    endless = np.array(error_angles(q0, np.full((1, 3, 3), np.inf), up))
+    assert np.isnan(endless).all()
+
+
 def test_rows_without_a_set_or_an_estimate_are_empty():
     q0 = np.array([[1.0, 0, 0, 0], [np.nan] * 4, [1.0, 0, 0, 0]])
     shapes = np.array([np.full((3, 3), np.nan), np.eye(3), np.eye(3)])

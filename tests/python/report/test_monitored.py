@@ -11,6 +11,7 @@ from elliptude.io import tables
 from elliptude.monitoring import Limits
 from elliptude.report import monitored
 from elliptude.report.run import read_run
+from recorders import write_ulog
 from scipy.spatial.transform import Rotation
 from test_proposals import made
 from typer.testing import CliRunner
@@ -307,6 +308,51 @@ def test_a_log_judges_as_its_results_do(tmp_path):
     assert "the heading is free; the sets' counts from the first row: the tilt alone is judged" in " ".join(
         done.output.split()
     )
+
+
+def test_the_attitude_that_an_autopilot_logs(tmp_path):
+    """A ULog is log and estimate at once: NED, the estimate with stamps of its own between those of the gyro."""
+    pytest.importorskip("pyulog")
+    n = 300
+    stamps = 3_000_000 + 5_000 * np.arange(n)  # µs
+    turns = Rotation.from_rotvec(np.tile([0.1, -0.2, 0.3], (n, 1)) * (1e-6 * (stamps - stamps[0]))[:, None])
+    up, field = turns.inv().apply([0.0, 0.0, -9.80665]), turns.inv().apply([2e-5, 0.0, 4e-5])
+    imu = {"timestamp": stamps, "gyro_rad": np.tile([0.1, -0.2, 0.3], (n, 1)), "accelerometer_m_s2": up, "field": field}
+    late = stamps[:-1] + 2_000
+    ekf = turns[:-1] * Rotation.from_rotvec(np.array([0.1, -0.2, 0.3]) * 0.002)
+    attitude = {"timestamp": late, "q": ekf.as_quat(scalar_first=True)}
+    write_ulog(tmp_path / "log.ulg", [("sensor_combined", 0, imu), ("vehicle_attitude", 0, attitude)])
+
+    def columns(name, count=3):
+        return [f"{name}[{i}]" for i in range(count)]
+
+    (tmp_path / "config.toml").write_text(
+        tomlkit.dumps({
+            "reference_frame": "NED",
+            "flow": {"kind": "gyro", "columns": columns("sensor_combined.gyro_rad"), "noise_deg_per_s": 0.5},
+            "directions": [
+                {
+                    "name": "up", "kind": "accelerometer", "unit": "m/s^2", "bound_deg": 3.0,
+                    "columns": columns("sensor_combined.accelerometer_m_s2"),
+                },
+                {
+                    "name": "field", "bound_deg": 10.0,
+                    "columns": columns("sensor_combined.field"), "reference": [2e-5, 0.0, 4e-5],
+                },
+            ],
+            "estimator": {"mode": "guaranteed", "policy": "drop_measurement"},
+            "truth": {"attitude_columns": columns("vehicle_attitude.q", 4)},
+        })
+    )  # fmt: skip
+    log, config = tmp_path / "log.ulg", tmp_path / "config.toml"
+    done = run(
+        log, "--config", config, "--estimate", log, "--estimate-config", config, "--largest-gap-s", 0.01, "--json"
+    )
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    assert summary["tilt"]["bound_deg"]["unconditional"]["rows"] > 290
+    assert 2.0 < summary["tilt"]["bound_deg"]["unconditional"]["mean"] < 4.0
+    assert summary["heading"]["bound_deg"]["unconditional"]["mean"] < 40.0
 
 
 @needs_datasets
