@@ -22,6 +22,7 @@ from elliptude.cli.options import (
     refuse_to_replace,
     require_finite,
 )
+from elliptude.cli.outputs import SUMMARY
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
@@ -238,7 +239,7 @@ def monitor(
         "log": str(log),
         "estimate": str(estimate),
         "bounds_from_recording": run.bounds_from_recording,
-        "heading_of_sets": "from the first row" if run.heading_from_start else "as referenced",
+        "heading_of_sets": _heading_of_sets(run, log, configuration),
         "estimate_misread": misread,
         "hint": monitored.hint(found),
     } | found.to_dict()
@@ -290,6 +291,14 @@ def _judge(log: Path, config: Path | None) -> tuple[Run, Configuration | None]:
     return run, configuration
 
 
+def _heading_of_sets(run: Run, log: Path, configuration: Configuration | None) -> str:
+    """From where the sets' heading counts; of a table alone that is not known."""
+    if run.heading_from_start:
+        return "from the first row"
+    summary = (log if log.is_dir() else log.parent) / SUMMARY
+    return "as referenced" if configuration is not None or summary.is_file() else "not stated"
+
+
 def _ground_frame(configuration: Configuration) -> _GroundFrame | None:
     if configuration.rule is not None:
         return "ENU"
@@ -327,6 +336,11 @@ def _say_monitored(summary: dict[str, Any]) -> None:
     if summary["questions"] == ["tilt"]:
         why = "; the sets' counts from the first row" if summary["heading_of_sets"] == "from the first row" else ""
         typer.echo(f"  the heading is free{why}: the tilt alone is judged")
+    elif "heading" in summary["questions"] and summary["heading_of_sets"] == "not stated":
+        typer.secho(
+            f"  no {SUMMARY} beside the table says from where the sets' heading counts: taken as referenced",
+            fg=typer.colors.YELLOW,
+        )
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("error", no_wrap=True)
     for heading in ("claim", "rows", "bound ° mean", "median", "max", "no bound", "proved wrong", "not in limit"):

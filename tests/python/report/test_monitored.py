@@ -114,6 +114,13 @@ def test_without_alarms_the_exit_code_is_0(tmp_path, result):
         done = run(table, "--estimate", estimate, *limits)
         assert done.exit_code == 0, done.output
         assert "380 of 400 rows" in done.output
+        assert "no summary.json beside the table says from where the sets' heading counts" in done.output
+    # With a summary that says it, the heading is not judged.
+    (table.parent / "summary.json").write_text('{"heading": "from the first row"}')
+    done = run(table, "--estimate", estimate)
+    assert done.exit_code == 0, done.output
+    assert "the sets' counts from the first row: the tilt alone is judged" in done.output
+    (table.parent / "summary.json").unlink()
     assert run(table, "--estimate", estimate, "--limit-deg", 9.9).exit_code == 1
 
 
