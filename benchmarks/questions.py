@@ -3,7 +3,7 @@
     python benchmarks/questions.py --logs 1000 --rows 1000
 
 A gyro's turns and one to three measured directions, each wrong by its bound or nearly so, in directions that change or
-stay; rows are predicted from the row before or from anchors. No bound may be broken. How near the truth comes to a bound
+stay; rows are predicted from the row before or from anchors. No bound may be broken. How near the truth comes to one
 says whether it could have been.
 """
 

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def write_ulog(path, topics):
-    """``topics``: (name, instance, {field: (N,) or (N, 3) array}) with ``timestamp`` in µs, the rest floats."""
+    """``topics``: (name, instance, {field: (N,) or (N, k) array}) with ``timestamp`` in µs, the rest floats."""
 
     def message(kind, payload):
         return struct.pack("<HB", len(payload), ord(kind)) + payload
@@ -15,7 +15,9 @@ def write_ulog(path, topics):
     formats = {}
     for name, _, fields in topics:
         parts = [
-            "uint64_t timestamp" if field == "timestamp" else f"float{'[3]' if np.ndim(values) == 2 else ''} {field}"
+            "uint64_t timestamp"
+            if field == "timestamp"
+            else f"float{''.join(f'[{size}]' for size in np.shape(values)[1:])} {field}"
             for field, values in fields.items()
         ]
         formats[name] = f"{name}:{';'.join(parts)};"

@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[2] / "python" / "elliptude"
 FLOORS = (
     {"elliptude"},
     {"io"},
-    {"bounds"},
+    {"bounds", "monitoring"},
     {"configuration"},
     {"logs"},
     {"estimation"},

@@ -70,6 +70,11 @@ COMMANDS = {
         "compare",
         "Compare results with a reference attitude: containment, error of the center, width of the sets.",
     ),
+    "monitor": Command(
+        "compare",
+        "monitor",
+        "Bound the error of another filter's attitudes, with a proof where they cannot be true.",
+    ),
     "report": Command(
         "report",
         "make_report",

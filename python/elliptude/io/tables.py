@@ -31,7 +31,7 @@ from elliptude.typing import Chart, FloatArray
 VERSION = 1
 """Version of the format. A reader takes this version and older ones; a new column does not make a new version."""
 
-Kind: TypeAlias = Literal["measurements", "results", "dropped"]
+Kind: TypeAlias = Literal["measurements", "results", "dropped", "monitor"]
 VectorName: TypeAlias = Literal["rate", "bias"]
 Column: TypeAlias = FloatArray | Sequence[str]
 

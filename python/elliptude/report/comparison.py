@@ -151,7 +151,12 @@ def compare(run: Run, reference: Reference, *, largest_gap: float = 0.0, referen
 
 
 def misread_reference(
-    run: Run, reference: Reference, choices: tuple[Reading, ...], *, largest_gap: float = 0.0
+    run: Run,
+    reference: Reference,
+    choices: tuple[Reading, ...],
+    *,
+    largest_gap: float = 0.0,
+    against: str = "the estimate",
 ) -> str | None:
     """Check whether the reference's quaternions are read in a wrong order or as their inverse.
 
@@ -166,6 +171,8 @@ def misread_reference(
         Readings that `elliptude.logs.quaternion_readings.readings` returns: the declared one, and the others.
     largest_gap : float
         As in `compare`.
+    against : str
+        What the run's attitudes are called.
 
     Returns
     -------
@@ -184,7 +191,7 @@ def misread_reference(
         turns = (estimated[earlier].inv() * estimated[later]).as_rotvec()
         found = misread(read[earlier], read[later], turns, choices)
         if found is not None and found.fitting is not None:
-            return f"turns {found.slope:.2g} times as far as the estimate, and as far when read {found.fitting}"
+            return f"turns {found.slope:.2g} times as far as {against}, and as far when read {found.fitting}"
         span *= _LONGER
     if run.heading_from_start:  # the frames differ
         return None
@@ -192,7 +199,7 @@ def misread_reference(
     best = int(np.argmin(medians))
     if medians[0] > _FAR_OFF and medians[best] < _MUCH_NEARER * medians[0]:
         return (
-            f"is {medians[0]:.3g} degrees off from the estimate (median), and {medians[best]:.3g} when read "
+            f"is {medians[0]:.3g} degrees off from {against} (median), and {medians[best]:.3g} when read "
             f"{choices[best]}"
         )
     return None

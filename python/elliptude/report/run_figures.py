@@ -15,10 +15,13 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from elliptude.monitoring import Monitored
+from elliptude.monitoring.monitor import QUESTIONS
 from elliptude.report.body_axes import axis_patches
 from elliptude.report.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
 from elliptude.report.run import Run
 from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, worst_claims
+from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
 AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
@@ -196,6 +199,64 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     if np.isfinite(true_axes[rows]).any():
         handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
+def monitor_figure(monitored: Monitored, title: str) -> Figure:
+    """How far another filter's attitudes can be off, limits, and a strip of alarms; a panel for each question.
+
+    Parameters
+    ----------
+    monitored : Monitored
+
+    Returns
+    -------
+    Figure
+    """
+    bounds = np.where(monitored.judged[:, None], np.rad2deg(monitored.bounds), np.nan)
+    shown = [QUESTIONS.index(question) for question in monitored.questions]
+    figure = new_figure(1.6 + 1.7 * len(shown))
+    figure.suptitle(title, fontsize=11)
+    *panels, strip = figure.subplots(
+        len(shown) + 1, 1, sharex=True, height_ratios=[1.0] * len(shown) + [0.25], squeeze=False
+    ).ravel()
+    some = pieces(len(bounds), _MOST_PIECES)
+    starts = np.array([piece.start for piece in some])
+    # A curve's value is the largest of its piece of rows; a gap in part of it does not hide it.
+    times = monitored.times[starts]
+    for panel, i in zip(panels, shown, strict=True):
+        for index, claim in enumerate(CLAIMS[:2]):
+            curve = np.fmax.reduceat(np.where(monitored.claims[:, i] == index, bounds[:, i], np.nan), starts)
+            if np.isfinite(curve).any():
+                panel.plot(times, curve, color=CLAIM_COLOURS[claim], linewidth=1.3, label=f"bound, {claim}")
+        least = np.fmax.reduceat(np.rad2deg(monitored.least[:, i]), starts)
+        if (least > 0.0).any():
+            panel.fill_between(times, 0.0, least, color=BLACK, alpha=0.5, linewidth=0, label="off at least")
+        limit = getattr(monitored.limits, QUESTIONS[i])
+        if limit is not None:
+            panel.axhline(np.rad2deg(limit), color=ORANGE, linestyle="--", linewidth=1.0, label="limit")
+        panel.set_ylabel(f"{QUESTIONS[i]} (deg)")
+        panel.set_ylim(bottom=0.0)
+    panels[0].set_title("how far the estimate can be off", fontsize=9.5)
+    alarms = monitored.alarms
+    lanes = {"proved wrong": (alarms.proved, BLACK), "not within limit": (alarms.over_limit, ORANGE)}
+    edges = np.append(times, _span(monitored.times)[1])
+    for lane, (flags, colour) in enumerate(lanes.values()):
+        is_alarm = np.logical_or.reduceat(flags.any(axis=1), starts)
+        spans = [(edges[k], edges[k + 1] - edges[k]) for k in np.flatnonzero(is_alarm)]
+        strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, edgecolor=colour, linewidth=0.5)
+    strip.set_ylim(len(lanes) - 0.4, -0.6)
+    strip.set_yticks(range(len(lanes)), list(lanes), fontsize=8)
+    strip.tick_params(axis="y", length=0)
+    for side in ("top", "right", "left"):
+        strip.spines[side].set_visible(False)
+    strip.set_xlabel("time (s)")
+    strip.set_xlim(*_span(monitored.times))
+    entries = {text: one for panel in panels for one, text in zip(*panel.get_legend_handles_labels(), strict=True)}
+    if entries:
+        figure.legend(
+            list(entries.values()), list(entries), loc="outside lower center", ncols=4, frameon=False, fontsize=9
+        )
     return figure
 
 

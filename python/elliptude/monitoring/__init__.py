@@ -1,0 +1,6 @@
+"""Monitoring of another filter: how far its attitudes can be off, by guaranteed sets. Needs only NumPy."""
+
+from elliptude.monitoring.error_angles import ErrorAngles, error_angles
+from elliptude.monitoring.monitor import Limits, Monitored, Sets, UpCaps, monitor
+
+__all__ = ["ErrorAngles", "Limits", "Monitored", "Sets", "UpCaps", "error_angles", "monitor"]

@@ -1,0 +1,188 @@
+"""Another filter's attitudes judged by a run: what is read of both, and the table of what comes out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.io.tables import Column, Result
+from elliptude.logs.reference_attitudes import Reference, attitudes_at
+from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
+from elliptude.monitoring.monitor import QUESTIONS, Heading
+from elliptude.report.run import Run
+from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
+
+# The vertical of ENU, NWU and NED, up or down.
+_VERTICAL = (0.0, 0.0, 1.0)
+# Share of the rows from which on alarms are more likely a mistake about axes.
+_MOST = 0.5
+_CLAIM_INDEX = {word: index for index, word in enumerate(CLAIMS)} | {"": CLAIMS.index("none")}
+_CHOICES = [[bool(code >> i & 1) for i in range(3)] for code in range(8)]
+
+
+def run_of(result: Result, *, heading_from_start: bool, bounds_from_recording: str | None) -> Run:
+    """A run from results of the guaranteed mode that were not written.
+
+    Parameters
+    ----------
+    result : Result
+    heading_from_start : bool
+        Whether its heading counts from the first row.
+    bounds_from_recording : str, optional
+        The recording that its bounds are proposals from.
+
+    Returns
+    -------
+    Run
+    """
+    return Run(
+        times=result.times,
+        quaternions=result.quaternions,
+        shapes=result.shapes[:, :3, :3],
+        half_widths=result.half_widths[:, :3],
+        largest_angles=result.largest_angles,
+        used=tuple(result.used),
+        refused=tuple(result.refused),
+        claims=None if result.claims is None else tuple(result.claims),
+        chart=result.chart,
+        tilt_bounds=result.tilt_bounds,
+        heading_from_start=heading_from_start,
+        bounds_from_recording=bounds_from_recording,
+    )
+
+
+def judge(
+    run: Run,
+    estimate: Reference,
+    *,
+    has_vertical: bool,
+    heading: Heading,
+    limits: Limits,
+    largest_gap: float = 0.0,
+) -> Monitored:
+    """Judge attitudes by the sets of a run, at its rows.
+
+    Parameters
+    ----------
+    run : Run
+    estimate : Reference
+        The attitudes to judge, in the reference axes of the run.
+    has_vertical : bool
+        Whether the third reference axis is the vertical.
+    heading : {"same", "free"}
+        "free" if the estimate's heading counts from elsewhere.
+    limits : Limits
+    largest_gap : float
+        If the estimate has no sample at a row's time, it is interpolated between two that are no further apart, s.
+
+    Returns
+    -------
+    Monitored
+
+    Raises
+    ------
+    ValueError
+        If the run is of a mode without guarantee, no row has an attitude to judge, or nothing would be judged.
+    """
+    if run.claims is None or run.chart != "gibbs":
+        raise ValueError("sets without a claim are no guarantee; monitor needs estimator.mode = 'guaranteed'")
+    rows, attitudes = attitudes_at(estimate, run.times, np.arange(len(run.times)), largest_gap)
+    if not len(rows):
+        raise ValueError(
+            f"no row has an estimate at its time; rows are from {run.times[0]:g} s to {run.times[-1]:g} s, estimates "
+            f"from {estimate.times[0]:g} s to {estimate.times[-1]:g} s, and the largest gap is {largest_gap:g} s"
+        )
+    quaternions = np.full((len(run.times), 4), np.nan)
+    quaternions[rows] = attitudes.as_quat(scalar_first=True)
+    claims = np.array([_CLAIM_INDEX[word] for word in run.claims], dtype=np.uint8)
+    sets = Sets(run.times, run.quaternions, run.shapes, claims)
+    return monitor(
+        sets,
+        quaternions,
+        up=_VERTICAL if has_vertical else None,
+        caps=_caps_of(run, claims) if has_vertical else None,
+        heading=heading,
+        limits=limits,
+    )
+
+
+def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:
+    """Where true up is by the column ``tilt_bound``: about the up of the centers."""
+    if run.tilt_bounds is None:
+        return None
+    known = np.isfinite(run.quaternions[:, 0])
+    directions = np.full((len(known), 3), np.nan)
+    if known.any():
+        directions[known] = Rotation.from_quat(run.quaternions[known], scalar_first=True).inv().apply(_VERTICAL)
+    return UpCaps(directions, run.tilt_bounds, claims)
+
+
+def columns(monitored: Monitored) -> dict[str, Column]:
+    """The table's columns by name: docs/monitor.md."""
+    alarms = monitored.alarms
+    table: dict[str, Column] = {"time_s": monitored.times}
+    for what, angles in (("bound", monitored.bounds), ("least", monitored.least)):
+        table |= {
+            f"{question}_{what}": np.where(monitored.judged, angles[:, i], np.nan)
+            for i, question in enumerate(QUESTIONS)
+        }
+    words = [[CLAIMS[index] for index in column] for column in monitored.claims.T.tolist()]
+    table |= {"claim": _where_judged(monitored, words[0]), "tilt_claim": _where_judged(monitored, words[1])}
+    proofs, limits = (np.asarray(flags.any(axis=1)) for flags in (alarms.proved, alarms.over_limit))
+    table["alarm"] = [
+        " ".join(word for word, is_there in (("proof", proof), ("limit", limit)) if is_there)
+        for proof, limit in zip(proofs.tolist(), limits.tolist(), strict=True)
+    ]
+    table["outside"] = _questions(alarms.proved | alarms.conditional)
+    table["over_limit"] = _questions(alarms.over_limit)
+    return table
+
+
+def _where_judged(monitored: Monitored, words: Sequence[str]) -> list[str]:
+    return [word if judged else "" for word, judged in zip(words, monitored.judged, strict=True)]
+
+
+def _questions(chosen: NDArray[np.bool_]) -> list[str]:
+    """The names of the questions that are chosen in each row, a space between them."""
+    texts = [" ".join(name for name, bit in zip(QUESTIONS, bits, strict=True) if bit) for bits in _CHOICES]
+    return [texts[code] for code in (chosen @ [1, 2, 4]).tolist()]
+
+
+def in_frame(estimate: Reference, turn: FloatArray) -> Reference:
+    """Attitudes whose reference axes are turned into others.
+
+    Parameters
+    ----------
+    estimate : Reference
+    turn : (3, 3) array
+        Takes vectors from their reference axes to the others.
+
+    Returns
+    -------
+    Reference
+    """
+    return Reference(estimate.times, Rotation.from_matrix(turn) * estimate.attitudes)
+
+
+def hint(monitored: Monitored) -> str | None:
+    """What is probably the matter if most rows are alarms: another frame, another heading.
+
+    Parameters
+    ----------
+    monitored : Monitored
+
+    Returns
+    -------
+    str, optional
+        In words.
+    """
+    if not monitored.judged.any():
+        return None
+    shares = monitored.alarms.proved[monitored.judged].mean(axis=0)
+    if shares[1] > _MOST:
+        return "the up direction is wrong at most rows: has the estimate the same body axes and reference frame?"
+    if shares[2] > _MOST:
+        return "the heading is wrong at most rows: if it counts from elsewhere, --heading-free judges the tilt alone"
+    return None
