@@ -136,7 +136,7 @@ class PythonFilter {
           Update<double> update{};
           Convergence<double> convergence{};
           const bool wanted = diagnostics && given.size() >= 2 && rate;
-          const Status status = fuse(filter, given.data(), given.size(), rate, update, wanted ? &convergence : nullptr);
+          const Status status = fuse(filter, given, rate, update, wanted ? &convergence : nullptr);
           raise_unless_updated(filter, status, update, sensor);
           return updated(update, wanted ? &convergence : nullptr);
         },
@@ -265,38 +265,19 @@ class PythonFilter {
     raise_unless_ok(status, "predict");
   }
 
-  /// Fuses whatever there is: directions and rate together where both are there, else each as it comes.
+  /// Fuses whatever there is.
   template <typename Filter>
-  [[nodiscard]] static Status fuse(Filter& filter, const Direction<double>* directions, std::size_t count,
+  [[nodiscard]] static Status fuse(Filter& filter, const std::vector<Direction<double>>& directions,
                                    const std::optional<AngularVelocity<double>>& rate, Update<double>& update,
                                    Convergence<double>* convergence) {
     if constexpr (has_rate<Filter>) {
       if (rate) {
-        if (count >= 2) {
-          const Status status = filter.update(directions, count, *rate, update, convergence);
-          if (status != Status::attitude_undetermined) {
-            return status;
-          }
-        }
-        Filter trial = filter;
-        Update<double> by_directions{1.0, 1.0};
-        if (count > 0) {
-          if (const Status status = trial.update(directions, count, by_directions); status != Status::ok) {
-            update = by_directions;
-            return status;
-          }
-        }
-        const Status status = trial.update(*rate, update);
-        if (status == Status::ok) {
-          update.margin = std::min(update.margin, by_directions.margin);
-          filter = trial;
-        }
-        return status;
+        return filter.update(directions.data(), directions.size(), *rate, update, convergence);
       }
     } else if (rate) {
       throw py::type_error("angular_velocity cannot update a GyroFlow: the gyro's rate is the input of predict");
     }
-    return filter.update(directions, count, update);
+    return filter.update(directions.data(), directions.size(), update);
   }
 
   template <typename Filter>
@@ -446,7 +427,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
       Update<double> update{1.0, 1.0};
       Outcome outcome = Outcome::predicted;
       if (!present.empty() || rate) {
-        const Status status = fuse(filter, present.data(), present.size(), rate, update, nullptr);
+        const Status status = fuse(filter, present, rate, update, nullptr);
         if (status == Status::empty_intersection && on_inconsistent == "skip") {
           outcome = Outcome::refused;
           std::fill_n(used_data + i * (m + 1), m + 1, false);

@@ -225,6 +225,68 @@ TEST_CASE("Collinear directions count one by one") {
   CHECK(std::sqrt(e.cross(b).normalized().dot(shape * e.cross(b).normalized())) < 0.05);
 }
 
+TEST_CASE("Directions and a rate are fused at once where they determine an attitude and else one after the other") {
+  struct Case {
+    std::vector<Vector3<double>> references;
+    double share, margin, trace;
+    Vector3<double> first_row;  // of the attitude
+  };
+  // As `AttitudeFilter.update` in Python said before the core decided this.
+  const std::vector<Case> cases{{{},
+                                 0.8825246745155377,
+                                 0.9655698621496491,
+                                 0.20645531017862542,
+                                 {0.984493089445251, -0.14874777584584944, -0.0929916986373382}},
+                                {{{0, 0.6, 0.8}},
+                                 0.8579133668176495,
+                                 0.6927005961302739,
+                                 0.12704328110832838,
+                                 {0.9972743762685577, -0.0723371980122854, -0.014530940158512962}},
+                                {{{0, 0.6, 0.8}, {0, -0.6, -0.8}},
+                                 0.8579064061563434,
+                                 0.6927005961302739,
+                                 0.12704039812072385,
+                                 {0.9972753679813408, -0.07232594926740074, -0.014518866355542736}},
+                                {{{0, 0.6, 0.8}, {1, 0, 0}},
+                                 0.36423614510031316,
+                                 0.6830624042068474,
+                                 0.08828408615268447,
+                                 {0.999949062890224, -0.00395761382009464, -0.009284875756530909}}};
+  RigidBody<double> body;
+  REQUIRE(RigidBody<double>::make(Matrix3<double>(Vector3<double>(3, 2, 1).asDiagonal()), body) == Status::ok);
+  using FreeFlow = RigidBodyFlow<double, FreeBody<double>>;
+  using FreeFilter = AttitudeFilter<FreeFlow, FirstOrderEstimator>;
+  FreeFlow flow;
+  REQUIRE(FreeFlow::make(body, {}, 0.05, 2, Matrix3<double>::Zero(), flow) == Status::ok);
+  Vector6<double> widths;
+  widths << 0.04, 0.05, 0.06, 0.01, 0.02, 0.03;
+  Set start{{Matrix3<double>::Identity(), Vector3<double>(0.1, -0.2, 0.3)}, widths.asDiagonal()};
+  start.shape(0, 3) = start.shape(3, 0) = 0.005;
+  const AngularVelocity<double> rate{Vector3<double>(0.11, -0.19, 0.29), 0.05 * 0.05 * Matrix3<double>::Identity()};
+  const AngularVelocity<double> wrong{Vector3<double>(5, 0, 0), rate.bound};
+  for (const Case& c : cases) {
+    CAPTURE(c.references.size());
+    std::vector<Direction<double>> directions;
+    for (const Vector3<double>& e : c.references) {
+      const Vector3<double> b(e.x() - 0.02 * e.y(), e.y() + 0.02 * e.x(), e.z());
+      directions.push_back(Direction<double>::within(e, b, 0.1));
+    }
+    FreeFilter filter;
+    REQUIRE(FreeFilter::make(flow, SizeCriterion<double, 6>::trace(), 0.0, start, filter) == Status::ok);
+    REQUIRE(filter.predict(0.5, {}) == Status::ok);
+    Update<double> update{};
+    const Matrix6<double> before = filter.ellipsoid().shape;
+    CHECK(filter.update(directions.data(), directions.size(), wrong, update) == Status::empty_intersection);
+    CHECK(update.margin < 0);
+    CHECK(filter.ellipsoid().shape == before);
+    REQUIRE(filter.update(directions.data(), directions.size(), rate, update) == Status::ok);
+    CHECK(update.share == doctest::Approx(c.share).epsilon(1e-7));
+    CHECK(update.margin == doctest::Approx(c.margin).epsilon(1e-7));
+    CHECK(filter.ellipsoid().shape.trace() == doctest::Approx(c.trace).epsilon(1e-7));
+    CHECK((filter.ellipsoid().center.attitude.row(0).transpose() - c.first_row).norm() < 1e-7);
+  }
+}
+
 TEST_CASE("A filter cannot be made of what is no state") {
   Filter filter;
   const Flow flow = orbit_flow();

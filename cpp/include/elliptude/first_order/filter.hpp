@@ -89,11 +89,11 @@ class AttitudeFilter {
     return Status::ok;
   }
 
-  /// Directions and angular velocity together, as in the paper: E^m of all of them, fused once with the prediction. Two
-  /// directions are enough.
-  /// \param diagnostics of the convergence theorem, if wanted.
-  /// \return the status of the measurements' `validate` and the fusion; `attitude_undetermined` for collinear directions; after
-  /// `empty_intersection` `update.margin` is set.
+  /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of them,
+  /// fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says, then the
+  /// angular velocity.
+  /// \param diagnostics of the convergence theorem, if wanted; set only for directions that determine an attitude.
+  /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,
                               Convergence<Scalar>* diagnostics = nullptr) noexcept {
@@ -102,7 +102,8 @@ class AttitudeFilter {
     MeasuredDirections<Scalar> measured;
     if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
         status != Status::ok) {
-      return status;
+      return status == Status::attitude_undetermined ? update_in_turn(directions, count, angular_velocity, update)
+                                                     : status;
     }
     StateEllipsoid<State> measured_ellipsoid;
     if (const Status status = measured_state(measured, angular_velocity, criterion_, measured_ellipsoid);
@@ -201,6 +202,27 @@ class AttitudeFilter {
   void restart(const Scalar& time, const StateEllipsoid<State>& ellipsoid) noexcept {
     time_ = time;
     accept(ellipsoid);
+  }
+
+  [[nodiscard]] Status update_in_turn(const Direction<Scalar>* directions, std::size_t count,
+                                      const AngularVelocity<Scalar>& angular_velocity,
+                                      Update<Scalar>& update) noexcept {
+    AttitudeFilter trial = *this;
+    Update<Scalar> by_directions{Scalar(1), Scalar(1)};
+    if (count > 0) {
+      if (const Status status = trial.update(directions, count, by_directions); status != Status::ok) {
+        if (status == Status::empty_intersection) {
+          update.margin = by_directions.margin;
+        }
+        return status;
+      }
+    }
+    const Status status = trial.update(angular_velocity, update);
+    if (status == Status::ok) {
+      update.margin = by_directions.margin < update.margin ? by_directions.margin : update.margin;
+      *this = trial;
+    }
+    return status;
   }
 
   void accept(const StateEllipsoid<State>& ellipsoid) noexcept {
