@@ -1,6 +1,6 @@
 #include <pybind11/stl.h>
 
-#include <elliptude/first_order/filter.hpp>
+#include <elliptude/first_order/convergence.hpp>
 #include <utility>
 #include <variant>
 
@@ -134,11 +134,11 @@ class PythonFilter {
     return std::visit(
         [&](auto& filter) {
           Update<double> update{};
-          Convergence<double> convergence{};
-          const bool wanted = diagnostics && given.size() >= 2 && rate;
-          const Status status = fuse(filter, given, rate, update, wanted ? &convergence : nullptr);
-          raise_unless_updated(filter, status, update, sensor);
-          return updated(update, wanted ? &convergence : nullptr);
+          auto after = filter;
+          raise_unless_updated(filter, fuse(after, given, rate, update), update, sensor);
+          const auto convergence = diagnostics && rate ? diagnosed(filter, given, *rate, after, update) : std::nullopt;
+          filter = after;
+          return updated(update, convergence);
         },
         filter_);
   }
@@ -151,7 +151,7 @@ class PythonFilter {
         [&](auto& filter) {
           Update<double> update{};
           raise_unless_updated(filter, filter.update(measured, update), update, sensor);
-          return updated(update, nullptr);
+          return updated(update);
         },
         filter_);
   }
@@ -167,7 +167,7 @@ class PythonFilter {
             return filter.update(given.measurement<decltype(dimension)::value>(), update);
           });
           raise_unless_updated(filter, status, update, sensor);
-          return updated(update, nullptr);
+          return updated(update);
         },
         filter_);
   }
@@ -268,16 +268,33 @@ class PythonFilter {
   /// Fuses whatever there is.
   template <typename Filter>
   [[nodiscard]] static Status fuse(Filter& filter, const std::vector<Direction<double>>& directions,
-                                   const std::optional<AngularVelocity<double>>& rate, Update<double>& update,
-                                   Convergence<double>* convergence) {
+                                   const std::optional<AngularVelocity<double>>& rate, Update<double>& update) {
     if constexpr (has_rate<Filter>) {
       if (rate) {
-        return filter.update(directions.data(), directions.size(), *rate, update, convergence);
+        return filter.update(directions.data(), directions.size(), *rate, update);
       }
     } else if (rate) {
       throw py::type_error("angular_velocity cannot update a GyroFlow: the gyro's rate is the input of predict");
     }
     return filter.update(directions.data(), directions.size(), update);
+  }
+
+  /// None if the directions determine no attitude: the theorem does not speak of them.
+  template <typename Filter>
+  [[nodiscard]] static std::optional<Convergence<double>> diagnosed(const Filter& before,
+                                                                    const std::vector<Direction<double>>& directions,
+                                                                    const AngularVelocity<double>& rate,
+                                                                    const Filter& after, const Update<double>& update) {
+    if constexpr (has_rate<Filter>) {
+      Convergence<double> result;
+      const Status status =
+          convergence(before, directions.data(), directions.size(), rate, after, update.share, result);
+      if (status != Status::attitude_undetermined) {
+        raise_unless_ok(status, "update");
+        return result;
+      }
+    }
+    return std::nullopt;
   }
 
   template <typename Filter>
@@ -292,12 +309,13 @@ class PythonFilter {
     raise_unless_ok(status, "update");
   }
 
-  [[nodiscard]] static py::object updated(const Update<double>& update, const Convergence<double>* c) {
+  [[nodiscard]] static py::object updated(const Update<double>& update,
+                                          const std::optional<Convergence<double>>& c = std::nullopt) {
     const py::module_ results = py::module_::import("elliptude.results");
     const py::object convergence =
-        c == nullptr ? py::object(py::none())
-                     : results.attr("Convergence")(c->flow_norm, c->smallest_ratio, c->chi, c->contraction,
-                                                   c->trace_ratio, c->smaller_than_sets);
+        !c ? py::object(py::none())
+           : results.attr("Convergence")(c->flow_norm, c->smallest_ratio, c->chi, c->contraction, c->trace_ratio,
+                                         c->smaller_than_sets);
     return results.attr("Update")(update.share, update.margin, convergence);
   }
 
@@ -427,7 +445,7 @@ py::object PythonFilter::run(const py::object& times, const py::object& directio
       Update<double> update{1.0, 1.0};
       Outcome outcome = Outcome::predicted;
       if (!present.empty() || rate) {
-        const Status status = fuse(filter, present, rate, update, nullptr);
+        const Status status = fuse(filter, present, rate, update);
         if (status == Status::empty_intersection && on_inconsistent == "skip") {
           outcome = Outcome::refused;
           std::fill_n(used_data + i * (m + 1), m + 1, false);
@@ -604,7 +622,7 @@ rate_bound : float or (3, 3) array_like
 sensor : str
     Name of the sensor for the message if the sets do not meet.
 diagnostics : bool
-    Whether to return diagnostics of the convergence theorem, for two or more directions with an angular velocity.
+    Whether to return diagnostics of the convergence theorem, for directions that determine an attitude, with an angular velocity.
 
 Returns
 -------

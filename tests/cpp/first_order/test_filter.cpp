@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include <elliptude/first_order/filter.hpp>
+#include <elliptude/first_order/convergence.hpp>
 #include <limits>
 #include <vector>
 
@@ -104,9 +104,13 @@ TEST_CASE(
         REQUIRE(filter.update(directions.data(), directions.size(), update) == Status::ok);
         REQUIRE(filter.update(rate, update) == Status::ok);
       } else {
-        Convergence<double> convergence{};
-        REQUIRE(filter.update(directions.data(), directions.size(), rate, update, &convergence) == Status::ok);
-        CHECK(convergence.flow_norm >= std::sqrt(6.0));
+        const Filter predicted = filter;
+        Convergence<double> diagnostics{};
+        REQUIRE(filter.update(directions.data(), directions.size(), rate, update) == Status::ok);
+        REQUIRE(convergence(predicted, directions.data(), directions.size(), rate, filter, update.share, diagnostics) ==
+                Status::ok);
+        CHECK(diagnostics.flow_norm >= std::sqrt(6.0));
+        CHECK(diagnostics.trace_ratio == filter.ellipsoid().shape.trace() / predicted.prior_shape().trace());
       }
       CHECK(update.margin > 0);
       CHECK(form_of(filter.ellipsoid(), truth) <= 1);
@@ -179,7 +183,6 @@ TEST_CASE("A call that fails leaves the filter as it was") {
   REQUIRE(filter.predict(0.5, {}) == Status::ok);
   const Filter before = filter;
   Update<double> update{0.5, 3};
-  Convergence<double> convergence{};
   const State truth = filter.ellipsoid().center;
   auto directions = measure(random, truth, 3, 0.01);
   const AngularVelocity<double> rate{truth.angular_velocity, 1e-4 * Matrix3<double>::Identity()};
@@ -192,7 +195,7 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   auto bad = directions;
   bad[2].body.setZero();
-  CHECK(filter.update(bad.data(), bad.size(), rate, update, &convergence) == Status::zero_direction);
+  CHECK(filter.update(bad.data(), bad.size(), rate, update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), bad.size(), update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), 0, update) == Status::out_of_range);
   check_same(filter, before);
@@ -200,14 +203,14 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   // A rate that cannot be.
   const AngularVelocity<double> wrong{truth.angular_velocity + Vector3<double>(5, 0, 0), rate.bound};
-  CHECK(filter.update(directions.data(), 3, wrong, update, &convergence) == Status::empty_intersection);
+  CHECK(filter.update(directions.data(), 3, wrong, update) == Status::empty_intersection);
   CHECK(update.margin < 0);
   CHECK(filter.update(wrong, update) == Status::empty_intersection);
   CHECK(filter.update(AngularVelocity<double>{truth.angular_velocity, Matrix3<double>::Zero()}, update) ==
         Status::not_positive_definite);
   check_same(filter, before);
 
-  REQUIRE(filter.update(directions.data(), 3, rate, update, &convergence) == Status::ok);
+  REQUIRE(filter.update(directions.data(), 3, rate, update) == Status::ok);
   CHECK(filter.transition() == Matrix6<double>::Identity());
 }
 
@@ -279,7 +282,11 @@ TEST_CASE("Directions and a rate are fused at once where they determine an attit
     CHECK(filter.update(directions.data(), directions.size(), wrong, update) == Status::empty_intersection);
     CHECK(update.margin < 0);
     CHECK(filter.ellipsoid().shape == before);
+    const FreeFilter predicted = filter;
     REQUIRE(filter.update(directions.data(), directions.size(), rate, update) == Status::ok);
+    Convergence<double> diagnostics{};
+    CHECK(convergence(predicted, directions.data(), directions.size(), rate, filter, update.share, diagnostics) ==
+          (directions.size() == 2 && c.share < 0.5 ? Status::ok : Status::attitude_undetermined));
     CHECK(update.share == doctest::Approx(c.share).epsilon(1e-7));
     CHECK(update.margin == doctest::Approx(c.margin).epsilon(1e-7));
     CHECK(filter.ellipsoid().shape.trace() == doctest::Approx(c.trace).epsilon(1e-7));

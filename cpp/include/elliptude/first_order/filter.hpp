@@ -3,7 +3,6 @@
 /// \file
 /// The filter: owns the state ellipsoid and the time, predicts and updates. (paper, §3)
 
-#include "elliptude/first_order/convergence.hpp"
 #include "elliptude/first_order/estimator.hpp"
 #include "elliptude/first_order/flow.hpp"
 
@@ -64,7 +63,7 @@ class AttitudeFilter {
   [[nodiscard]] const StateEllipsoid<State>& ellipsoid() const noexcept { return ellipsoid_; }
   [[nodiscard]] const Flow& flow() const noexcept { return flow_; }
   [[nodiscard]] const SizeCriterion<Scalar, 6>& criterion() const noexcept { return criterion_; }
-  /// A^f since the last update, and P₀ after it.
+  /// A^f since the last update, and P₀ after it: for the diagnostics of `first_order/convergence.hpp`.
   [[nodiscard]] const Matrix6<Scalar>& transition() const noexcept { return transition_; }
   [[nodiscard]] const Matrix6<Scalar>& prior_shape() const noexcept { return prior_shape_; }
 
@@ -92,11 +91,9 @@ class AttitudeFilter {
   /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of them,
   /// fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says, then the
   /// angular velocity.
-  /// \param diagnostics of the convergence theorem, if wanted; set only for directions that determine an attitude.
   /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
-                              const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,
-                              Convergence<Scalar>* diagnostics = nullptr) noexcept {
+                              const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
                   "the gyro's rate is the input of GyroFlow, not a measurement");
     MeasuredDirections<Scalar> measured;
@@ -112,17 +109,9 @@ class AttitudeFilter {
     }
     Fusion<State> fusion;
     const Status status = fuse(measured_ellipsoid, ellipsoid_, Estimator::recentring, criterion_, fusion);
-    if (status != Status::ok) {
-      return report(status, fusion, update);
+    if (status == Status::ok) {
+      accept(fusion.ellipsoid);
     }
-    if (diagnostics != nullptr) {
-      if (const Status found = convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
-                                           fusion.ellipsoid.shape, fusion.share, *diagnostics);
-          found != Status::ok) {
-        return found;
-      }
-    }
-    accept(fusion.ellipsoid);
     return report(status, fusion, update);
   }
 
