@@ -339,6 +339,7 @@ void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noe
   Scalar angle;
   tally.add(angle_bound(direction, angle));
   tally.add(angle);
+  tally.add(cone(center.attitude, direction.reference, direction.body, angle, three));
   tally.add(cone(center.attitude, direction, three));
   halves[0] = of_attitude(three);
   quadrics[0] = extended(halves[0]);
