@@ -68,10 +68,8 @@ template <typename Scalar>
         }
         converged = false;
         const auto rotation = detail::JacobiRotation<Scalar>::of(Scalar(qq - pp), pq);
-        for (int k = 0; k < 3; ++k) {
-          rotation.turn(columns(k, p), columns(k, q));
-          rotation.turn(v(k, p), v(k, q));
-        }
+        rotation.turn_columns(columns, p, q);
+        rotation.turn_columns(v, p, q);
       }
     }
   }

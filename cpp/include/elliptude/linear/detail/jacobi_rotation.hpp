@@ -24,12 +24,16 @@ struct JacobiRotation {
     return {cosine, tangent * cosine};
   }
 
-  /// Turns a pair of numbers, or of columns.
-  template <typename Value>
-  void turn(Value& first, Value& second) const noexcept {
-    const Value before = first;
+  void turn(Scalar& first, Scalar& second) const noexcept {
+    const Scalar before = first;
     first = cosine * before - sine * second;
     second = sine * before + cosine * second;
+  }
+
+  void turn_columns(Matrix3<Scalar>& matrix, int p, int q) const noexcept {
+    const Vector3<Scalar> before = matrix.col(p);
+    matrix.col(p) = cosine * before - sine * matrix.col(q);
+    matrix.col(q) = sine * before + cosine * matrix.col(q);
   }
 };
 
