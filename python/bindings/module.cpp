@@ -43,4 +43,5 @@ PYBIND11_MODULE(_core, module) {
   define_filter(module);
   define_guaranteed_flows(module);
   define_guaranteed_filter(module);
+  define_direction_filter(module);
 }

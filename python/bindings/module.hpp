@@ -22,5 +22,6 @@ void define_flows(pybind11::module_& module);
 void define_filter(pybind11::module_& module);
 void define_guaranteed_flows(pybind11::module_& module);
 void define_guaranteed_filter(pybind11::module_& module);
+void define_direction_filter(pybind11::module_& module);
 
 }  // namespace elliptude::python

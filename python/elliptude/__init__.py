@@ -10,6 +10,7 @@ one item; those before them, if any, are a batch and broadcast as in NumPy.
 """
 
 from elliptude._core import (
+    DirectionFilter,
     Ellipsoid,
     FreeBody,
     GradientPotential,
@@ -56,7 +57,10 @@ from elliptude.errors import InconsistentMeasurement, RowError
 from elliptude.filter import AttitudeFilter
 from elliptude.guaranteed import GuaranteedFilter
 from elliptude.results import (
+    AttitudeBounds,
     Convergence,
+    DirectionLog,
+    DirectionUpdate,
     Extent,
     Extents,
     FilterLog,
@@ -72,8 +76,12 @@ from elliptude.results import (
 )
 
 __all__ = [
+    "AttitudeBounds",
     "AttitudeFilter",
     "Convergence",
+    "DirectionFilter",
+    "DirectionLog",
+    "DirectionUpdate",
     "Ellipsoid",
     "Extent",
     "Extents",

@@ -5,6 +5,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.results import (
+    AttitudeBounds,
+    DirectionLog,
+    DirectionUpdate,
     Extent,
     FilterLog,
     FlowLinearization,
@@ -470,6 +473,7 @@ class GuaranteedFilter:
         attitude_bound: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
     ) -> GuaranteedUpdate: ...
+    def bounds(self, vertical: ArrayLike) -> AttitudeBounds | None: ...
     def update_linear(self, y: ArrayLike, h: ArrayLike, bound: ArrayLike) -> GuaranteedUpdate: ...
     def run(
         self,
@@ -487,6 +491,7 @@ class GuaranteedFilter:
         control_torque: ArrayLike | None = None,
         wheel_momentum: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
+        vertical: ArrayLike | None = None,
     ) -> GuaranteedLog: ...
     def run_turns(
         self,
@@ -501,7 +506,33 @@ class GuaranteedFilter:
         attitude: AttitudeLike | None = None,
         attitude_bound: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
+        vertical: ArrayLike | None = None,
     ) -> GuaranteedLog: ...
+
+class DirectionFilter:
+    def __init__(self, policy: str = "raise", regain_after: int = 10) -> None: ...
+    @property
+    def policy(self) -> str: ...
+    @property
+    def regain_after(self) -> int: ...
+    @property
+    def claim(self) -> str: ...
+    @property
+    def direction(self) -> _Floats | None: ...
+    @property
+    def angle(self) -> float: ...
+    def forget(self) -> None: ...
+    def predict_turn(self, turn: ArrayLike, turn_bound: float) -> None: ...
+    def update(self, direction: ArrayLike, bound: float) -> DirectionUpdate: ...
+    def run_turns(
+        self,
+        turns: ArrayLike,
+        turn_bounds: ArrayLike,
+        *,
+        anchors: ArrayLike,
+        directions: ArrayLike,
+        bounds: ArrayLike,
+    ) -> DirectionLog: ...
 
 def _gibbs_forms(
     attitudes: ArrayLike,

@@ -1,7 +1,7 @@
 """The results that functions return: named tuples and classes of arrays."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,6 +208,52 @@ class GuaranteedUpdate:
     """How far the constraints are from having no common point, at most about 1; negative if they had none."""
 
 
+class AttitudeBounds(NamedTuple):
+    """How far an attitude is at most from the true one: three questions, each answered by itself. Arrays for many rows."""
+
+    tilt: Any
+    """Between the vertical as the body sees it in both, rad."""
+    heading_from: Any
+    """The turn about the vertical from it to the true one, when the tilt is taken away: at least this, rad."""
+    heading_to: Any
+    """And at most this, rad; positive about up in the sense of a right-handed screw."""
+    angle: Any
+    """Of the turn from one to the other, rad."""
+
+    @property
+    def heading(self) -> Any:
+        """How far the heading may be off to either side, rad."""
+        return np.maximum(-self.heading_from, self.heading_to)
+
+
+@dataclass(frozen=True)
+class DirectionUpdate:
+    """What an update of a DirectionFilter did."""
+
+    claim: str
+    """'unconditional', 'conditional' or 'none', see `elliptude.results.CLAIMS`."""
+    prediction_used: bool
+    """Whether the prediction made the cap smaller than the measurement alone."""
+    contradicts: bool
+    """Whether the measurement and the prediction had no common direction."""
+    dropped: bool
+    """Whether the measurement was left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionLog:
+    """The result of a DirectionFilter for a log of n rows, after each row."""
+
+    directions: FloatArray
+    """Where the direction is in body axes, unit vectors, NaN where it is not known, shape (n, 3)."""
+    angles: FloatArray
+    """How far it may be from there, rad, NaN where it is not known, shape (n,)."""
+    claims: NDArray[np.uint8]
+    """What that rests on, an index of `elliptude.results.CLAIMS`, shape (n,)."""
+    dropped: NDArray[np.bool_]
+    """Whether the measurement was left out, shape (n,)."""
+
+
 class Extents(NamedTuple):
     """How far the sets of n rows reach, NaN where there is none; bounds of what is in the set, as angles."""
 
@@ -241,6 +287,13 @@ class GuaranteedLog:
     """Which directions and, last, angular velocity and attitude were left out or proved wrong, shape (n, m + 2)."""
     margins: FloatArray
     """How far the constraints are from having no common point, NaN where nothing was measured, shape (n,)."""
+    question_bounds: FloatArray | None = None
+    """Bounds of tilt, heading from and to, and angle, rad, if a vertical was given, NaN without a set, shape (n, 4)."""
+
+    @property
+    def attitude_bounds(self) -> AttitudeBounds | None:
+        """How far each row's attitude may be off, arrays of shape (n,), if a vertical was given."""
+        return None if self.question_bounds is None else AttitudeBounds(*self.question_bounds.T)
 
     def forms(self, true_attitudes: NDArray[np.float64], true_vectors: NDArray[np.float64] | None = None) -> FloatArray:
         """Where the truth is in the sets, in the Gibbs chart: [γ; δ]ᵀ P⁻¹ [γ; δ], at most 1 inside.

@@ -25,6 +25,7 @@
 #include "elliptude/sets/intersection.hpp"
 #include "elliptude/sets/quadric.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
+#include "elliptude/sets/quotient.hpp"
 
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/state.hpp"
@@ -32,6 +33,8 @@
 #include "elliptude/attitude/wahba.hpp"
 #include "elliptude/attitude/direction_cones.hpp"
 #include "elliptude/attitude/wahba_set.hpp"
+#include "elliptude/attitude/attitude_bounds.hpp"
+#include "elliptude/attitude/direction_cap.hpp"
 
 #include "elliptude/measurement/types.hpp"
 #include "elliptude/measurement/linearization.hpp"
@@ -59,4 +62,5 @@
 #include "elliptude/guaranteed/policy.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 #include "elliptude/guaranteed/filter.hpp"
+#include "elliptude/guaranteed/direction_filter.hpp"
 // clang-format on

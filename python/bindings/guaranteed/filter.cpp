@@ -189,6 +189,29 @@ InconsistentMeasurement
 ValueError
     If an argument is not finite or out of its range.
 )")
+      .def("bounds", &Filter::bounds, "vertical"_a, R"(bounds(self, vertical)
+--
+
+How far the attitude of the set's center may be off: its tilt, its heading, and in all.
+
+Each is a question of its own to all that the last update used, its measurements and its prediction, until the next prediction. The
+answers are sharper than the set, which has to answer all questions at once.
+
+Parameters
+----------
+vertical : (3,) array_like
+    Up in reference axes, of any length.
+
+Returns
+-------
+AttitudeBounds or None
+    None if the attitude is not known.
+
+Raises
+------
+ValueError
+    If it is not finite, or zero.
+)")
       .def("update_linear", &Filter::update_linear, "y"_a, "h"_a, "bound"_a,
            R"(update_linear(self, y, h, bound)
 --
@@ -217,7 +240,8 @@ ValueError
           "bounds"_a = py::none(), "angular_velocity"_a = py::none(), "rate_bound"_a = py::none(),
           "attitude"_a = py::none(), "attitude_bound"_a = py::none(), "gyro"_a = py::none(), "increment"_a = py::none(),
           "control_torque"_a = py::none(), "wheel_momentum"_a = py::none(), "sensors"_a = py::none(),
-          R"(run(self, times, *, directions=None, reference=None, bounds=None, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, gyro=None, increment=None, control_torque=None, wheel_momentum=None, sensors=None)
+          "vertical"_a = py::none(),
+          R"(run(self, times, *, directions=None, reference=None, bounds=None, angular_velocity=None, rate_bound=None, attitude=None, attitude_bound=None, gyro=None, increment=None, control_torque=None, wheel_momentum=None, sensors=None, vertical=None)
 --
 
 Predicts to each time of a log and updates with the measurements there, in one call and without the interpreter's lock.
@@ -248,6 +272,8 @@ control_torque, wheel_momentum : (3,) or (n, 3) array_like, optional
     For a GuaranteedRigidBodyFlow: row k acts until times[k].
 sensors : sequence of str, optional
     As in `update`.
+vertical : (3,) array_like, optional
+    Up in reference axes. With it each row also has bounds of tilt, heading and angle, as `bounds` gives them.
 
 Returns
 -------
@@ -264,8 +290,8 @@ RowError
       .def(
           "run_turns", &Filter::run_turns, "times"_a, "turns"_a, "turn_bounds"_a, py::kw_only(), "anchors"_a,
           "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(), "attitude"_a = py::none(),
-          "attitude_bound"_a = py::none(), "sensors"_a = py::none(),
-          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None)
+          "attitude_bound"_a = py::none(), "sensors"_a = py::none(), "vertical"_a = py::none(),
+          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None, vertical=None)
 --
 
 Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with its measurements, in one call.
@@ -283,7 +309,7 @@ turn_bounds : (n,) array_like
     How far each may be off, rad, about any axis.
 anchors : (n,) array_like of int
     The row that each is predicted from: the row before it, or that row's anchor. −1, as in the first row, is the filter as it is.
-directions, reference, bounds, attitude, attitude_bound, sensors
+directions, reference, bounds, attitude, attitude_bound, sensors, vertical
     As in `run`.
 
 Returns

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "guaranteed/anchors.hpp"
+#include "guaranteed/policies.hpp"
 #include "sets/ellipsoids.hpp"
 #include "signals.hpp"
 
@@ -12,22 +14,6 @@ namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 /// Measurements that an update may have where some of them may be wrong: it tries which.
 constexpr Index most_with_wrong_ones = 8;
-
-constexpr std::array<const char*, 4> policies{"raise", "drop_measurement", "restart", "relaxed"};
-constexpr std::array<const char*, 3> claims{"unconditional", "conditional", "none"};
-
-[[nodiscard]] Policy policy_of(const std::string& name) {
-  std::string all;
-  for (std::size_t i = 0; i < policies.size(); ++i) {
-    if (name == policies[i]) {
-      return static_cast<Policy>(i);
-    }
-    all += std::string(i == 0 ? "'" : ", '") + policies[i] + "'";
-  }
-  value_error("policy must be one of " + all + ", not '" + name + "'");
-}
-
-[[nodiscard]] const char* name_of(Claim claim) noexcept { return claims[static_cast<std::size_t>(claim)]; }
 
 [[nodiscard]] py::object pair_of(const std::optional<Ellipsoid<double, 3>>& ellipsoid) {
   return ellipsoid ? py::object(py::make_tuple(to_array(ellipsoid->center), to_array(ellipsoid->shape)))
@@ -167,6 +153,15 @@ template <typename Filter>
   return update;
 }
 
+/// \throws ValueError of a vector without a direction.
+[[nodiscard]] Vector3<double> vertical_of(const py::object& value) {
+  const Vector3<double> vertical = single(value, "vertical", {3}).vector<3>(0);
+  if (!(vertical.cwiseAbs().maxCoeff() > 0)) {
+    value_error("vertical must not be zero");
+  }
+  return vertical;
+}
+
 [[nodiscard]] py::object updated(const GuaranteedUpdate<double>& update, const py::tuple& dropped) {
   return py::module_::import("elliptude.results")
       .attr("GuaranteedUpdate")(name_of(update.claim), update.prediction_used, dropped, update.margin);
@@ -185,6 +180,7 @@ PythonGuaranteedFilter::PythonGuaranteedFilter(py::object flow, const std::optio
   BodyFilter::Settings settings;
   settings.criterion = size_criterion_of(criterion_, weight);
   settings.policy = policy_of(policy);
+  settings.keeps_constraints = true;
   if (most_wrong < 0 || most_wrong > 2) {
     value_error("most_wrong must be 0, 1 or 2, but is " + std::to_string(most_wrong));
   }
@@ -209,10 +205,10 @@ PythonGuaranteedFilter::PythonGuaranteedFilter(py::object flow, const std::optio
     }
     make<BodyFilter>(flow_.cast<const GuaranteedBodyFlowSettings&>().flow, settings, begin, start);
   } else if (py::isinstance<GuaranteedGyroFlowSettings>(flow_)) {
-    make<GyroFilter>(
-        flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
-        {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after, settings.estimates_vector},
-        begin, start);
+    make<GyroFilter>(flow_.cast<const GuaranteedGyroFlowSettings&>().flow,
+                     {settings.criterion, settings.policy, settings.most_wrong, settings.regain_after,
+                      settings.estimates_vector, settings.keeps_constraints},
+                     begin, start);
   } else {
     throw py::type_error(std::string("flow must be a GuaranteedRigidBodyFlow or a GuaranteedGyroFlow, not ") +
                          Py_TYPE(flow_.ptr())->tp_name);
@@ -438,6 +434,19 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
       filter_);
 }
 
+py::object PythonGuaranteedFilter::bounds(const py::object& vertical) const {
+  const std::unique_lock lock = exclusive(*mutex_);
+  const Vector3<double> direction = vertical_of(vertical);
+  if (!knows_attitude()) {
+    return py::none();
+  }
+  AttitudeBounds<double> bounds{};
+  const Status status = std::visit([&](const auto& filter) { return filter.bounds(direction, bounds); }, filter_);
+  raise_unless_ok(status, "bounds");
+  return py::module_::import("elliptude.results")
+      .attr("AttitudeBounds")(bounds.tilt, bounds.heading_from, bounds.heading_to, bounds.angle);
+}
+
 // --- a whole log -------------------------------------------------------------------------------------------------------
 
 namespace {
@@ -445,8 +454,11 @@ namespace {
 /// The rows of a GuaranteedLog, as they come.
 class LogRows {
  public:
-  LogRows(Index rows, Index directions)
+  /// \param vertical none: no bounds of tilt and heading are asked for.
+  LogRows(Index rows, Index directions, const std::optional<Vector3<double>>& vertical)
       : sensors_(directions + 2),
+        vertical_(vertical),
+        bounds_({vertical ? rows : 0}, {4}),
         attitudes_({rows}, {3, 3}),
         vectors_({rows}, {3}),
         shapes_({rows}, {6, 6}),
@@ -480,16 +492,26 @@ class LogRows {
       vectors_.set(row, Vector3<double>(Vector3<double>::Constant(nan)));
       shapes_.set(row, Matrix6<double>(Matrix6<double>::Constant(nan)));
     }
+    if (vertical_) {
+      AttitudeBounds<double> found{nan, nan, nan, nan};
+      if (filter.knows_attitude()) {
+        raise_unless_ok(filter.bounds(*vertical_, found), "bounds");
+      }
+      bounds_.set(row, Vector<double, 4>(found.tilt, found.heading_from, found.heading_to, found.angle));
+    }
   }
 
   [[nodiscard]] py::object log(const Items& time) {
     return py::module_::import("elliptude.results")
         .attr("GuaranteedLog")(to_array(time.dynamic_vector()), attitudes_.array(), vectors_.array(), shapes_.array(),
-                               claims_, prediction_used_, updated_, dropped_, margins_.array());
+                               claims_, prediction_used_, updated_, dropped_, margins_.array(),
+                               vertical_ ? py::object(bounds_.array()) : py::object(py::none()));
   }
 
  private:
   Index sensors_;
+  std::optional<Vector3<double>> vertical_;
+  Results bounds_;
   Results attitudes_;
   Results vectors_;
   Results shapes_;
@@ -538,33 +560,13 @@ void require_forward(const Items& time, Index row, const Filter& filter) {
   }
 }
 
-/// From which row on each is predicted, (n,) integers.
-class Anchors {
- public:
-  Anchors(const py::object& value, Index rows) : rows_(single(value, "anchors", {rows})) {
-    for (Index i = 0; i < rows; ++i) {
-      const double anchor = rows_[0][i];
-      if (anchor != static_cast<double>(i - 1) && (i == 0 || anchor != rows_[0][i - 1])) {
-        value_error("anchors[" + std::to_string(i) + "] must be " + std::to_string(i - 1) +
-                    ", the row before (-1: the filter as it is)" +
-                    (i == 0 ? "" : ", or " + text(rows_[0][i - 1]) + " as for that row") + ", but is " + text(anchor));
-      }
-    }
-  }
-
-  [[nodiscard]] bool begins_at_row_before(Index row) const noexcept {
-    return rows_[0][row] == static_cast<double>(row - 1);
-  }
-
- private:
-  Items rows_;
-};
-
 }  // namespace
 
 template <typename Loop>
-py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, const Loop& loop) {
-  LogRows out(time.item()[0], directions);
+py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, const py::object& vertical,
+                                           const Loop& loop) {
+  LogRows out(time.item()[0], directions,
+              vertical.is_none() ? std::nullopt : std::optional<Vector3<double>>(vertical_of(vertical)));
   AnyFilter working = filter_;
   Index row = 0;
   try {
@@ -586,7 +588,7 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
                                        const py::object& attitude, const py::object& attitude_bound,
                                        const py::object& gyro, const py::object& increment,
                                        const py::object& control_torque, const py::object& wheel_momentum,
-                                       const py::object& sensors) {
+                                       const py::object& sensors, const py::object& vertical) {
   const std::unique_lock lock = exclusive(*mutex_);
   const Items time = single(times, "times", {any_length});
   const Index rows = time.item()[0];
@@ -638,14 +640,15 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
         },
         any);
   };
-  return run_log(time, m, loop);
+  return run_log(time, m, vertical, loop);
 }
 
 py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::object& turns,
                                              const py::object& turn_bounds, const py::object& anchors,
                                              const py::object& directions, const py::object& reference,
                                              const py::object& bounds, const py::object& attitude,
-                                             const py::object& attitude_bound, const py::object& sensors) {
+                                             const py::object& attitude_bound, const py::object& sensors,
+                                             const py::object& vertical) {
   const std::unique_lock lock = exclusive(*mutex_);
   if (!has_gyro()) {
     throw py::type_error("run_turns is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
@@ -674,7 +677,7 @@ py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::
     };
     run_rows(filter, log, names, rows, predict, out, row);
   };
-  return run_log(time, log.directions(), loop);
+  return run_log(time, log.directions(), vertical, loop);
 }
 
 }  // namespace elliptude::python

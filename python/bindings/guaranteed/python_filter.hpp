@@ -72,17 +72,21 @@ class PythonGuaranteedFilter {
 
   [[nodiscard]] py::object update_linear(const py::object& y, const py::object& h, const py::object& bound);
 
+  /// How far the attitude may be off, None without a set.
+  [[nodiscard]] py::object bounds(const py::object& vertical) const;
+
   [[nodiscard]] py::object run(const py::object& times, const py::object& directions, const py::object& reference,
                                const py::object& bounds, const py::object& angular_velocity,
                                const py::object& rate_bound, const py::object& attitude,
                                const py::object& attitude_bound, const py::object& gyro, const py::object& increment,
                                const py::object& control_torque, const py::object& wheel_momentum,
-                               const py::object& sensors);
+                               const py::object& sensors, const py::object& vertical);
 
   [[nodiscard]] py::object run_turns(const py::object& times, const py::object& turns, const py::object& turn_bounds,
                                      const py::object& anchors, const py::object& directions,
                                      const py::object& reference, const py::object& bounds, const py::object& attitude,
-                                     const py::object& attitude_bound, const py::object& sensors);
+                                     const py::object& attitude_bound, const py::object& sensors,
+                                     const py::object& vertical);
 
   [[nodiscard]] int traverse(visitproc visit, void* arg) const noexcept {
     Py_VISIT(flow_.ptr());
@@ -100,7 +104,7 @@ class PythonGuaranteedFilter {
 
   /// Runs `loop` over the rows of a log: it gets a filter, the rows to fill and the index of the row.
   template <typename Loop>
-  [[nodiscard]] py::object run_log(const Items& time, Index directions, const Loop& loop);
+  [[nodiscard]] py::object run_log(const Items& time, Index directions, const py::object& vertical, const Loop& loop);
 
   [[nodiscard]] bool has_gyro() const noexcept { return std::holds_alternative<GyroFilter>(filter_); }
 

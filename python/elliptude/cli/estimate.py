@@ -149,8 +149,12 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
         if means is not None:
             tilt = part["tilt_bound_deg"]
             said = ", ".join(f"{width:.3g}" for width in means)
-            up = "" if tilt is None else f", up within {tilt['mean']:.3g}"
-            typer.echo(f"  half-widths about the reference axes {said} degrees{up} (mean, {name.replace('_', ' ')})")
+            heading = part["heading_bound_deg"]
+            up = "" if tilt is None else f"tilt within {tilt['mean']:.3g}, heading within {heading['mean']:.3g}; the set's "
+            typer.echo(f"  {up}half-widths about the reference axes {said} degrees (mean, {name.replace('_', ' ')})")
+    if (of_up := summary["up_claim_share_of_rows"]) is not None and of_up["none"] < claims["none"]:
+        known = 100.0 * (1.0 - of_up["none"])
+        typer.echo(f"  up is known at {known:.4g} % of rows, unconditionally at {100.0 * of_up['unconditional']:.4g} %")
 
 
 def _estimate_pieces(

@@ -75,8 +75,22 @@ def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
         claims=[CLAIMS[claim] for claim in guaranteed.claims],
         prediction_used=np.where(np.isfinite(guaranteed.shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
         dropped=names_of_chosen(names, there & dropped),
-        tilt_bounds=run.tilt_bounds,
+        **_of_questions(run),
     )
+
+
+def _of_questions(run: GuaranteedRun) -> dict[str, Any]:
+    """What the result says of tilt, heading and up by themselves."""
+    bounds, vertical = run.sets.attitude_bounds, run.vertical
+    if bounds is None or vertical is None:
+        return {}
+    return {
+        "tilt_bounds": vertical.tilt_bounds,
+        "headings": np.column_stack([bounds.heading_from, bounds.heading_to]),
+        "ups": vertical.directions,
+        "up_bounds": vertical.angles,
+        "up_claims": [CLAIMS[claim] for claim in vertical.claims],
+    }
 
 
 def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:
@@ -107,6 +121,7 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
     def sizes(rows: NDArray[np.bool_]) -> dict[str, Any]:
         chosen = rows & has_set
         some, any_is = half_widths[chosen], bool(chosen.any())
+        bounds, vertical = run.sets.attitude_bounds, run.vertical
         return {
             "rows": int(rows.sum()),
             "with_set": len(some),
@@ -114,12 +129,17 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
                 "mean": some.mean(axis=0).tolist() if any_is else None,
                 "median": np.median(some, axis=0).tolist() if any_is else None,
             },
-            "tilt_bound_deg": None if run.tilt_bounds is None else _centers(np.rad2deg(run.tilt_bounds[chosen])),
+            "tilt_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.tilt_bounds[chosen])),
+            "heading_bound_deg": None if bounds is None else _centers(np.rad2deg(bounds.heading[chosen])),
+            "up_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.angles[rows])),
         }
 
     return {
         "policy": configuration.estimator.policy,
         "claim_share_of_rows": {name: float(np.mean(run.sets.claims == i)) for i, name in enumerate(CLAIMS)},
+        "up_claim_share_of_rows": None
+        if run.vertical is None
+        else {name: float(np.mean(run.vertical.claims == i)) for i, name in enumerate(CLAIMS)},
         "set_share_of_rows": float(has_set.mean()),
         "prediction_used_share_of_sets": float(run.sets.prediction_used[has_set].mean()) if has_set.any() else None,
         "sizes": {name: sizes(rows) for name, rows in parts.items()},

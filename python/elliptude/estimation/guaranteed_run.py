@@ -14,6 +14,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import Contradiction, DirectionRows, direction_rows
 from elliptude.estimation.gaps import Gap
+from elliptude.estimation.vertical import Turns, Vertical, followed, vertical_of
 from elliptude.logs.log import Log, interval_rates
 from elliptude.results import CLAIMS, GuaranteedLog
 from elliptude.typing import FloatArray
@@ -24,6 +25,8 @@ CONDITIONAL = CLAIMS.index("conditional")
 _NO_BIAS = 1e-9
 # rad; a bound this near to half a turn says next to nothing.
 _NEXT_TO_NOTHING = 0.75 * np.pi
+# s; how often a prediction of the vertical begins anew where the configuration does not say.
+_ANCHOR = 1.0
 # Rounding of an integrated turn, rad: this for each step, and for each radian that the steps turn.
 _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
@@ -37,11 +40,8 @@ class GuaranteedRun:
     sets: GuaranteedLog
     """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
-    tilt_bounds: FloatArray | None
-    """Bound of the angle between estimated and true up, rad, NaN without a set, shape (N,); None if up is not known.
-
-    From the set or from the measured direction of up, whichever is smaller.
-    """
+    vertical: Vertical | None
+    """Up in body axes with its bound and claim, also where no attitude is known; None if nothing says where up is."""
     starts_heading: bool
     """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
@@ -93,10 +93,12 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         )
     start, starts_heading = _start(log, configuration, rows)
     anchor = _anchor_duration(configuration)
+    turns = None if rows.gyro is None else _turns(log, rows, anchor)
     if anchor is None:
         guaranteed = _run(log, configuration, rows, start)
     else:
-        guaranteed = _run_from_anchors(log, configuration, rows, start, anchor)
+        assert turns is not None
+        guaranteed = _run_from_anchors(log, configuration, rows, start, turns)
     if rows.contradictions:
         claims = guaranteed.claims.copy()
         claims[claims < CONDITIONAL] = CONDITIONAL
@@ -105,7 +107,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         log=measured,
         sets=guaranteed,
         rows=rows,
-        tilt_bounds=_tilt_bounds(guaranteed, rows),
+        vertical=vertical_of(guaranteed, followed(configuration, rows, turns), rows.up),
         starts_heading=starts_heading,
         gaps=()
         if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None
@@ -271,53 +273,38 @@ def _run(
         core, start, float(log.times[0]), vector_bound, configuration.estimates_vector, configuration
     )
     names = rows.names if isinstance(flow, GyroFlow) or configuration.rate is None else (*rows.names, "rate")
-    return attitude_filter.run(log.times, sensors=names or None, **arguments)
+    return attitude_filter.run(log.times, sensors=names or None, vertical=rows.up, **arguments)
 
 
-def _run_from_anchors(
-    log: Log,
-    configuration: Configuration,
-    rows: DirectionRows,
-    start: elliptude.StateEllipsoid | None,
-    duration: float,
-) -> GuaranteedLog:
-    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6."""
-    assert isinstance(configuration.flow, GyroFlow)
+def _turns(log: Log, rows: DirectionRows, duration: float | None) -> Turns:
+    """Each row's turn from its anchor, and how far it may be off, with rounding."""
     assert log.rates is not None
     assert rows.gyro is not None
-    turns = rows.gyro.anchored_turns(log.times, log.rates - rows.bias, duration)
+    turns = rows.gyro.anchored_turns(log.times, log.rates - rows.bias, _ANCHOR if duration is None else duration)
     anchors = turns.anchors.copy()
     anchors[0] = -1
     spans = log.times - log.times[turns.anchors]
     steps = np.arange(len(log.times)) - turns.anchors
+    return Turns(anchors, turns.rates * spans[:, None], turns.angles + _ROUNDING * (steps + turns.turned))
+
+
+def _run_from_anchors(
+    log: Log, configuration: Configuration, rows: DirectionRows, start: elliptude.StateEllipsoid | None, turns: Turns
+) -> GuaranteedLog:
+    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6."""
+    assert isinstance(configuration.flow, GyroFlow)
+    assert rows.gyro is not None
     attitude_filter = _filter(
         gyro_flow(rows.gyro, configuration.flow), start, float(log.times[0]), _NO_BIAS, False, configuration
     )
     return attitude_filter.run_turns(
         log.times,
-        turns.rates * spans[:, None],
-        turns.angles + _ROUNDING * (steps + turns.turned),
-        anchors=anchors,
+        turns.vectors,
+        turns.angles,
+        anchors=turns.anchors,
         directions=rows.directions,
         reference=rows.references,
         bounds=np.where(rows.angles < _NEXT_TO_NOTHING, rows.angles, np.nan),
         sensors=rows.names,
+        vertical=rows.up,
     )
-
-
-def _tilt_bounds(log: GuaranteedLog, rows: DirectionRows) -> FloatArray | None:
-    """How far the estimated up may be from the true one: by the set's half-width across it, or by the measured up."""
-    if rows.up is None or rows.up_column is None:
-        return None
-    bounds = np.full(len(log.times), np.nan)
-    known = np.flatnonzero(np.isfinite(log.shapes[:, 0, 0]))
-    up = np.einsum("nji,j->ni", log.attitudes[known], rows.up)
-    across = np.eye(3) - up[:, :, None] * up[:, None, :]
-    largest = np.linalg.eigvalsh(across @ log.shapes[known, :3, :3] @ across)[:, -1]
-    from_set = 2.0 * np.arctan(0.5 * np.sqrt(np.maximum(largest, 0.0)))
-    used = ~log.dropped[known, rows.up_column]
-    measured = rows.directions[known, rows.up_column]
-    off = np.arctan2(np.linalg.norm(np.cross(up, measured), axis=1), np.einsum("ni,ni->n", up, measured))
-    direct = np.where(used, off + rows.angles[known, rows.up_column], np.nan)
-    bounds[known] = np.fmin(from_set, direct)
-    return bounds

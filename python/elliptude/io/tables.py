@@ -43,6 +43,8 @@ _UPPER = np.triu_indices(6)
 _SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
 ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
 ATTITUDE_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
+HEADINGS = ("heading_from", "heading_to")
+UP = ("up_x", "up_y", "up_z")
 ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
 
 
@@ -180,6 +182,14 @@ class Result:
     """The sensors that were left out or proved wrong, with a space between their names."""
     tilt_bounds: FloatArray | None = None
     """Bound of the angle between estimated and true up, rad, shape (N,); None where up is not known."""
+    headings: FloatArray | None = None
+    """The turn about the vertical from the estimate to the truth, at least and at most, rad, shape (N, 2)."""
+    ups: FloatArray | None = None
+    """Up as well as it is known, unit vectors, body axes; also where no attitude is known, shape (N, 3)."""
+    up_bounds: FloatArray | None = None
+    """How far true up may be from there, rad, shape (N,)."""
+    up_claims: Sequence[str] | None = None
+    """What that rests on, in the words of ``claims``."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -219,10 +229,16 @@ class Result:
         _add(columns, _per_axis("error", vector), self.errors)
         _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
         charts = None if self.chart == "exponential" else [self.chart] * len(self.times)
-        texts = {"claim": self.claims, "dropped": self.dropped, "chart": charts}
+        texts = {"claim": self.claims, "dropped": self.dropped, "chart": charts, "up_claim": self.up_claims}
         columns |= {name: values for name, values in texts.items() if values is not None}
-        for name, values in (("prediction_used", self.prediction_used), ("tilt_bound", self.tilt_bounds)):
+        for name, values in (
+            ("prediction_used", self.prediction_used),
+            ("tilt_bound", self.tilt_bounds),
+            ("up_bound", self.up_bounds),
+        ):
             _add(columns, (name,), None if values is None else values[:, None])
+        _add(columns, HEADINGS, self.headings)
+        _add(columns, UP, self.ups)
         return columns
 
     @classmethod
@@ -251,7 +267,8 @@ class Result:
         of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in ATTITUDE_SHAPE), *half_widths[3:])
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
-        further = [(name,) for name in ("form", "prediction_used", "tilt_bound") if name in names]
+        further = [(name,) for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
+        further += [triple for triple in (HEADINGS, UP) if triple[0] in names]
         columns = read_columns(
             path,
             numbers=() if guaranteed else of_attitude + of_vector,
@@ -260,7 +277,7 @@ class Result:
             + [errors[:3], errors[3:]] * with_errors
             + further
             + [of_attitude, of_vector] * guaranteed,
-            texts=("used", "refused", *(name for name in ("claim", "dropped", "chart") if name in names)),
+            texts=("used", "refused", *(name for name in ("claim", "dropped", "chart", "up_claim") if name in names)),
         )
         return cls(
             times=columns["time_s"],
@@ -281,6 +298,10 @@ class Result:
             prediction_used=columns.get("prediction_used"),
             dropped=tuple(columns["dropped"]) if "dropped" in names else None,
             tilt_bounds=columns.get("tilt_bound"),
+            headings=stacked(columns, HEADINGS) if HEADINGS[0] in names else None,
+            ups=stacked(columns, UP) if UP[0] in names else None,
+            up_bounds=columns.get("up_bound"),
+            up_claims=tuple(columns["up_claim"]) if "up_claim" in names else None,
         )
 
 

@@ -75,6 +75,8 @@ inline constexpr int three_digits = 1000;
 [[nodiscard]] constexpr int terms(int n, int count) noexcept { return 4 * (n + 4 + count); }
 /// Loss of the product of two roots with N rows, relative to its diagonal.
 [[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
+/// Loss of a sum of forms of up to seven rows, and of its factorization, relative to the sum of their largest entries.
+inline constexpr int quotient = 256;
 /// Differences this small in what the search for multipliers minimises are rounding.
 inline constexpr int objective = 64;
 ///@}

@@ -4,8 +4,10 @@
 /// The guaranteed filter: its set holds the state of the continuous motion if all bounds that it was told hold. (theory,
 /// sections 16 to 18)
 
+#include "elliptude/attitude/attitude_bounds.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/detail/contradiction.hpp"
+#include "elliptude/guaranteed/detail/kept_constraints.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 
 namespace elliptude {
@@ -37,6 +39,9 @@ class GuaranteedFilter {
     /// has to bound the bias. The shape is then of two sets, one of the attitude and the bound of the bias, with zeros between,
     /// and the state is in their product. (theory, section 16.7)
     bool estimates_vector = true;
+    /// Whether what an update has used is kept beside the set until the next prediction, so that `bounds` says as much as all of it
+    /// does, and not only as much as the set does.
+    bool keeps_constraints = false;
   };
 
   /// A filter that knows nothing at `time`.
@@ -90,6 +95,7 @@ class GuaranteedFilter {
     if (!can_be_kept(begin)) {
       return Status::out_of_range;
     }
+    constraints_.count = 0;
     known_.set = begin;
     known_.has_attitude = true;
     known_.has_vector = false;
@@ -115,6 +121,7 @@ class GuaranteedFilter {
   /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it to go on
   /// under `Policy::raise` if the past is wrong, or cannot be predicted.
   void forget() noexcept {
+    constraints_.count = 0;
     known_.has_attitude = false;
     known_.has_vector = false;
     trust_ = {};
@@ -133,6 +140,29 @@ class GuaranteedFilter {
   [[nodiscard]] const Ellipsoid<Scalar, 3>& vector() const noexcept { return known_.vector; }
   /// Whether the set, of the attitude or of the vector, rests on what was dropped, and what updates have shown since.
   [[nodiscard]] const Trust& trust() const noexcept { return trust_; }
+
+  /// How far the attitude of the set's center may be off: the tilt, the turn about the vertical, and in all. Each is a question of
+  /// its own to the set, and after an update with `keeps_constraints` to the measurements and the prediction that it came from; then
+  /// the answers are sharper than the set. (theory, section 16.11)
+  /// \param vertical in reference axes, of any length.
+  /// \return `unbounded` without a set; `not_finite`; `zero_direction`.
+  [[nodiscard]] Status bounds(const Vector3<Scalar>& vertical, AttitudeBounds<Scalar>& result) const noexcept {
+    if (!scalar::all_finite(vertical)) {
+      return Status::not_finite;
+    }
+    if (!(vertical.cwiseAbs().maxCoeff() > Scalar(0))) {
+      return Status::zero_direction;
+    }
+    if (!known_.has_attitude) {
+      return Status::unbounded;
+    }
+    const Vector3<Scalar> body =
+        scalar::unit(Vector3<Scalar>(known_.set.center.attitude.transpose().lazyProduct(scalar::unit(vertical))));
+    const Ellipsoid<Scalar, 3> set = detail::attitude_of(known_.set);
+    const Status status = attitude_bounds(set, constraints_.quadrics.data(), constraints_.count, body, result);
+    // Constraints that nothing satisfies, though fusion found no contradiction: no more than the set is claimed then.
+    return status == Status::ok ? status : attitude_bounds(set, constraints_.quadrics.data(), 0, body, result);
+  }
 
   /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.
   /// \param set its set, or null if it did not know the attitude.
@@ -317,6 +347,7 @@ class GuaranteedFilter {
         return placed;
       }
       known_.set = next;
+      constraints_.count = 0;
     }
     update = {claim_, true, 0, fusion.margin, 0};
     return Status::ok;
@@ -371,6 +402,7 @@ class GuaranteedFilter {
       // A rigid body's flow has factored the shape itself.
       if (status == Status::ok && (measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
         known_.set = predicted;
+        constraints_.count = 0;
         time_ = time;
         return Status::ok;
       }
@@ -512,6 +544,8 @@ class GuaranteedFilter {
       has_vector = true;
     }
     if (bounded) {
+      const Sensors used = may_be_wrong() ? 0 : all & ~result.dropped;
+      keep_constraints(measurements, used, used_prediction && !may_be_wrong(), next.center.attitude);
       known_.set = next;
     }
     known_.has_attitude = known_.has_attitude || bounded;
@@ -523,6 +557,29 @@ class GuaranteedFilter {
     result.prediction_used = used_prediction;
     update = result;
     return Status::ok;
+  }
+
+  /// Keeps what the set comes from, as seen from its center.
+  /// \param with_prediction whether the prediction, which is still `known_.set`, is part of it.
+  void keep_constraints(const Measurements<Scalar>& measurements, Sensors used, bool with_prediction,
+                        const Matrix3<Scalar>& center) noexcept {
+    constraints_.count = 0;
+    if (!settings_.keeps_constraints) {
+      return;
+    }
+    Quadric<Scalar, 3> quadric;
+    const Matrix3<Scalar> predicted = known_.set.shape.template topLeftCorner<3, 3>();
+    if (with_prediction && to_quadric(center, known_.set.center.attitude, predicted, quadric) == Status::ok) {
+      constraints_.add(quadric);
+    }
+    for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+      if ((used & direction_bit(i)) != 0 && cone(center, measurements.directions[i], quadric) == Status::ok) {
+        constraints_.add(quadric);
+      }
+    }
+    if ((used & attitude_bit) != 0 && to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
+      constraints_.add(quadric);
+    }
   }
 
   /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
@@ -582,6 +639,7 @@ class GuaranteedFilter {
   Settings settings_;
   Scalar time_;
   detail::Knowledge<State> known_;
+  detail::KeptConstraints<Scalar> constraints_;
   Trust trust_;  // in the set, of the attitude or of the vector
   Claim claim_;
 };

@@ -137,6 +137,33 @@ template <typename Scalar>
   return {quadric, Half::second};
 }
 
+namespace detail {
+
+/// (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ): the set γ̃ᵀMγ̃ ≤ 1 about a center that is γ̂ = 2ĝ from that of γ, a little wider
+/// for rounding. (theory, section 16.2)
+/// \param shortest, longest semi-axes of the set. Its center rounds by a few ε, which moves γ̃ by 1 + ¼‖γ̃‖² times as much.
+template <typename Scalar>
+[[nodiscard]] Quadric<Scalar, 3> seen_from(const Vector3<Scalar>& gamma, const Matrix3<Scalar>& form,
+                                           const Scalar& shortest, const Scalar& longest) noexcept {
+  const Scalar moved = Scalar(1) + scalar::constant<Scalar>(0.25L) * longest * longest;
+  const Scalar wider = Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + moved / shortest);
+  const Matrix3<Scalar> m = form * (Scalar(1) / (wider * wider));
+  const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
+  const Matrix3<Scalar> half = m.lazyProduct(t);
+  const Vector3<Scalar> mg = m.lazyProduct(gamma);
+  const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
+  Quadric<Scalar, 3> quadric;
+  quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
+  quadric.a.diagonal().array() -=
+      rounding::share<Scalar>(rounding::attitude_curvature) * (quadric.a.norm() + mg.norm());
+  quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
+  quadric.c = Scalar(1) - gamma.dot(mg) +
+              rounding::share<Scalar>(rounding::attitude_level) * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
+  return quadric;
+}
+
+}  // namespace detail
+
 /// A measured attitude as a quadric of γ about any center. About C̃ it is in γ̃ᵀM γ̃ ≤ 1, M⁻¹ = τ² bound with τ at the largest angle,
 /// and with γ̂ = 2ĝ the error of C̃ that is, in γ about Ĉ, exactly (projectively)
 ///
@@ -177,22 +204,37 @@ template <typename Scalar>
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
   }
-  // The measured center rounds by a few ε, which the shortest semi-axis has to cover.
+  const Scalar stretch = gibbs_stretch(angle);
   const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));
-  const Scalar wider =
-      Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + Scalar(1) / shortest);
-  const Scalar stretch = gibbs_stretch(angle) * wider;
   m *= Scalar(1) / (stretch * stretch);
-  const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
-  const Matrix3<Scalar> half = m.lazyProduct(t);
-  const Vector3<Scalar> mg = m.lazyProduct(gamma);
-  const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
-  quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
-  quadric.a.diagonal().array() -=
-      rounding::share<Scalar>(rounding::attitude_curvature) * (quadric.a.norm() + mg.norm());
-  quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
-  quadric.c = Scalar(1) - gamma.dot(mg) +
-              rounding::share<Scalar>(rounding::attitude_level) * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
+  quadric = detail::seen_from(gamma, m, Scalar(stretch * shortest), Scalar(stretch * angle));
+  return Status::ok;
+}
+
+/// A set of attitudes in γ about its own center as a quadric of γ about another, exactly but for rounding. About a center from which
+/// its own is, to half the digits, a half turn, it says nothing: A = 0, g = 0, c = 1.
+/// \param center a rotation to rounding.
+/// \param own of the set, likewise.
+/// \param shape of the set.
+/// \return `not_positive_definite`; `not_converged`.
+template <typename Scalar>
+[[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const Matrix3<Scalar>& own, const Matrix3<Scalar>& shape,
+                                Quadric<Scalar, 3>& quadric) noexcept {
+  SymmetricEigen<Scalar, 3> eigen;
+  if (const Status status = symmetric_eigen(shape, eigen); status != Status::ok) {
+    return status;
+  }
+  Matrix3<Scalar> m;
+  if (const Status status = inverse_from_below(shape, m); status != Status::ok) {
+    return status;
+  }
+  const Vector3<Scalar> gamma = GibbsChart::error(center, own);
+  if (!(gamma.norm() < Scalar(1) / rounding::root<Scalar>())) {
+    quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
+    return Status::ok;
+  }
+  const auto semi_axis = [](const Scalar& square) { return scalar::sqrt(square > Scalar(0) ? square : Scalar(0)); };
+  quadric = detail::seen_from(gamma, m, semi_axis(eigen.values(2)), semi_axis(eigen.values(0)));
   return Status::ok;
 }
 

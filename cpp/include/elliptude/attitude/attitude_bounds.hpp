@@ -1,0 +1,118 @@
+#pragma once
+
+/// \file
+/// Bounds of single questions about an attitude: how far it may be tilted, how far turned about the vertical, how far in all. Each
+/// has multipliers of its own, so that it is as sharp as the constraints allow. (theory, section 16.11)
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/sets/quotient.hpp"
+
+namespace elliptude {
+
+/// How far the attitude of a set's center is at most from the attitudes in the set, rad, up to π.
+template <typename Scalar>
+struct AttitudeBounds {
+  Scalar tilt;  ///< between the vertical as seen from the body in both attitudes
+  /// Of the turn about the vertical that is left when the tilt is taken away by the shortest turn, from the center's to the others:
+  /// the least and the most, about the vertical in the sense of a right-handed screw.
+  Scalar heading_from;
+  Scalar heading_to;
+  Scalar angle;  ///< of the turn from one to the other: cos(angle/2) = cos(tilt/2) cos(heading/2), each at its largest
+
+  /// The larger of both sides.
+  [[nodiscard]] Scalar heading() const noexcept {
+    return -heading_from > heading_to ? Scalar(-heading_from) : heading_to;
+  }
+};
+
+namespace detail {
+
+/// A bound of n·γ/2 over the set and the quadrics; infinite if none was found.
+template <typename Scalar>
+[[nodiscard]] Status largest_along(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
+                                   std::size_t count, const Vector3<Scalar>& direction, Scalar& largest) noexcept {
+  const Scalar quarter = scalar::constant<Scalar>(0.25L);
+  Matrix<Scalar, 4> one = Matrix<Scalar, 4>::Zero();
+  one(0, 0) = Scalar(1);
+  Matrix<Scalar, 4> along = Matrix<Scalar, 4>::Zero();
+  along.template block<3, 1>(1, 0) = quarter * direction;
+  along.template block<1, 3>(0, 1) = quarter * direction.transpose();
+  const Status status = largest_quotient(set, quadrics, count, along, one, largest);
+  if (status == Status::unbounded) {
+    largest = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  }
+  return status == Status::unbounded ? Status::ok : status;
+}
+
+/// A bound of ‖γ⊥‖²/4 over 1 + ‖γ‖²/4, across the direction, over the set and the quadrics; one if none was found.
+template <typename Scalar>
+[[nodiscard]] Status largest_across(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
+                                    std::size_t count, const Vector3<Scalar>& direction, Scalar& largest) noexcept {
+  const Scalar quarter = scalar::constant<Scalar>(0.25L);
+  Matrix<Scalar, 4> all = Matrix<Scalar, 4>::Zero();
+  all(0, 0) = Scalar(1);
+  all.diagonal().template tail<3>().setConstant(quarter);
+  Matrix<Scalar, 4> across = Matrix<Scalar, 4>::Zero();
+  across.template bottomRightCorner<3, 3>() =
+      quarter * (Matrix3<Scalar>::Identity() - direction.lazyProduct(direction.transpose()));
+  const Status status = largest_quotient(set, quadrics, count, across, all, largest);
+  if (status != Status::ok && status != Status::unbounded) {
+    return status;
+  }
+  largest = status == Status::ok && largest < Scalar(1) ? largest : Scalar(1);
+  return largest >= Scalar(0) ? Status::ok : Status::empty_intersection;
+}
+
+}  // namespace detail
+
+/// The bounds for the attitudes with γ, the Gibbs vector about the center, in a set and in `count` quadrics. Of the heading ψ it is
+/// n·γ/2 = tan(ψ/2), of the tilt α ‖γ⊥‖²/4 = sin²(α/2) (1 + ‖γ‖²/4).
+/// \param set about zero. It may hold no half turn, as no ellipsoid of γ does.
+/// \param vertical n, in the body axes at the center, a unit vector to rounding.
+/// \return the status of `largest_quotient`, but for `unbounded`, which is an angle of π; `empty_intersection` if the bounds prove that
+/// nothing satisfies all.
+template <typename Scalar>
+[[nodiscard]] Status attitude_bounds(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
+                                     std::size_t count, const Vector3<Scalar>& vertical,
+                                     AttitudeBounds<Scalar>& bounds) noexcept {
+  Scalar sine_square;
+  if (const Status status = detail::largest_across(set, quadrics, count, vertical, sine_square); status != Status::ok) {
+    return status;
+  }
+  Scalar most;
+  if (const Status status = detail::largest_along(set, quadrics, count, vertical, most); status != Status::ok) {
+    return status;
+  }
+  Scalar least;
+  if (const Status status = detail::largest_along(set, quadrics, count, Vector3<Scalar>(-vertical), least);
+      status != Status::ok) {
+    return status;
+  }
+  if (most + least < Scalar(0)) {
+    return Status::empty_intersection;
+  }
+  // The center, the vertical and the functions below are right to a few roundings of one.
+  const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
+  const Scalar pi = scalar::pi<Scalar>();
+  const auto widened = [&](const Scalar& angle) {
+    const Scalar result = Scalar(2) * (angle + rounding::share<Scalar>(rounding::product) * scalar::abs(angle)) + slip;
+    return result < pi ? result : pi;
+  };
+  const auto half_heading = [&](const Scalar& tangent) {
+    return tangent < Scalar(1) / rounding::square<Scalar>() ? scalar::atan2(tangent, Scalar(1)) : Scalar(pi / 2);
+  };
+  AttitudeBounds<Scalar> result;
+  const Scalar cosine_square = Scalar(1) - sine_square;
+  result.tilt = widened(scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(cosine_square)));
+  result.heading_from = -widened(half_heading(least));
+  result.heading_to = widened(half_heading(most));
+  const Scalar cosine = scalar::cos(half_heading(most > least ? most : least));
+  const Scalar whole = cosine_square * cosine * cosine;
+  const Scalar sine = scalar::sin(half_heading(most > least ? most : least));
+  result.angle =
+      widened(scalar::atan2(scalar::sqrt(Scalar(sine_square + cosine_square * sine * sine)), scalar::sqrt(whole)));
+  bounds = result;
+  return Status::ok;
+}
+
+}  // namespace elliptude

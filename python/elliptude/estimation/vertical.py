@@ -1,0 +1,119 @@
+"""What is known of the vertical: by the sets of the attitude, and by a filter of its own, which needs no heading."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import elliptude
+from elliptude.configuration.configuration import Configuration
+from elliptude.estimation.direction_rows import DirectionRows
+from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
+from elliptude.typing import FloatArray
+
+_UNCONDITIONAL, _CONDITIONAL, _NONE = range(len(CLAIMS))
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """How the body turned to each row from its anchor, an earlier row, by the gyro."""
+
+    anchors: NDArray[np.intp]
+    """The row that each is predicted from, −1 for the first, shape (N,)."""
+    vectors: FloatArray
+    """Rotation vectors, rad, body axes, shape (N, 3)."""
+    angles: FloatArray
+    """How far they may be off, rad, shape (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vertical:
+    """Up in the body axes of every row, as well as it is known, and how far the estimated attitude's up may be off."""
+
+    directions: FloatArray
+    """Unit vectors, body axes, NaN where up is not known, shape (N, 3)."""
+    angles: FloatArray
+    """How far true up may be from there, rad, NaN where it is not known, shape (N,)."""
+    claims: NDArray[np.uint8]
+    """What that rests on, an index of `elliptude.results.CLAIMS`, shape (N,)."""
+    tilt_bounds: FloatArray
+    """Bound of the angle between the estimated attitude's up and true up, rad, NaN without an attitude, shape (N,)."""
+
+
+def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | None) -> DirectionLog | None:
+    """Up by its measured direction and the gyro alone, whatever else contradicts.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    rows : DirectionRows
+    turns : Turns, optional
+        None without a gyro.
+
+    Returns
+    -------
+    DirectionLog or None
+        None without a measured up, or without a gyro; nor where any measurement may be wrong unseen, as there is only one of
+        up in a row.
+
+    Raises
+    ------
+    InconsistentMeasurement
+        If a measured up contradicts the one before, and the policy is to raise.
+    """
+    policy = configuration.estimator.policy
+    if rows.up is None or rows.up_column is None or turns is None or policy == "relaxed":
+        return None
+    filter_of_up = elliptude.DirectionFilter(policy, configuration.estimator.regain_after)
+    up = filter_of_up.run_turns(
+        turns.vectors,
+        turns.angles,
+        anchors=turns.anchors,
+        directions=rows.directions[:, rows.up_column],
+        bounds=rows.angles[:, rows.up_column],
+    )
+    sensor = rows.names[rows.up_column]
+    if any(one.sensor == sensor for one in rows.contradictions):
+        # A statement about this sensor is wrong, and may be wrong elsewhere without showing it.
+        return replace(up, claims=np.where(up.claims == _UNCONDITIONAL, _CONDITIONAL, up.claims).astype(np.uint8))
+    return up
+
+
+def vertical_of(sets: GuaranteedLog, up: DirectionLog | None, reference: FloatArray | None) -> Vertical | None:
+    """Up from both: of each row what has the stronger claim, and of equal claims what is sharper.
+
+    Parameters
+    ----------
+    sets : GuaranteedLog
+        With bounds of the tilt.
+    up : DirectionLog, optional
+    reference : (3,) array, optional
+        Up in reference axes; None if it is not known.
+
+    Returns
+    -------
+    Vertical or None
+    """
+    bounds = sets.attitude_bounds
+    if reference is None or bounds is None:
+        return None
+    estimated = np.einsum("nji,j->ni", sets.attitudes, reference)
+    if up is None:
+        return Vertical(estimated, bounds.tilt, sets.claims, bounds.tilt)
+    away = np.arctan2(
+        np.linalg.norm(np.cross(estimated, up.directions), axis=1), np.einsum("ni,ni->n", estimated, up.directions)
+    )
+    of_estimate = np.minimum(away + up.angles, np.pi)
+    followed_is_stronger = up.claims < sets.claims
+    set_is_stronger = sets.claims < up.claims
+    tilt = np.where(
+        set_is_stronger, bounds.tilt, np.where(followed_is_stronger, of_estimate, np.fmin(bounds.tilt, of_estimate))
+    )
+    tilt[sets.claims == _NONE] = np.nan
+    takes_followed = followed_is_stronger | (~set_is_stronger & (up.angles <= bounds.tilt))
+    return Vertical(
+        directions=np.where(takes_followed[:, None], up.directions, estimated),
+        angles=np.where(takes_followed, up.angles, bounds.tilt),
+        claims=np.minimum(up.claims, sets.claims),
+        tilt_bounds=tilt,
+    )
