@@ -189,11 +189,9 @@ class GuaranteedGyroFlow {
 
   /// Over an interval whose rate was measured.
   /// \return as `predict`.
-  [[nodiscard]] Status predict_measured(const Scalar& duration, const Input& input,
-                                        const GibbsEllipsoid<State>& ellipsoid,
+  [[nodiscard]] Status predict_measured(const Scalar& h, const Input& input, const GibbsEllipsoid<State>& ellipsoid,
                                         GibbsEllipsoid<State>& result) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
-    const Scalar& h = duration;
     const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
     const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
     const Vector3<Scalar> turn = h * rate;
