@@ -100,11 +100,16 @@ void one_call(Bytes& bytes, Filter& filter, double most_duration) {
       if constexpr (measures_rate) {
         const std::array<Direction<double>, 2> directions{any_direction(), any_direction()};
         const AngularVelocity<double> rate = any_rate();
-        Convergence<double> convergence;
         if (bytes.choice(2) == 0) {
           status = filter.update(rate, update);
         } else {
-          status = filter.update(directions.data(), 2, rate, update, bytes.choice(2) == 0 ? &convergence : nullptr);
+          const Filter predicted = filter;
+          status = filter.update(directions.data(), 2, rate, update);
+          if (bytes.choice(2) == 0 && status == Status::ok) {
+            Convergence<double> diagnostics{-1, -1, -1, -1, -1, -1};
+            const Status found = convergence(predicted, directions.data(), 2, rate, filter, update.share, diagnostics);
+            require(found == Status::ok || diagnostics.flow_norm == -1, "nothing changed otherwise", "diagnostics");
+          }
         }
       }
   }

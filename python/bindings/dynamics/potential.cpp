@@ -95,27 +95,17 @@ class SumOfPotentials final : public Potential {
   [[nodiscard]] const std::vector<PotentialReference>& terms() const noexcept { return terms_; }
 
   [[nodiscard]] double energy(const Matrix3<double>& attitude, double time, Failure& failure) const noexcept override {
-    double sum = 0;
-    for (const PotentialReference& term : terms_) {
-      sum += (*term).energy(attitude, time, failure);
-    }
-    return sum;
+    return sum_from(0.0, [&](const Potential& term) { return term.energy(attitude, time, failure); });
   }
   [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, double time,
                                        Failure& failure) const noexcept override {
-    Vector3<double> sum = Vector3<double>::Zero();
-    for (const PotentialReference& term : terms_) {
-      sum += (*term).torque(attitude, time, failure);
-    }
-    return sum;
+    return sum_from(Vector3<double>(Vector3<double>::Zero()),
+                    [&](const Potential& term) { return term.torque(attitude, time, failure); });
   }
   [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, double time,
                                                 Failure& failure) const noexcept override {
-    Matrix3<double> sum = Matrix3<double>::Zero();
-    for (const PotentialReference& term : terms_) {
-      sum += (*term).torque_jacobian(attitude, time, failure);
-    }
-    return sum;
+    return sum_from(Matrix3<double>(Matrix3<double>::Zero()),
+                    [&](const Potential& term) { return term.torque_jacobian(attitude, time, failure); });
   }
   [[nodiscard]] std::optional<double> torque_curvature_bound() const override {
     double sum = 0;
@@ -146,6 +136,14 @@ class SumOfPotentials final : public Potential {
   }
 
  private:
+  template <typename Value, typename OfTerm>
+  [[nodiscard]] Value sum_from(Value sum, const OfTerm& of_term) const noexcept {
+    for (const PotentialReference& term : terms_) {
+      sum += of_term(*term);
+    }
+    return sum;
+  }
+
   std::vector<PotentialReference> terms_;
 };
 

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "elliptude/measurement/quadrics.hpp"
 #include "support/random.hpp"
@@ -102,7 +103,40 @@ TEST_CASE("an attitude on the rim of a cone is inside it") {
     const long double value = static_cast<long double>(quadric.c) - y.dot(quadric.a.cast<long double>() * y) -
                               2 * y.dot(quadric.g.cast<long double>());
     CHECK(value >= 0);
+    // The same from the axis and the angle alone.
+    const Direction<double> direction = Direction<double>::within(e, b.cast<double>(), r);
+    double bound;
+    REQUIRE(angle_bound(direction, bound) == Status::ok);
+    Quadric<double, 3> by_angle;
+    REQUIRE(cone(center, direction.reference, direction.body, bound, by_angle) == Status::ok);
+    CHECK(by_angle.a == quadric.a);
+    CHECK(by_angle.g == quadric.g);
+    CHECK(by_angle.c == quadric.c);
+    REQUIRE(cone(center, direction.reference, direction.body, r, by_angle) == Status::ok);
+    const long double again = static_cast<long double>(by_angle.c) - y.dot(by_angle.a.cast<long double>() * y) -
+                              2 * y.dot(by_angle.g.cast<long double>());
+    CHECK(again >= 0);
   }
+}
+
+TEST_CASE("a cone is not made of what is no direction or no angle") {
+  const Matrix3<double> center = Matrix3<double>::Identity();
+  const Vector3<double> axis = Vector3<double>::UnitX();
+  const Vector3<double> none = Vector3<double>::Zero();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinite = std::numeric_limits<double>::infinity();
+  Quadric<double, 3> quadric{Matrix3<double>::Constant(7), Vector3<double>::Constant(7), 7};
+  CHECK(cone(center, none, axis, 0.1, quadric) == Status::zero_direction);
+  CHECK(cone(center, axis, none, 0.1, quadric) == Status::zero_direction);
+  CHECK(cone(center, Vector3<double>(nan, 0, 0), axis, 0.1, quadric) == Status::not_finite);
+  CHECK(cone(center, axis, Vector3<double>(0, infinite, 0), 0.1, quadric) == Status::not_finite);
+  CHECK(cone(center, axis, axis, nan, quadric) == Status::not_finite);
+  CHECK(cone(center, axis, axis, infinite, quadric) == Status::not_finite);
+  CHECK(cone(center, axis, axis, -0.1, quadric) == Status::out_of_range);
+  CHECK(cone(Matrix3<double>(nan * center), axis, axis, 0.1, quadric) == Status::not_finite);
+  CHECK(quadric.c == 7);
+  CHECK(cone(center, Vector3<double>(1e-300 * axis), Vector3<double>(1e300 * axis), 0.1, quadric) == Status::ok);
+  CHECK(quadric.c == doctest::Approx(1));
 }
 
 TEST_CASE("the angle bound of a direction is sharp and holds") {

@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include <elliptude/first_order/filter.hpp>
+#include <elliptude/first_order/convergence.hpp>
 #include <limits>
 #include <vector>
 
@@ -104,9 +104,13 @@ TEST_CASE(
         REQUIRE(filter.update(directions.data(), directions.size(), update) == Status::ok);
         REQUIRE(filter.update(rate, update) == Status::ok);
       } else {
-        Convergence<double> convergence{};
-        REQUIRE(filter.update(directions.data(), directions.size(), rate, update, &convergence) == Status::ok);
-        CHECK(convergence.flow_norm >= std::sqrt(6.0));
+        const Filter predicted = filter;
+        Convergence<double> diagnostics{};
+        REQUIRE(filter.update(directions.data(), directions.size(), rate, update) == Status::ok);
+        REQUIRE(convergence(predicted, directions.data(), directions.size(), rate, filter, update.share, diagnostics) ==
+                Status::ok);
+        CHECK(diagnostics.flow_norm >= std::sqrt(6.0));
+        CHECK(diagnostics.trace_ratio == filter.ellipsoid().shape.trace() / predicted.prior_shape().trace());
       }
       CHECK(update.margin > 0);
       CHECK(form_of(filter.ellipsoid(), truth) <= 1);
@@ -179,7 +183,6 @@ TEST_CASE("A call that fails leaves the filter as it was") {
   REQUIRE(filter.predict(0.5, {}) == Status::ok);
   const Filter before = filter;
   Update<double> update{0.5, 3};
-  Convergence<double> convergence{};
   const State truth = filter.ellipsoid().center;
   auto directions = measure(random, truth, 3, 0.01);
   const AngularVelocity<double> rate{truth.angular_velocity, 1e-4 * Matrix3<double>::Identity()};
@@ -192,7 +195,7 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   auto bad = directions;
   bad[2].body.setZero();
-  CHECK(filter.update(bad.data(), bad.size(), rate, update, &convergence) == Status::zero_direction);
+  CHECK(filter.update(bad.data(), bad.size(), rate, update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), bad.size(), update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), 0, update) == Status::out_of_range);
   check_same(filter, before);
@@ -200,14 +203,14 @@ TEST_CASE("A call that fails leaves the filter as it was") {
 
   // A rate that cannot be.
   const AngularVelocity<double> wrong{truth.angular_velocity + Vector3<double>(5, 0, 0), rate.bound};
-  CHECK(filter.update(directions.data(), 3, wrong, update, &convergence) == Status::empty_intersection);
+  CHECK(filter.update(directions.data(), 3, wrong, update) == Status::empty_intersection);
   CHECK(update.margin < 0);
   CHECK(filter.update(wrong, update) == Status::empty_intersection);
   CHECK(filter.update(AngularVelocity<double>{truth.angular_velocity, Matrix3<double>::Zero()}, update) ==
         Status::not_positive_definite);
   check_same(filter, before);
 
-  REQUIRE(filter.update(directions.data(), 3, rate, update, &convergence) == Status::ok);
+  REQUIRE(filter.update(directions.data(), 3, rate, update) == Status::ok);
   CHECK(filter.transition() == Matrix6<double>::Identity());
 }
 
@@ -223,6 +226,72 @@ TEST_CASE("Collinear directions count one by one") {
   const Matrix3<double> shape = filter.ellipsoid().shape.topLeftCorner<3, 3>();
   CHECK(std::sqrt(b.dot(shape * b)) >= 0.1);  // about the direction nothing was learned
   CHECK(std::sqrt(e.cross(b).normalized().dot(shape * e.cross(b).normalized())) < 0.05);
+}
+
+TEST_CASE("Directions and a rate are fused at once where they determine an attitude and else one after the other") {
+  struct Case {
+    std::vector<Vector3<double>> references;
+    double share, margin, trace;
+    Vector3<double> first_row;  // of the attitude
+  };
+  // As `AttitudeFilter.update` in Python said before the core decided this.
+  const std::vector<Case> cases{{{},
+                                 0.8825246745155377,
+                                 0.9655698621496491,
+                                 0.20645531017862542,
+                                 {0.984493089445251, -0.14874777584584944, -0.0929916986373382}},
+                                {{{0, 0.6, 0.8}},
+                                 0.8579133668176495,
+                                 0.6927005961302739,
+                                 0.12704328110832838,
+                                 {0.9972743762685577, -0.0723371980122854, -0.014530940158512962}},
+                                {{{0, 0.6, 0.8}, {0, -0.6, -0.8}},
+                                 0.8579064061563434,
+                                 0.6927005961302739,
+                                 0.12704039812072385,
+                                 {0.9972753679813408, -0.07232594926740074, -0.014518866355542736}},
+                                {{{0, 0.6, 0.8}, {1, 0, 0}},
+                                 0.36423614510031316,
+                                 0.6830624042068474,
+                                 0.08828408615268447,
+                                 {0.999949062890224, -0.00395761382009464, -0.009284875756530909}}};
+  RigidBody<double> body;
+  REQUIRE(RigidBody<double>::make(Matrix3<double>(Vector3<double>(3, 2, 1).asDiagonal()), body) == Status::ok);
+  using FreeFlow = RigidBodyFlow<double, FreeBody<double>>;
+  using FreeFilter = AttitudeFilter<FreeFlow, FirstOrderEstimator>;
+  FreeFlow flow;
+  REQUIRE(FreeFlow::make(body, {}, 0.05, 2, Matrix3<double>::Zero(), flow) == Status::ok);
+  Vector6<double> widths;
+  widths << 0.04, 0.05, 0.06, 0.01, 0.02, 0.03;
+  Set start{{Matrix3<double>::Identity(), Vector3<double>(0.1, -0.2, 0.3)}, widths.asDiagonal()};
+  start.shape(0, 3) = start.shape(3, 0) = 0.005;
+  const AngularVelocity<double> rate{Vector3<double>(0.11, -0.19, 0.29), 0.05 * 0.05 * Matrix3<double>::Identity()};
+  const AngularVelocity<double> wrong{Vector3<double>(5, 0, 0), rate.bound};
+  for (const Case& c : cases) {
+    CAPTURE(c.references.size());
+    std::vector<Direction<double>> directions;
+    for (const Vector3<double>& e : c.references) {
+      const Vector3<double> b(e.x() - 0.02 * e.y(), e.y() + 0.02 * e.x(), e.z());
+      directions.push_back(Direction<double>::within(e, b, 0.1));
+    }
+    FreeFilter filter;
+    REQUIRE(FreeFilter::make(flow, SizeCriterion<double, 6>::trace(), 0.0, start, filter) == Status::ok);
+    REQUIRE(filter.predict(0.5, {}) == Status::ok);
+    Update<double> update{};
+    const Matrix6<double> before = filter.ellipsoid().shape;
+    CHECK(filter.update(directions.data(), directions.size(), wrong, update) == Status::empty_intersection);
+    CHECK(update.margin < 0);
+    CHECK(filter.ellipsoid().shape == before);
+    const FreeFilter predicted = filter;
+    REQUIRE(filter.update(directions.data(), directions.size(), rate, update) == Status::ok);
+    Convergence<double> diagnostics{};
+    CHECK(convergence(predicted, directions.data(), directions.size(), rate, filter, update.share, diagnostics) ==
+          (directions.size() == 2 && c.share < 0.5 ? Status::ok : Status::attitude_undetermined));
+    CHECK(update.share == doctest::Approx(c.share).epsilon(1e-7));
+    CHECK(update.margin == doctest::Approx(c.margin).epsilon(1e-7));
+    CHECK(filter.ellipsoid().shape.trace() == doctest::Approx(c.trace).epsilon(1e-7));
+    CHECK((filter.ellipsoid().center.attitude.row(0).transpose() - c.first_row).norm() < 1e-7);
+  }
 }
 
 TEST_CASE("A filter cannot be made of what is no state") {

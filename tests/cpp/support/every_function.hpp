@@ -281,8 +281,11 @@ void use_filters(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     const MeasuredAttitude<Scalar> star{now.attitude, small};
     Update<Scalar> update;
     Convergence<Scalar> diagnostics{};
-    tally.add(filter.update(two.data(), two.size(), rate, update, &diagnostics));
+    const AttitudeFilter<BodyFlow, Estimator> predicted = filter;
+    tally.add(filter.update(two.data(), two.size(), rate, update));
+    tally.add(convergence(predicted, two.data(), two.size(), rate, filter, update.share, diagnostics));
     tally.add(diagnostics.contraction);
+    tally.add(filter.update(two.data(), 1, rate, update));
     tally.add(filter.update(two.data(), two.size(), update));
     tally.add(filter.update(two.data(), 1, update));
     tally.add(filter.update(rate, update));
@@ -336,6 +339,7 @@ void use_guaranteed_fusion(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noe
   Scalar angle;
   tally.add(angle_bound(direction, angle));
   tally.add(angle);
+  tally.add(cone(center.attitude, direction.reference, direction.body, angle, three));
   tally.add(cone(center.attitude, direction, three));
   halves[0] = of_attitude(three);
   quadrics[0] = extended(halves[0]);

@@ -108,6 +108,17 @@ def test_cycles_are_those_of_the_reference(mode: str, first_order: bool, weight:
             assert update.convergence.flow_norm == pytest.approx(cycle.convergence.transition_norm, rel=1e-8)
 
 
+def test_directions_that_determine_no_attitude_have_no_diagnostics() -> None:
+    log = Log(seed=3, count=1)
+    measured = log.at(0)
+    for chosen, there in (([0], False), ([0, 0], False), ([0, 1], True)):
+        filter_ = el.AttitudeFilter(body_flow(), start())
+        filter_.predict(log.times[0])
+        given = measured | {"directions": log.directions[0][chosen], "reference": log.reference[chosen]}
+        update = filter_.update(**given, diagnostics=True)
+        assert (update.convergence is not None) is there
+
+
 @pytest.mark.parametrize("first_order", [False, True])
 def test_partial_measurements_are_those_of_the_reference(first_order: bool) -> None:
     rng = np.random.default_rng(5)

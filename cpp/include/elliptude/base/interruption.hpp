@@ -1,7 +1,10 @@
 #pragma once
 
 /// \file
-/// Lets a caller stop a long prediction before its end.
+/// How many steps a prediction may take, and how a caller stops a long one before its end.
+
+#include "elliptude/base/rounding.hpp"
+#include "elliptude/base/status.hpp"
 
 namespace elliptude {
 
@@ -21,5 +24,41 @@ struct Interruption {
 
 /// The most steps of one prediction, unless a flow is told otherwise: more of them are more likely a wrong time than intended.
 constexpr long default_most_steps = 1'000'000;
+
+/// What flows that predict in steps have in common.
+class PredictionLimits {
+ public:
+  /// The most steps of one prediction; more are refused.
+  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
+  /// \return `out_of_range` unless positive.
+  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
+    if (most_steps < 1) {
+      return Status::out_of_range;
+    }
+    most_steps_ = most_steps;
+    return Status::ok;
+  }
+  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+
+ protected:
+  /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest`.
+  /// \return `too_many_steps`.
+  template <typename Scalar>
+  [[nodiscard]] Status divide(const Scalar& duration, const Scalar& longest, long& steps) const noexcept {
+    using std::ceil;
+    // A step that is longer than the longest only by rounding does not need another one.
+    const Scalar wanted = duration / longest * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
+    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
+      return Status::too_many_steps;
+    }
+    steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    return Status::ok;
+  }
+  [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }
+
+ private:
+  long most_steps_ = default_most_steps;
+  Interruption interruption_;
+};
 
 }  // namespace elliptude

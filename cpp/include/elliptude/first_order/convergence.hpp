@@ -4,6 +4,7 @@
 /// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update from a
 /// poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
 
+#include "elliptude/first_order/filter.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/linear/triangular.hpp"
@@ -55,6 +56,27 @@ template <typename Scalar>
   c.smaller_than_sets = fused.trace() / smaller;
   result = c;
   return Status::ok;
+}
+
+/// The same of an update of a filter with directions and an angular velocity.
+/// \param before the filter just before the update, \param after just after it, \param share what `Update` says.
+/// \return as above; `attitude_undetermined` of directions to which the theorem does not apply, as they determine no attitude.
+template <typename Filter, typename Scalar>
+[[nodiscard]] Status convergence(const Filter& before, const Direction<Scalar>* directions, std::size_t count,
+                                 const AngularVelocity<Scalar>& angular_velocity, const Filter& after,
+                                 const Scalar& share, Convergence<Scalar>& result) noexcept {
+  MeasuredDirections<Scalar> measured;
+  if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
+      status != Status::ok) {
+    return status;
+  }
+  StateEllipsoid<RigidBodyState<Scalar>> ellipsoid;
+  if (const Status status = measured_state(measured, angular_velocity, before.criterion(), ellipsoid);
+      status != Status::ok) {
+    return status;
+  }
+  return convergence(before.transition(), before.prior_shape(), before.ellipsoid().shape, ellipsoid.shape,
+                     after.ellipsoid().shape, share, result);
 }
 
 }  // namespace elliptude

@@ -3,7 +3,6 @@
 /// \file
 /// The filter: owns the state ellipsoid and the time, predicts and updates. (paper, §3)
 
-#include "elliptude/first_order/convergence.hpp"
 #include "elliptude/first_order/estimator.hpp"
 #include "elliptude/first_order/flow.hpp"
 
@@ -64,7 +63,7 @@ class AttitudeFilter {
   [[nodiscard]] const StateEllipsoid<State>& ellipsoid() const noexcept { return ellipsoid_; }
   [[nodiscard]] const Flow& flow() const noexcept { return flow_; }
   [[nodiscard]] const SizeCriterion<Scalar, 6>& criterion() const noexcept { return criterion_; }
-  /// A^f since the last update, and P₀ after it.
+  /// A^f since the last update, and P₀ after it: for the diagnostics of `first_order/convergence.hpp`.
   [[nodiscard]] const Matrix6<Scalar>& transition() const noexcept { return transition_; }
   [[nodiscard]] const Matrix6<Scalar>& prior_shape() const noexcept { return prior_shape_; }
 
@@ -89,20 +88,19 @@ class AttitudeFilter {
     return Status::ok;
   }
 
-  /// Directions and angular velocity together, as in the paper: E^m of all of them, fused once with the prediction. Two
-  /// directions are enough.
-  /// \param diagnostics of the convergence theorem, if wanted.
-  /// \return the status of the measurements' `validate` and the fusion; `attitude_undetermined` for collinear directions; after
-  /// `empty_intersection` `update.margin` is set.
+  /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of them,
+  /// fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says, then the
+  /// angular velocity.
+  /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
-                              const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update,
-                              Convergence<Scalar>* diagnostics = nullptr) noexcept {
+                              const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
                   "the gyro's rate is the input of GyroFlow, not a measurement");
     MeasuredDirections<Scalar> measured;
     if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
         status != Status::ok) {
-      return status;
+      return status == Status::attitude_undetermined ? update_in_turn(directions, count, angular_velocity, update)
+                                                     : status;
     }
     StateEllipsoid<State> measured_ellipsoid;
     if (const Status status = measured_state(measured, angular_velocity, criterion_, measured_ellipsoid);
@@ -111,17 +109,9 @@ class AttitudeFilter {
     }
     Fusion<State> fusion;
     const Status status = fuse(measured_ellipsoid, ellipsoid_, Estimator::recentring, criterion_, fusion);
-    if (status != Status::ok) {
-      return report(status, fusion, update);
+    if (status == Status::ok) {
+      accept(fusion.ellipsoid);
     }
-    if (diagnostics != nullptr) {
-      if (const Status found = convergence(transition_, prior_shape_, ellipsoid_.shape, measured_ellipsoid.shape,
-                                           fusion.ellipsoid.shape, fusion.share, *diagnostics);
-          found != Status::ok) {
-        return found;
-      }
-    }
-    accept(fusion.ellipsoid);
     return report(status, fusion, update);
   }
 
@@ -201,6 +191,27 @@ class AttitudeFilter {
   void restart(const Scalar& time, const StateEllipsoid<State>& ellipsoid) noexcept {
     time_ = time;
     accept(ellipsoid);
+  }
+
+  [[nodiscard]] Status update_in_turn(const Direction<Scalar>* directions, std::size_t count,
+                                      const AngularVelocity<Scalar>& angular_velocity,
+                                      Update<Scalar>& update) noexcept {
+    AttitudeFilter trial = *this;
+    Update<Scalar> by_directions{Scalar(1), Scalar(1)};
+    if (count > 0) {
+      if (const Status status = trial.update(directions, count, by_directions); status != Status::ok) {
+        if (status == Status::empty_intersection) {
+          update.margin = by_directions.margin;
+        }
+        return status;
+      }
+    }
+    const Status status = trial.update(angular_velocity, update);
+    if (status == Status::ok) {
+      update.margin = by_directions.margin < update.margin ? by_directions.margin : update.margin;
+      *this = trial;
+    }
+    return status;
   }
 
   void accept(const StateEllipsoid<State>& ellipsoid) noexcept {

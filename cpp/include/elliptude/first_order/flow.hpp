@@ -10,7 +10,7 @@
 /// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
-#include "elliptude/base/rounding.hpp"
+#include "elliptude/base/interruption.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
 namespace elliptude {
@@ -23,7 +23,7 @@ struct Prediction {
 
 /// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid.
 template <typename Scalar, typename Potential>
-class RigidBodyFlow {
+class RigidBodyFlow : public PredictionLimits {
  public:
   using State = RigidBodyState<Scalar>;
   struct Input {
@@ -56,25 +56,12 @@ class RigidBodyFlow {
     flow.composition_ = composition;
     flow.longest_step_ = longest_step;
     flow.unknown_torque_ = unknown_torque;
-    flow.most_steps_ = default_most_steps;
-    flow.interruption_ = Interruption();
+    flow.PredictionLimits::operator=(PredictionLimits());
     return Status::ok;
   }
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
-
-  /// The most steps of one prediction; more are refused.
-  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
-  /// \return `out_of_range` unless positive.
-  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
-    if (most_steps < 1) {
-      return Status::out_of_range;
-    }
-    most_steps_ = most_steps;
-    return Status::ok;
-  }
-  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
   /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
   /// `too_many_steps`; `interrupted`; the status of `minimal_sum`.
@@ -91,13 +78,10 @@ class RigidBodyFlow {
       prediction = {ellipsoid, Matrix6<Scalar>::Identity()};
       return Status::ok;
     }
-    using std::ceil;
-    // A step that is longer than the longest only by rounding does not need another one.
-    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
-    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
-      return Status::too_many_steps;
+    long steps = 1;
+    if (const Status status = divide(duration, longest_step_, steps); status != Status::ok) {
+      return status;
     }
-    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
     Prediction<State> result;
@@ -105,7 +89,7 @@ class RigidBodyFlow {
     if (unknown_torque_.isZero(Scalar(0))) {
       if (const Status status =
               integrate_linearized(body_, potential_, composition_, time, h, steps, input.control_torque,
-                                   ellipsoid.center, result.ellipsoid.center, linearization, interruption_);
+                                   ellipsoid.center, result.ellipsoid.center, linearization, interruption());
           status != Status::ok) {
         return status;
       }
@@ -117,7 +101,7 @@ class RigidBodyFlow {
     result.ellipsoid = ellipsoid;
     result.transition.setIdentity();
     for (long step = 0; step < steps; ++step) {
-      if (interruption_.after(step)) {
+      if (interruption().after(step)) {
         return Status::interrupted;
       }
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
@@ -147,8 +131,6 @@ class RigidBodyFlow {
   Composition<Scalar> composition_;
   Scalar longest_step_;
   Matrix3<Scalar> unknown_torque_;
-  long most_steps_ = default_most_steps;
-  Interruption interruption_;
 };
 
 /// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.

@@ -110,65 +110,68 @@ template <typename State>
 
 namespace detail {
 
-/// The q of least size for ‖y − Bu‖ ≤ 1 with a few rows: with the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its
-/// eigenvectors, wᵢ the weights W' of the vectors of u that belong to them and w₀ that of all others,
+/// The size of the combination of ‖y − Bu‖ ≤ 1, of a few rows, with the unit ball, in the coordinates where it costs little: with
+/// the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its eigenvectors, wᵢ the weights W' of the vectors of u that belong to
+/// them and w₀ that of all others,
 ///
-///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q,
-///
-/// all of it cheap, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start: every q gives a
-/// bound.
+///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q.
 template <typename Scalar, int Rows, int N>
-[[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
-                                    const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
-  SymmetricEigen<Scalar, Rows> eigen;
-  if (symmetric_eigen(Matrix<Scalar, Rows>(b.lazyProduct(b.transpose())), eigen) != Status::ok ||
-      !(eigen.values(Rows - 1) > Scalar(0))) {
-    return start;
+class SizeByRows {
+ public:
+  /// \return whether BBᵀ is positive definite.
+  [[nodiscard]] static bool make(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
+                                 const RelativeSize<Scalar, N>& size, SizeByRows& result) noexcept {
+    SymmetricEigen<Scalar, Rows> eigen;
+    if (symmetric_eigen(Matrix<Scalar, Rows>(b.lazyProduct(b.transpose())), eigen) != Status::ok ||
+        !(eigen.values(Rows - 1) > Scalar(0))) {
+      return false;
+    }
+    result.values_ = eigen.values;
+    result.along_ = eigen.vectors.transpose().lazyProduct(y);
+    result.by_volume_ = size.by_volume();
+    if (!size.by_volume()) {
+      const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
+      const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
+      result.weights_ = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
+      result.rest_ = size.weight().trace() - result.weights_.sum();
+    }
+    return true;
   }
-  const Vector<Scalar, Rows> along = eigen.vectors.transpose().lazyProduct(y);
-  const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
-  Vector<Scalar, Rows> weights;
-  Scalar rest(0);
-  if (!size.by_volume()) {
-    const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
-    weights = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
-    rest = size.weight().trace() - weights.sum();
-  }
-  Scalar q = start;
-  constexpr int most_steps = 20;
-  const Scalar longest(9);
-  for (int step = 0; step < most_steps; ++step) {
+
+  /// The first and second derivative of the logarithm of the size with respect to log q.
+  /// \return whether the sets meet, as far as this q shows.
+  [[nodiscard]] bool derivatives(const Scalar& q, Scalar& slope, Scalar& curvature) const noexcept {
     Scalar level = Scalar(1) + q;
     Scalar level1(1);
     Scalar level2(0);
-    Scalar trace = rest / q;  // of W'A⁻¹, and its derivatives
+    Scalar trace = rest_ / q;  // of W'A⁻¹, and its derivatives
     Scalar trace1 = -trace / q;
     Scalar trace2 = Scalar(-2) * trace1 / q;
     Scalar determinant1 = -Scalar(N - Rows) / q;  // of −log det A
     Scalar determinant2 = -determinant1 / q;
     for (int i = 0; i < Rows; ++i) {
-      const Scalar inverse = Scalar(1) / (eigen.values(i) + q);
-      const Scalar square = along(i) * along(i);
+      const Scalar inverse = Scalar(1) / (values_(i) + q);
+      const Scalar square = along_(i) * along_(i);
       level -= square * q * inverse;
-      const Scalar slope = square * eigen.values(i) * inverse * inverse;
-      level1 -= slope;
-      level2 += Scalar(2) * slope * inverse;
+      const Scalar fall = square * values_(i) * inverse * inverse;
+      level1 -= fall;
+      level2 += Scalar(2) * fall * inverse;
       determinant1 -= inverse;
       determinant2 += inverse * inverse;
-      if (!size.by_volume()) {
-        const Scalar part = weights(i) * inverse;
+      if (!by_volume_) {
+        const Scalar part = weights_(i) * inverse;
         trace += part;
         trace1 -= part * inverse;
         trace2 += Scalar(2) * part * inverse * inverse;
       }
     }
     if (!(level > Scalar(0))) {
-      return start;
+      return false;
     }
     const Scalar relative = level1 / level;
-    Scalar slope = relative;
-    Scalar curvature = level2 / level - relative * relative;
-    if (size.by_volume()) {
+    slope = relative;
+    curvature = level2 / level - relative * relative;
+    if (by_volume_) {
       slope = Scalar(N) * slope + determinant1;
       curvature = Scalar(N) * curvature + determinant2;
     } else {
@@ -177,14 +180,63 @@ template <typename Scalar, int Rows, int N>
     }
     curvature = q * slope + q * q * curvature;  // now with respect to log q
     slope = q * slope;
-    Scalar move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
-    move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+    return true;
+  }
+
+ private:
+  Vector<Scalar, Rows> values_;
+  Vector<Scalar, Rows> along_;
+  Vector<Scalar, Rows> weights_;
+  Scalar rest_{0};
+  bool by_volume_;
+};
+
+/// The q of least size for a few rows, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start:
+/// every q gives a bound.
+template <typename Scalar, int Rows, int N>
+[[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
+                                    const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
+  SizeByRows<Scalar, Rows, N> by_rows;
+  if (!SizeByRows<Scalar, Rows, N>::make(y, b, size, by_rows)) {
+    return start;
+  }
+  Scalar q = start;
+  constexpr int most_steps = 20;
+  for (int step = 0; step < most_steps; ++step) {
+    Scalar slope;
+    Scalar curvature;
+    if (!by_rows.derivatives(q, slope, curvature)) {
+      return start;
+    }
+    const Scalar move = newton_move(slope, curvature, Scalar(9));
     q = move > Scalar(0) ? Scalar(q * (Scalar(1) + move)) : Scalar(q / (Scalar(1) - move));
     if (scalar::abs(move) <= scalar::constant<Scalar>(1e-3L)) {  // its square is left
       break;
     }
   }
   return scalar::isfinite(q) && q > Scalar(0) ? q : start;
+}
+
+/// Whether a measurement and a prediction meet, decided in the measured coordinates: E(y, R) and E(0, HPHᵀ).
+/// \return the status of `overlap_margin`.
+template <typename State, int Rows>
+[[nodiscard]] Status overlap_with(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
+                                  const StateEllipsoid<State>& predicted, StateScalar<State>& margin) noexcept {
+  using Scalar = StateScalar<State>;
+  const Ellipsoid<Scalar, Rows> image =
+      affine_image(predicted.in_coordinates(), measurement.h, Vector<Scalar, Rows>(Vector<Scalar, Rows>::Zero()));
+  return overlap_margin(Ellipsoid<Scalar, Rows>{measurement.y, measurement.bound}, image, margin);
+}
+
+/// `recombine` of ‖y − Bu‖ ≤ 1 with the unit ball about a center of zero.
+template <typename Scalar, int Rows, int N>
+void recombine_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b, const Matrix<Scalar, N>& factor,
+                    const Vector<Scalar, N>& present, const Scalar& q, Ellipsoid<Scalar, N>& set) noexcept {
+  Matrix<Scalar, N> rows = Matrix<Scalar, N>::Zero();
+  rows.template topRows<Rows>() = b;
+  Vector<Scalar, N> offset = Vector<Scalar, N>::Zero();
+  offset.template head<Rows>() = -y;
+  recombine(Vector<Scalar, N>(Vector<Scalar, N>::Zero()), factor, rows, offset, present, q, set);
 }
 
 }  // namespace detail
@@ -214,8 +266,7 @@ template <typename State, int Rows>
   }
   // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
   // the constants of the quadric would cancel.
-  const Vector6<Scalar> present =
-      l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Vector6<Scalar> present = detail::present_coordinates(l);
   const Matrix<Scalar, Rows, 6> b = h.lazyProduct(l);
   const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
   const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
@@ -235,12 +286,8 @@ template <typename State, int Rows>
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
   }
-  // Whether they meet is decided in the measured coordinates: E(0, HPHᵀ) and E(y, R).
-  const Ellipsoid<Scalar, Rows> image =
-      affine_image(predicted.in_coordinates(), measurement.h, Vector<Scalar, Rows>(Vector<Scalar, Rows>::Zero()));
   Scalar margin;
-  if (const Status overlap = overlap_margin(Ellipsoid<Scalar, Rows>{measurement.y, measurement.bound}, image, margin);
-      overlap != Status::ok) {
+  if (const Status overlap = detail::overlap_with(measurement, predicted, margin); overlap != Status::ok) {
     return overlap;
   }
   fusion.margin = margin;
@@ -254,11 +301,7 @@ template <typename State, int Rows>
     intersection.set = predicted.in_coordinates();
   }
   if (undecided || (intersection.share < Scalar(1) && problem.is_ill_conditioned(q, best))) {
-    Matrix6<Scalar> rows = Matrix6<Scalar>::Zero();
-    rows.template topRows<Rows>() = b;
-    Vector6<Scalar> offset = Vector6<Scalar>::Zero();
-    offset.template head<Rows>() = -y;
-    detail::recombine(origin, l, rows, offset, present, q, intersection.set);
+    detail::recombine_rows(y, b, l, present, q, intersection.set);
     intersection.share = q / (Scalar(1) + q);
   }
   const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);

@@ -21,7 +21,7 @@ namespace elliptude {
 /// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
 /// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
 template <typename Scalar, typename Potential>
-class GuaranteedRigidBodyFlow {
+class GuaranteedRigidBodyFlow : public PredictionLimits {
   static_assert(has_expansion<Potential, Scalar>,
                 "this potential offers no bounds of its torque: see guaranteed/torque_expansion.hpp for what a "
                 "guaranteed flow needs");
@@ -62,25 +62,12 @@ class GuaranteedRigidBodyFlow {
     flow.uncertainty_ = uncertainty;
     flow.torque_bounds_ = torque_bounds;
     flow.acceleration_bounds_ = acceleration_bounds;
-    flow.most_steps_ = default_most_steps;
-    flow.interruption_ = Interruption();
+    flow.PredictionLimits::operator=(PredictionLimits());
     return Status::ok;
   }
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
-
-  /// The most steps of one prediction; more are refused.
-  [[nodiscard]] long most_steps() const noexcept { return most_steps_; }
-  /// \return `out_of_range` unless positive.
-  [[nodiscard]] Status set_most_steps(long most_steps) noexcept {
-    if (most_steps < 1) {
-      return Status::out_of_range;
-    }
-    most_steps_ = most_steps;
-    return Status::ok;
-  }
-  void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
 
   /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
@@ -99,17 +86,14 @@ class GuaranteedRigidBodyFlow {
       result = ellipsoid;
       return Status::ok;
     }
-    using std::ceil;
-    // A step that is longer than the longest only by rounding does not need another one.
-    const Scalar wanted = duration / longest_step_ * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
-    if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
-      return Status::too_many_steps;
+    long steps = 1;
+    if (const Status status = divide(duration, longest_step_, steps); status != Status::ok) {
+      return status;
     }
-    const long steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
     Status status = divided(time, duration, steps, input, ellipsoid, result);
     long finer = steps;
     const bool may_close = status == Status::unbounded || status == Status::step_too_long;
-    for (int retry = 0; retry < 2 && may_close && finer <= most_steps_ / 3; ++retry) {
+    for (int retry = 0; retry < 2 && may_close && finer <= most_steps() / 3; ++retry) {
       finer *= 3;
       const Status again = divided(time, duration, finer, input, ellipsoid, result);
       if (again == Status::ok || again == Status::interrupted) {
@@ -207,7 +191,7 @@ class GuaranteedRigidBodyFlow {
     }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
-      if (interruption_.after(step)) {
+      if (interruption().after(step)) {
         return Status::interrupted;
       }
       const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
@@ -242,8 +226,6 @@ class GuaranteedRigidBodyFlow {
   BodyUncertainty<Scalar> uncertainty_;
   TorqueBounds<Scalar> torque_bounds_;        // of M
   TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M
-  long most_steps_ = default_most_steps;
-  Interruption interruption_;
 };
 
 }  // namespace elliptude

@@ -82,81 +82,8 @@ class GuaranteedGyroFlow {
       result = ellipsoid;
       return Status::ok;
     }
-    if (!speaks_of(duration, input)) {
-      return predict_unmeasured(duration, ellipsoid, result);
-    }
-    const Scalar half = scalar::constant<Scalar>(0.5L);
-    const Scalar& h = duration;
-    const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
-    const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
-    const Vector3<Scalar> turn = h * rate;
-    const Matrix3<Scalar> f = exp(turn);
-    const Matrix6<Scalar> shape =
-        covered_congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
-
-    // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
-    const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
-    const Scalar acceleration = uncertainty_.angular_acceleration;
-    const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
-    const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
-    const Scalar noise = detail::tube::radius(uncertainty_.noise) + scale;
-    const Scalar drift = detail::tube::radius(uncertainty_.drift);
-    const Scalar difference =
-        detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift + noise +
-        wander;  // ≥ ‖δω‖
-    const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
-    // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
-    const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
-    if (!(angle < scalar::constant<Scalar>(1.5L))) {
-      return Status::unbounded;
-    }
-    const Scalar reach = Scalar(2) * scalar::sin(angle) / scalar::cos(angle);
-    const Scalar nonlinear = h * reach * difference * (reach > Scalar(2) ? Scalar(half * half * reach) : half);
-
-    // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
-    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
-                  half * h * h * drift;
-    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
-    // more as a is not nothing (theory, section 17.8).
-    const Scalar slip =
-        rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
-    ball +=
-        slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
-    std::array<Matrix6<Scalar>, 3> others;
-    for (Matrix6<Scalar>& term : others) {
-      term.setZero();
-    }
-    if (input.increment >= Scalar(0)) {
-      ball += input.increment;
-    } else {
-      ball += h * scale;
-      const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
-      const Matrix3<Scalar> turned = congruence(Matrix3<Scalar>(middle.transpose()), uncertainty_.noise);
-      others[0].template topLeftCorner<3, 3>() = (half * h * h) * (turned + turned.transpose());
-      others[0].diagonal().template head<3>().array() +=
-          rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
-    }
-    // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
-    if (drift > Scalar(0)) {
-      const Matrix3<Scalar> d = (h * h) * uncertainty_.drift;
-      const Scalar back = -half * h;
-      others[1].template topLeftCorner<3, 3>() = (back * back) * d;
-      others[1].template topRightCorner<3, 3>() = back * d;
-      others[1].template bottomLeftCorner<3, 3>() = back * d;
-      others[1].template bottomRightCorner<3, 3>() = d;
-      ball += half * half * h * h * h * speed * drift;
-    }
-    others[2] = detail::tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
-    Matrix6<Scalar> sum;
-    if (const Status status = detail::tube::sum<Scalar, 6, 3>(shape, others, sum); status != Status::ok) {
-      return status;
-    }
-    if (!scalar::all_finite(sum)) {
-      return Status::unbounded;
-    }
-    result.center = {renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias};
-    result.shape = sum;
-    return Status::ok;
+    return speaks_of(duration, input) ? predict_measured(duration, input, ellipsoid, result)
+                                      : predict_unmeasured(duration, ellipsoid, result);
   }
 
   /// Over an interval in which the body turned by `turn`, and before, after or within that by a turn of at most `angle` about any
@@ -260,6 +187,98 @@ class GuaranteedGyroFlow {
     return input.is_measured && (longest < Scalar(0) || duration <= longest);
   }
 
+  /// Over an interval whose rate was measured.
+  /// \return as `predict`.
+  [[nodiscard]] Status predict_measured(const Scalar& h, const Input& input, const GibbsEllipsoid<State>& ellipsoid,
+                                        GibbsEllipsoid<State>& result) const noexcept {
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Vector3<Scalar> rate = input.angular_velocity - ellipsoid.center.gyro_bias;
+    const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
+    const Vector3<Scalar> turn = h * rate;
+    const Matrix3<Scalar> f = exp(turn);
+    const Matrix6<Scalar> shape =
+        covered_congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
+
+    // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
+    const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
+    const Scalar acceleration = uncertainty_.angular_acceleration;
+    const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
+    const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
+    const Scalar noise = detail::tube::radius(uncertainty_.noise) + scale;
+    const Scalar drift = detail::tube::radius(uncertainty_.drift);
+    const Scalar difference =
+        detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift + noise +
+        wander;  // ≥ ‖δω‖
+    const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
+    // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
+    const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
+    if (!(angle < scalar::constant<Scalar>(1.5L))) {
+      return Status::unbounded;
+    }
+    const Scalar reach = Scalar(2) * scalar::sin(angle) / scalar::cos(angle);
+    const Scalar nonlinear = h * reach * difference * (reach > Scalar(2) ? Scalar(half * half * reach) : half);
+
+    // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
+    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
+                  half * h * h * drift;
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
+    // more as a is not nothing (theory, section 17.8).
+    const Scalar slip =
+        rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
+    ball +=
+        slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
+    std::array<Matrix6<Scalar>, 3> others;
+    others[0].setZero();
+    others[1].setZero();
+    if (input.increment >= Scalar(0)) {
+      ball += input.increment;
+    } else {
+      ball += h * scale;
+      others[0].template topLeftCorner<3, 3>() = turned_by_noise(h, turn);
+    }
+    // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
+    if (drift > Scalar(0)) {
+      const Matrix3<Scalar> d = (h * h) * uncertainty_.drift;
+      const Scalar back = -half * h;
+      others[1].template topLeftCorner<3, 3>() = (back * back) * d;
+      others[1].template topRightCorner<3, 3>() = back * d;
+      others[1].template bottomLeftCorner<3, 3>() = back * d;
+      others[1].template bottomRightCorner<3, 3>() = d;
+      ball += half * half * h * h * h * speed * drift;
+    }
+    others[2] = detail::tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
+    return with_added({renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias}, shape,
+                      others, result);
+  }
+
+  /// What the noise turns the attitude by, as if all at the middle of the interval.
+  [[nodiscard]] Matrix3<Scalar> turned_by_noise(const Scalar& h, const Vector3<Scalar>& turn) const noexcept {
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    const Matrix3<Scalar> middle = exp(Vector3<Scalar>(half * turn));
+    const Matrix3<Scalar> turned = congruence(Matrix3<Scalar>(middle.transpose()), uncertainty_.noise);
+    Matrix3<Scalar> shape = (half * h * h) * (turned + turned.transpose());
+    shape.diagonal().array() += rounding::share<Scalar>(rounding::sum) * (h * h) * uncertainty_.noise.trace();
+    return shape;
+  }
+
+  /// The set of a shape and what is added to it.
+  /// \return `not_positive_definite` of a flat set; `unbounded` if the sum overflows.
+  template <std::size_t Count>
+  [[nodiscard]] static Status with_added(const State& center, const Matrix6<Scalar>& shape,
+                                         const std::array<Matrix6<Scalar>, Count>& others,
+                                         GibbsEllipsoid<State>& result) noexcept {
+    Matrix6<Scalar> sum;
+    if (const Status status = detail::tube::sum<Scalar, 6, Count>(shape, others, sum); status != Status::ok) {
+      return status;
+    }
+    if (!scalar::all_finite(sum)) {
+      return Status::unbounded;
+    }
+    result.center = center;
+    result.shape = sum;
+    return Status::ok;
+  }
+
   /// A set's attitude beside a bias that is as good as known, as a set is not flat.
   [[nodiscard]] static GibbsEllipsoid<State> with_next_to_no_bias(const Ellipsoid<Scalar, 3>& bias,
                                                                   const GibbsEllipsoid<State>& ellipsoid) noexcept {
@@ -310,16 +329,7 @@ class GuaranteedGyroFlow {
     others[0] = detail::tube::attitude_ball(rounding::enlarged(Scalar(moved + slip * before), rounding::bound));
     others[1].setZero();
     others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
-    Matrix6<Scalar> sum;
-    if (const Status status = detail::tube::sum<Scalar, 6, 2>(ellipsoid.shape, others, sum); status != Status::ok) {
-      return status;
-    }
-    if (!scalar::all_finite(sum)) {
-      return Status::unbounded;
-    }
-    result.center = ellipsoid.center;
-    result.shape = sum;
-    return Status::ok;
+    return with_added(ellipsoid.center, ellipsoid.shape, others, result);
   }
 
   GyroUncertainty<Scalar> uncertainty_;

@@ -7,6 +7,7 @@
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
+#include "elliptude/linear/detail/jacobi_rotation.hpp"
 
 namespace elliptude {
 
@@ -41,28 +42,14 @@ template <typename Scalar, int N>
           continue;
         }
         converged = false;
-        // The rotation that makes entry (p, q) zero, of at most 45 degrees.
-        const Scalar cotangent = (a(q, q) - a(p, p)) / (Scalar(2) * off);
-        const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
-        const Scalar tangent =
-            cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root)) : Scalar(Scalar(-1) / (root - cotangent));
-        const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
-        const Scalar sine = tangent * cosine;
+        // The rotation that makes entry (p, q) zero.
+        const auto rotation = detail::JacobiRotation<Scalar>::of(Scalar(a(q, q) - a(p, p)), off);
         for (int k = 0; k < N; ++k) {
-          const Scalar akp = a(k, p);
-          const Scalar akq = a(k, q);
-          a(k, p) = cosine * akp - sine * akq;
-          a(k, q) = sine * akp + cosine * akq;
+          rotation.turn(a(k, p), a(k, q));
         }
         for (int k = 0; k < N; ++k) {
-          const Scalar apk = a(p, k);
-          const Scalar aqk = a(q, k);
-          a(p, k) = cosine * apk - sine * aqk;
-          a(q, k) = sine * apk + cosine * aqk;
-          const Scalar vkp = vectors(k, p);
-          const Scalar vkq = vectors(k, q);
-          vectors(k, p) = cosine * vkp - sine * vkq;
-          vectors(k, q) = sine * vkp + cosine * vkq;
+          rotation.turn(a(p, k), a(q, k));
+          rotation.turn(vectors(k, p), vectors(k, q));
         }
         a(p, q) = Scalar(0);
         a(q, p) = Scalar(0);

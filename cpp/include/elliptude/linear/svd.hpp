@@ -7,6 +7,7 @@
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
+#include "elliptude/linear/detail/jacobi_rotation.hpp"
 
 namespace elliptude {
 
@@ -18,6 +19,24 @@ struct RotationSvd {
   Vector3<Scalar> values;
   Matrix3<Scalar> v;
 };
+
+namespace detail {
+
+/// The second left singular vector from the first and the second column with its length.
+template <typename Scalar>
+[[nodiscard]] Vector3<Scalar> second_vector(const Vector3<Scalar>& first, const Vector3<Scalar>& column,
+                                            const Scalar& length) noexcept {
+  if (length > rounding::share<Scalar>(rounding::right_angle) * rounding::share<Scalar>(1)) {
+    // A column this short may have passed the test for right angles at an angle.
+    return (column - first.dot(column) * first).normalized();
+  }
+  // Rank one: any direction at right angles to the first will do, made from the axis least along it.
+  int least = 0;
+  first.cwiseAbs().minCoeff(&least);
+  return first.cross(Vector3<Scalar>::Unit(least)).normalized();
+}
+
+}  // namespace detail
 
 /// By one-sided Jacobi rotations (Hestenes). For a matrix of rank one the second vectors are arbitrary.
 /// \return `not_finite`; `out_of_range` for the zero matrix; `not_converged`.
@@ -48,18 +67,9 @@ template <typename Scalar>
           continue;
         }
         converged = false;
-        const Scalar cotangent = (qq - pp) / (Scalar(2) * pq);
-        const Scalar root = scalar::sqrt(Scalar(Scalar(1) + cotangent * cotangent));
-        const Scalar tangent =
-            cotangent >= Scalar(0) ? Scalar(Scalar(1) / (cotangent + root)) : Scalar(Scalar(-1) / (root - cotangent));
-        const Scalar cosine = Scalar(1) / scalar::sqrt(Scalar(Scalar(1) + tangent * tangent));
-        const Scalar sine = tangent * cosine;
-        const Vector3<Scalar> column = columns.col(p);
-        columns.col(p) = cosine * column - sine * columns.col(q);
-        columns.col(q) = sine * column + cosine * columns.col(q);
-        const Vector3<Scalar> vp = v.col(p);
-        v.col(p) = cosine * vp - sine * v.col(q);
-        v.col(q) = sine * vp + cosine * v.col(q);
+        const auto rotation = detail::JacobiRotation<Scalar>::of(Scalar(qq - pp), pq);
+        rotation.turn_columns(columns, p, q);
+        rotation.turn_columns(v, p, q);
       }
     }
   }
@@ -76,16 +86,8 @@ template <typename Scalar>
       }
     }
   }
-  Vector3<Scalar> u1 = columns.col(0) / lengths(0);
-  Vector3<Scalar> u2;
-  if (lengths(1) > rounding::share<Scalar>(rounding::right_angle) * rounding::share<Scalar>(1)) {
-    // A column this short may have passed the test above at an angle.
-    u2 = (columns.col(1) - u1.dot(columns.col(1)) * u1).normalized();
-  } else {  // rank one: any direction at right angles to u1, made from the axis least along it
-    int least = 0;
-    u1.cwiseAbs().minCoeff(&least);
-    u2 = u1.cross(Vector3<Scalar>::Unit(least)).normalized();
-  }
+  const Vector3<Scalar> u1 = columns.col(0) / lengths(0);
+  const Vector3<Scalar> u2 = detail::second_vector(u1, Vector3<Scalar>(columns.col(1)), lengths(1));
   svd.u.col(0) = u1;
   svd.u.col(1) = u2;
   svd.u.col(2) = u1.cross(u2);

@@ -48,29 +48,20 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The attitudes with ∠(Cᵀe, b̃) ≤ r, r the `angle_bound`, exactly, in γ about any center: with b̂ = Ĉᵀe, c = b̂·b̃, d = b̃ × b̂,
-///
-///     ¼ γᵀ[(cos r + c) I − b̂b̃ᵀ − b̃b̂ᵀ]γ − d·γ ≤ 2 sin²(r/2) − ½‖b̂ − b̃‖²,
-///
-/// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little wider, for
-/// rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
-/// \param center a rotation to rounding.
-/// \return the status of `validate` for the direction; `not_finite` of the center.
+namespace detail {
+
+/// `cone` of unit vectors and an angle that is not negative.
+/// \return `not_finite` of the center.
 template <typename Scalar>
-[[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
-                          Quadric<Scalar, 3>& quadric) noexcept {
-  Scalar angle;
-  if (const Status status = angle_bound(direction, angle); status != Status::ok) {
-    return status;
-  }
-  const Vector3<Scalar> body = scalar::unit(direction.body);
-  const Vector3<Scalar> predicted =
-      Vector3<Scalar>(center.transpose().lazyProduct(scalar::unit(direction.reference))).normalized();
+[[nodiscard]] Status cone_of_units(const Matrix3<Scalar>& center, const Vector3<Scalar>& axis,
+                                   const Vector3<Scalar>& body, const Scalar& bound,
+                                   Quadric<Scalar, 3>& quadric) noexcept {
+  const Vector3<Scalar> predicted = Vector3<Scalar>(center.transpose().lazyProduct(axis)).normalized();
   if (!scalar::all_finite(predicted)) {
     return Status::not_finite;
   }
-  angle =
-      angle * (Scalar(1) + rounding::share<Scalar>(rounding::direction)) + rounding::share<Scalar>(rounding::direction);
+  const Scalar angle =
+      bound * (Scalar(1) + rounding::share<Scalar>(rounding::direction)) + rounding::share<Scalar>(rounding::direction);
   if (!(angle < scalar::pi<Scalar>())) {
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
@@ -91,6 +82,47 @@ template <typename Scalar>
       (scalar::constant<Scalar>(0.5L) * (Scalar(1) - rounding::share<Scalar>(rounding::cone_misfit)) * inverse) *
           difference.squaredNorm();
   return Status::ok;
+}
+
+}  // namespace detail
+
+/// The attitudes with ∠(Cᵀe, b̃) ≤ r, exactly, in γ about any center: with b̂ = Ĉᵀe, c = b̂·b̃, d = b̃ × b̂,
+///
+///     ¼ γᵀ[(cos r + c) I − b̂b̃ᵀ − b̃b̂ᵀ]γ − d·γ ≤ 2 sin²(r/2) − ½‖b̂ − b̃‖²,
+///
+/// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little wider, for
+/// rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
+/// \param center a rotation to rounding.
+/// \param reference e, and \param measured b̃, of any length.
+/// \param bound r, rad: the direction is known to this angle.
+/// \return `not_finite`, `zero_direction`; `out_of_range` of a negative angle.
+template <typename Scalar>
+[[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Vector3<Scalar>& reference,
+                          const Vector3<Scalar>& measured, const Scalar& bound, Quadric<Scalar, 3>& quadric) noexcept {
+  const Vector3<Scalar> axis = scalar::unit(reference);
+  const Vector3<Scalar> body = scalar::unit(measured);
+  if (!scalar::isfinite(bound) || !scalar::all_finite(axis) || !scalar::all_finite(body)) {
+    return Status::not_finite;
+  }
+  if (!(bound >= Scalar(0))) {
+    return Status::out_of_range;
+  }
+  if (axis.isZero(Scalar(0)) || body.isZero(Scalar(0))) {
+    return Status::zero_direction;
+  }
+  return detail::cone_of_units(center, axis, body, bound, quadric);
+}
+
+/// The same of a direction whose error is in an ellipsoid: r is its `angle_bound`.
+/// \return the status of `validate` for the direction; `not_finite` of the center.
+template <typename Scalar>
+[[nodiscard]] Status cone(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
+                          Quadric<Scalar, 3>& quadric) noexcept {
+  Scalar angle;
+  if (const Status status = angle_bound(direction, angle); status != Status::ok) {
+    return status;
+  }
+  return detail::cone_of_units(center, scalar::unit(direction.reference), scalar::unit(direction.body), angle, quadric);
 }
 
 /// A quadric of the attitude error alone, as one of [γ; δ].

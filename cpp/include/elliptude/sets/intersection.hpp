@@ -8,6 +8,22 @@
 
 namespace elliptude {
 
+namespace detail {
+
+/// `validate` but for whether the shape is positive semidefinite, which factorising it shows.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate_entries(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+    return Status::not_finite;
+  }
+  if (!is_in_domain(ellipsoid.shape)) {
+    return Status::beyond_domain;
+  }
+  return is_symmetric(ellipsoid.shape) ? Status::ok : Status::not_symmetric;
+}
+
+}  // namespace detail
+
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
 /// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
@@ -17,14 +33,8 @@ template <typename Scalar, int N>
                                           const SizeCriterion<Scalar, N>& criterion,
                                           Intersection<Scalar, N>& result) noexcept {
   for (const Ellipsoid<Scalar, N>* ellipsoid : {&first, &second}) {
-    if (!scalar::all_finite(ellipsoid->center) || !scalar::all_finite(ellipsoid->shape)) {
-      return Status::not_finite;
-    }
-    if (!is_in_domain(ellipsoid->shape)) {
-      return Status::beyond_domain;
-    }
-    if (!is_symmetric(ellipsoid->shape)) {
-      return Status::not_symmetric;
+    if (const Status status = detail::validate_entries(*ellipsoid); status != Status::ok) {
+      return status;
     }
   }
   if (const Status status = validate(criterion); status != Status::ok) {
@@ -47,8 +57,7 @@ template <typename Scalar, int N>
     return status;
   }
   // In x = x̂₂ + L₂u the second set is the unit ball and the first ‖w + Bu‖ ≤ 1.
-  const Vector<Scalar, N> present =
-      l2.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Vector<Scalar, N> present = detail::present_coordinates(l2);
   const Vector<Scalar, N> w = solve_lower(l1, Vector<Scalar, N>(second.center - first.center));
   const Matrix<Scalar, N> b = solve_lower(l1, l2);
   const Matrix<Scalar, N> m = b.transpose().lazyProduct(b);

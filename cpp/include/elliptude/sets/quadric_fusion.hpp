@@ -7,6 +7,7 @@
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
 #include "elliptude/sets/detail/quadric_coordinates.hpp"
+#include "elliptude/sets/detail/starting_multipliers.hpp"
 
 namespace elliptude {
 

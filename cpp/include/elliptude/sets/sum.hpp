@@ -43,83 +43,116 @@ template <typename Scalar, int N>
   return sum;
 }
 
+namespace detail {
+
+/// Terms of a sum with their shares αᵢ, not divided by their total: P = Σ Pᵢ/αᵢ.
+template <typename Scalar, int N>
+struct SharedSum {
+  static constexpr std::size_t max_terms = 64;
+  using Shares = std::array<Scalar, max_terms>;
+
+  const Ellipsoid<Scalar, N>* terms;
+  std::size_t count;
+  Shares share{};
+  Scalar total{0};
+
+  [[nodiscard]] Matrix<Scalar, N> shape() const noexcept {
+    Matrix<Scalar, N> sum = Matrix<Scalar, N>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (share[i] > Scalar(0)) {
+        sum += (total / share[i]) * terms[i].shape;
+      }
+    }
+    return sum;
+  }
+
+  /// αᵢ ∝ √tr(W Pᵢ), the best for the trace.
+  /// \return the status of `validate` for a term; `not_positive_definite` of one that is flat to rounding in the metric W.
+  [[nodiscard]] Status share_by_trace(const Matrix<Scalar, N>& weight) noexcept {
+    for (std::size_t i = 0; i < count; ++i) {
+      if (const Status status = validate(terms[i]); status != Status::ok) {
+        return status;
+      }
+      const Scalar square = weight.cwiseProduct(terms[i].shape).sum();
+      if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+        // A term must not be lost to rounding.
+        return Status::not_positive_definite;
+      }
+      share[i] = scalar::sqrt(square);
+      total += share[i];
+    }
+    return Status::ok;
+  }
+
+  /// One step towards αᵢ ∝ √tr(P⁻¹Pᵢ), the best for the volume, which falls.
+  /// \param change by how much a share has changed at most.
+  /// \return `not_positive_definite` of a sum that is flat to rounding.
+  [[nodiscard]] Status step_by_volume(const Matrix<Scalar, N>& present, Scalar& change) noexcept {
+    Matrix<Scalar, N> inverse;
+    if (const Status status = inverse_positive_definite(present, inverse); status != Status::ok) {
+      return status;
+    }
+    Shares next{};
+    Scalar next_total(0);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (share[i] > Scalar(0)) {
+        const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
+        if (!(square > Scalar(0))) {  // flat to rounding
+          return Status::not_positive_definite;
+        }
+        next[i] = scalar::sqrt(square);
+        next_total += next[i];
+      }
+    }
+    change = Scalar(0);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
+      change = difference > change ? difference : change;
+    }
+    share = next;
+    total = next_total;
+    return Status::ok;
+  }
+};
+
+}  // namespace detail
+
 /// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
 /// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
 /// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). Terms with a
 /// shape of zeros only move the center.
-/// \return `out_of_range` for no terms or more than `max_terms`; the status of `validate` for a term or for the criterion; for the
+/// \return `out_of_range` for no terms or more than 64; the status of `validate` for a term or for the criterion; for the
 /// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
 /// `beyond_domain` if the sum overflows.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
-  constexpr std::size_t max_terms = 64;
-  if (count == 0 || count > max_terms) {
+  if (count == 0 || count > detail::SharedSum<Scalar, N>::max_terms) {
     return Status::out_of_range;
   }
   if (const Status status = validate(criterion); status != Status::ok) {
     return status;
   }
-  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
-  std::array<Scalar, max_terms> share{};
-  const auto combined = [&](const Scalar& total) {
-    Matrix<Scalar, N> shape = Matrix<Scalar, N>::Zero();
-    for (std::size_t i = 0; i < count; ++i) {
-      if (share[i] > Scalar(0)) {
-        shape += (total / share[i]) * terms[i].shape;
-      }
-    }
-    return shape;
-  };
-
   // The best shares for the trace; for the volume they are where the iteration starts.
-  Scalar total(0);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (const Status status = validate(terms[i]); status != Status::ok) {
-      return status;
-    }
-    center += terms[i].center;
-    const Scalar square = criterion.weight.cwiseProduct(terms[i].shape).sum();
-    if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
-      // A term must not be lost to rounding.
-      return Status::not_positive_definite;
-    }
-    share[i] = scalar::sqrt(square);
-    total += share[i];
+  detail::SharedSum<Scalar, N> shared{terms, count};
+  if (const Status status = shared.share_by_trace(criterion.weight); status != Status::ok) {
+    return status;
   }
-  Matrix<Scalar, N> shape = combined(total);
-
+  Vector<Scalar, N> center = Vector<Scalar, N>::Zero();
+  for (std::size_t i = 0; i < count; ++i) {
+    center += terms[i].center;
+  }
+  Matrix<Scalar, N> shape = shared.shape();
   if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
     constexpr int most_steps = 200;
-    const Scalar tolerance = rounding::share<Scalar>(rounding::settled);
-    for (int step = 0; step < most_steps; ++step) {
-      Matrix<Scalar, N> inverse;
-      if (const Status status = inverse_positive_definite(shape, inverse); status != Status::ok) {
+    bool settled = false;
+    for (int step = 0; step < most_steps && !settled; ++step) {
+      Scalar change;
+      if (const Status status = shared.step_by_volume(shape, change); status != Status::ok) {
         return status;
       }
-      Scalar change(0);
-      Scalar next_total(0);
-      std::array<Scalar, max_terms> next{};
-      for (std::size_t i = 0; i < count; ++i) {
-        if (share[i] > Scalar(0)) {
-          const Scalar square = inverse.cwiseProduct(terms[i].shape).sum();
-          if (!(square > Scalar(0))) {  // flat to rounding
-            return Status::not_positive_definite;
-          }
-          next[i] = scalar::sqrt(square);
-          next_total += next[i];
-        }
-      }
-      for (std::size_t i = 0; i < count; ++i) {
-        const Scalar difference = scalar::abs(Scalar(next[i] / next_total - share[i] / total));
-        change = difference > change ? difference : change;
-      }
-      share = next;
-      total = next_total;
-      shape = combined(total);
-      if (change <= tolerance) {
-        break;
-      }
+      shape = shared.shape();
+      settled = change <= rounding::share<Scalar>(rounding::settled);
     }
   }
   if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {

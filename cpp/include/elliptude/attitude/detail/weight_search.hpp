@@ -119,21 +119,16 @@ class WeightSearch {
     return scalar::isfinite(point.level) && scalar::isfinite(point.spread);
   }
 
+  /// Of J, where the Hessian in μ is J Jᵀ.
+  using Rows = std::array<Vector<Scalar, 13>, most>;
+
   /// The Newton step in log μ, with the weights and the point brought to the best scale; where N + τ falls with μₖ its gradient is
   /// left out of the Hessian, which so stays positive.
   /// \param decrease what the step promises, as a share of N + τ.
   [[nodiscard]] bool newton_step(Weights& weights, const Scalar& shift, Point& point, Weights& move,
                                  Scalar& decrease) const noexcept {
-    const Scalar scale = scalar::sqrt(Scalar(point.spread / point.level));
-    for (std::size_t k = 0; k < count; ++k) {
-      weights[k] *= scale;
-    }
-    point.root /= scalar::sqrt(scale);
-    point.level *= scale;
-    point.spread /= scale;
-
-    // The Hessian in μ is that of J Jᵀ with rows of thirteen entries.
-    std::array<Vector<Scalar, 13>, most> rows;
+    bring_to_best_scale(weights, point);
+    Rows rows;
     Weights gradient;
     const Scalar root_two = scalar::sqrt(Scalar(2));
     for (std::size_t k = 0; k < count; ++k) {
@@ -160,8 +155,40 @@ class WeightSearch {
       rows[k].template segment<3>(9) = (weights[k] * root_two) * turn;
       rows[k](12) = weights[k] * volume_row;
     }
+    if (!solve(rows, gradient, move)) {
+      return false;
+    }
+    const Scalar longest(4);
+    Scalar largest(0);
+    decrease = Scalar(0);
+    for (std::size_t k = 0; k < count; ++k) {
+      const Scalar size = scalar::abs(move[k]);
+      largest = size > largest ? size : largest;
+      decrease -= gradient[k] * move[k] / (point.level + point.spread);
+    }
+    if (!scalar::isfinite(largest)) {
+      return false;
+    }
+    if (largest > longest) {
+      for (std::size_t k = 0; k < count; ++k) {
+        move[k] *= longest / largest;
+      }
+    }
+    return true;
+  }
 
-    // (J Jᵀ + diag) move = −gradient, by Cholesky's method.
+  void bring_to_best_scale(Weights& weights, Point& point) const noexcept {
+    const Scalar scale = scalar::sqrt(Scalar(point.spread / point.level));
+    for (std::size_t k = 0; k < count; ++k) {
+      weights[k] *= scale;
+    }
+    point.root /= scalar::sqrt(scale);
+    point.level *= scale;
+    point.spread /= scale;
+  }
+
+  /// (J Jᵀ + diag) move = −gradient, with the gradient on the diagonal where it is positive, by Cholesky's method.
+  [[nodiscard]] bool solve(const Rows& rows, const Weights& gradient, Weights& move) const noexcept {
     Scalar trace(0);
     for (std::size_t k = 0; k < count; ++k) {
       trace += rows[k].squaredNorm();
@@ -199,23 +226,6 @@ class WeightSearch {
         entry -= l[k][i] * move[k];
       }
       move[i] = entry / l[i][i];
-    }
-
-    const Scalar longest(4);
-    Scalar largest(0);
-    decrease = Scalar(0);
-    for (std::size_t k = 0; k < count; ++k) {
-      const Scalar size = scalar::abs(move[k]);
-      largest = size > largest ? size : largest;
-      decrease -= gradient[k] * move[k] / (point.level + point.spread);
-    }
-    if (!scalar::isfinite(largest)) {
-      return false;
-    }
-    if (largest > longest) {
-      for (std::size_t k = 0; k < count; ++k) {
-        move[k] *= longest / largest;
-      }
     }
     return true;
   }

@@ -10,6 +10,12 @@
 
 namespace elliptude::detail {
 
+/// 1 for each coordinate in which the ellipsoid of a triangular factor is not flat, else 0.
+template <typename Scalar, int N>
+[[nodiscard]] Vector<Scalar, N> present_coordinates(const Matrix<Scalar, N>& factor) noexcept {
+  return factor.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+}
+
 /// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and
 /// N = k + q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball
 /// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A.
@@ -185,7 +191,39 @@ struct Found {
   Combination<Scalar, N> combination;
   Scalar share;
   bool common_point;
+
+  void take(const Combination<Scalar, N>& trial, const Scalar& its_share) noexcept {
+    combination = trial;
+    share = its_share;
+    common_point = common_point || trial.is_common_point();
+  }
 };
+
+/// Newton's step to where the slope is zero, or the longest one downhill where the curvature is not positive.
+template <typename Scalar>
+[[nodiscard]] Scalar newton_move(const Scalar& slope, const Scalar& curvature, const Scalar& longest) noexcept {
+  const Scalar move =
+      curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
+  return move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+}
+
+/// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was found.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] bool first_set_is_best(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
+                                     Found<Scalar, N>& found) noexcept {
+  Combination<Scalar, N> trial;
+  if (problem.combine(Scalar(0), trial) != Status::ok || !(trial.level >= Scalar(0))) {
+    return false;
+  }
+  Scalar slope;
+  Scalar curvature;
+  size.derivatives(trial, slope, curvature);
+  if (!(slope < Scalar(0))) {  // also where the level is zero
+    found.take(trial, Scalar(0));
+    return true;
+  }
+  return false;
+}
 
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
 /// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
@@ -216,9 +254,7 @@ template <typename Scalar, int N, typename Slack>
         return Status::empty_intersection;
       }
       bounded = true;
-      found.combination = trial;
-      found.share = q / (Scalar(1) + q);
-      found.common_point = found.common_point || trial.is_common_point();
+      found.take(trial, Scalar(q / (Scalar(1) + q)));
       if (!(trial.level > Scalar(0))) {  // the sets touch in one point
         return Status::ok;
       }
@@ -228,19 +264,11 @@ template <typename Scalar, int N, typename Slack>
       curvature = q * slope + q * q * curvature;  // now with respect to log q
       slope = q * slope;
       (slope > Scalar(0) ? high : low) = log_q;
-      move = curvature > Scalar(0) ? Scalar(-slope / curvature) : (slope > Scalar(0) ? Scalar(-longest) : longest);
-      move = move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
+      move = newton_move(slope, curvature, longest);
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
-        // On the way to q = 0, the first set alone: the best if that is bounded and the size grows from there.
         first_set_tried = true;
-        if (problem.combine(Scalar(0), trial) == Status::ok && trial.level >= Scalar(0)) {
-          size.derivatives(trial, slope, curvature);
-          if (!(slope < Scalar(0))) {  // also where the level is zero
-            found.combination = trial;
-            found.share = Scalar(0);
-            found.common_point = found.common_point || trial.is_common_point();
-            return Status::ok;
-          }
+        if (first_set_is_best(problem, size, found)) {
+          return Status::ok;
         }
       }
     }
@@ -259,9 +287,7 @@ template <typename Scalar, int N, typename Slack>
   const Scalar q = scalar::exp(log_q);
   Combination<Scalar, N> last;
   if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
-    found.combination = last;
-    found.share = q / (Scalar(1) + q);
-    found.common_point = found.common_point || last.is_common_point();
+    found.take(last, Scalar(q / (Scalar(1) + q)));
   }
   return Status::ok;
 }
