@@ -239,18 +239,9 @@ class GuaranteedFilter {
       return Status::out_of_range;
     }
     const Sensors given = detail::sensors::present(measurements);
-    Sensors beyond = 0;  // impossible measurements, which are left out
-    if (measurements.angular_velocity != nullptr) {
-      const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
-      if (const Status status = validate(rate); status != Status::ok) {
-        return status;
-      }
-      if (!in_domain(Ellipsoid<Scalar, 3>{rate.value, rate.bound})) {
-        if (settings_.policy == Policy::raise || (settings_.policy == Policy::relaxed && settings_.most_wrong == 0)) {
-          return Status::out_of_range;
-        }
-        beyond = angular_velocity_bit;
-      }
+    Sensors beyond = 0;
+    if (const Status status = find_impossible(measurements, beyond); status != Status::ok) {
+      return status;
     }
     const Sensors all = given & ~beyond;
     GuaranteedUpdate<Scalar> result;
@@ -359,6 +350,25 @@ class GuaranteedFilter {
 
   [[nodiscard]] detail::SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
     return {known_, settings_.criterion, settings_.estimates_vector, measurements};
+  }
+
+  /// \param beyond impossible measurements, which are left out: an angular velocity beyond the `FilterDomain`.
+  /// \return the status of its `validate`; `out_of_range` where nothing may be left out.
+  [[nodiscard]] Status find_impossible(const Measurements<Scalar>& measurements, Sensors& beyond) const noexcept {
+    if (measurements.angular_velocity == nullptr) {
+      return Status::ok;
+    }
+    const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
+    if (const Status status = validate(rate); status != Status::ok) {
+      return status;
+    }
+    if (!in_domain(Ellipsoid<Scalar, 3>{rate.value, rate.bound})) {
+      if (settings_.policy == Policy::raise || (settings_.policy == Policy::relaxed && settings_.most_wrong == 0)) {
+        return Status::out_of_range;
+      }
+      beyond = angular_velocity_bit;
+    }
+    return Status::ok;
   }
 
   [[nodiscard]] bool may_be_wrong() const noexcept {
