@@ -53,7 +53,7 @@ class ParameterSet:
             -direction,
             A_ub=self.rows,
             b_ub=self.limits + _room(self.rows, self.limits, self._sizes()),
-            bounds=np.column_stack([self.lowest, self.highest]),
+            bounds=[*zip(self.lowest, self.highest, strict=True)],
             method="highs",
         )
         none = np.zeros(len(self.limits))
@@ -89,9 +89,11 @@ class ParameterSet:
         weights = np.maximum(-found.ineqlin.marginals, 0.0)
         share = float(weights[first:] @ slack)
         if not share > 0.0:
-            return Shortfall(-np.inf, float(found.fun), weights[first:])
+            return Shortfall(-np.inf, float(found.fun or 0.0), weights[first:])
         # With θ in the box, λᵀ(Gθ - h) is at least its least value there, and at most λᵀ(slack) times the shortfall.
-        return Shortfall(-self._proved(np.zeros(len(self.lowest)), weights) / share, float(found.fun), weights[first:])
+        return Shortfall(
+            -self._proved(np.zeros(len(self.lowest)), weights) / share, float(found.fun or 0.0), weights[first:]
+        )
 
     def _sizes(self) -> FloatArray:
         sizes: FloatArray = np.maximum(np.abs(self.lowest), np.abs(self.highest))
@@ -168,6 +170,6 @@ def small_ball(directions: FloatArray, cosine: float, supports: FloatArray) -> t
         bounds=[(None, None)] * 4,
         method="highs",
     )
-    center = np.asarray(found.x[:3]) if found.status == 0 else np.zeros(3)
+    center = np.zeros(3) if found.x is None else np.asarray(found.x[:3])
     radius = max(float((supports - directions @ center).max()), 0.0) / cosine
     return center, radius * (1.0 + 1e-12)

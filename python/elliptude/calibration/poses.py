@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,4 +127,4 @@ def windows_of(times: FloatArray, duration: float) -> list[slice]:
     """Whole windows of a length, one after the other."""
     count = int(np.floor((times[-1] - times[0]) / duration + 1e-9))
     edges = np.searchsorted(times, times[0] + duration * np.arange(count + 1) - 1e-9 * duration)
-    return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]

@@ -4,6 +4,7 @@ The sensor shows y = S z + b + e. Parameters are the symmetric P with S = P⁻¹
 the world's vector: θ = (p, P - I, F). The rotation U cannot be seen in lengths; it stays what is stated of it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -44,13 +45,15 @@ class SensorStatements:
     disturbance: float
     """How far what acts on the sensor may be from the world's vector at any instant."""
 
-    misalignment: float = np.pi
+    misalignment: float = math.pi
     """Bound of U's angle, rad, if it is less than follows from the scale error."""
 
     @property
     def axes_error(self) -> float:
         """Bound of ‖U - I‖, (19.3)."""
-        return min(2.0 * np.sin(0.5 * min(self.misalignment, np.pi)), 2.0 * self.scale_error / (2.0 - self.scale_error))
+        return min(
+            2.0 * math.sin(0.5 * min(self.misalignment, math.pi)), 2.0 * self.scale_error / (2.0 - self.scale_error)
+        )
 
     @property
     def inverse_scale_error(self) -> float:
@@ -107,7 +110,9 @@ def sensor_set(poses: Sequence[Pose], stated: SensorStatements) -> SensorSet:
         found = ParameterSet(lowest, highest, prior.rows, prior.limits).within(rows, limits)
         short = found.shortfall(len(prior.limits), np.ones(len(limits)))
         if short.least > _ROUNDING * stated.greatest:
-            raise ContradictionError(_contradiction(poses, np.bincount(whose, short.weights), short.least))
+            raise ContradictionError(
+                _contradiction(poses, np.bincount(whose, short.weights).astype(np.float64), short.least)
+            )
         spare, before = -short.needed, highest - lowest
         box = found.box()
         lowest, highest = np.maximum(lowest, box[0]), np.minimum(highest, box[1])

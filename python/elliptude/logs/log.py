@@ -21,6 +21,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
+    AnyDirection,
     Axes,
     Direction,
     Magnetometer,
@@ -312,7 +313,7 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
             scale = units.FIELD[sensor.unit]
         else:
             moving = sensor.reference_columns or ()
-        convert = _converted(scale, sensor.axes)
+        convert = _corrected(_converted(scale, sensor.axes), configuration, sensor)
         vectors = 2 if moving else 1
         add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
     if (rate := configuration.rate) is not None:
@@ -347,6 +348,25 @@ def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
         return converted
 
     return convert
+
+
+def _corrected(
+    convert: Callable[[FloatArray], FloatArray], configuration: Configuration, sensor: AnyDirection
+) -> Callable[[FloatArray], FloatArray]:
+    """What a sensor's calibration makes of converted samples."""
+    found = configuration.correction_of(sensor)
+    if found is None:
+        return convert
+    offset, matrix = found.offset(), np.asarray(found.matrix)
+
+    def correct(values: FloatArray) -> FloatArray:
+        corrected = convert(values).copy()
+        x, y, z = (corrected[:, :3] - offset).T
+        for i in range(3):
+            corrected[:, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
+        return corrected
+
+    return correct
 
 
 # --- what it is -------------------------------------------------------------------------------------------------------

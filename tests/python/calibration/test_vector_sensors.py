@@ -209,7 +209,7 @@ def test_directions_cover_the_sphere():
 def test_the_small_ball_holds_a_cloud():
     directions, cosine = covering_directions()
     rng = np.random.default_rng(10)
-    points = rng.normal(size=(50, 3)) + [3.0, -1.0, 0.0]
+    points = np.array([3.0, -1.0, 0.0]) + rng.normal(size=(50, 3))
     center, radius = small_ball(directions, cosine, (points @ directions.T).max(axis=0))
     farthest = np.linalg.norm(points - center, axis=1).max()
     assert farthest <= radius <= 1.2 * farthest

@@ -1,0 +1,255 @@
+"""Calibrates the accelerometer and the magnetometer of a recording: which poses count, what is found, what is left."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from elliptude import units
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.stamps import shift, time_offset_angles
+from elliptude.calibration.poses import Pose, poses_of, windows_of
+from elliptude.calibration.vector_sensors import (
+    ContradictionError,
+    SensorSet,
+    SensorStatements,
+    proposal,
+    sensor_set,
+)
+from elliptude.configuration.calibration import (
+    AccelerometerCalibration,
+    AccelerometerStatements,
+    AnyCalibration,
+    CalibrationStatements,
+    MagnetometerCalibration,
+    MagnetometerStatements,
+)
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.rules import Rule, rest_at_start
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.estimation import gaps
+from elliptude.logs.log import Log
+from elliptude.typing import FloatArray
+
+# A component of the offset is not determined if this share or more of what was stated is still possible.
+_UNDETERMINED = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a recording says of one sensor."""
+
+    sensor: Accelerometer | Magnetometer
+    stated: SensorStatements
+    left: SensorSet
+    proposed_offset: FloatArray | None
+    """By least squares, for comparison; None without poses."""
+
+    @property
+    def unit(self) -> str:
+        """Of offset and errors."""
+        return "m/s^2" if isinstance(self.sensor, Accelerometer) else "uT"
+
+    @property
+    def averaged_error(self) -> float:
+        """Bound of the error of a mean of corrected samples, without the scale error."""
+        return self.left.offset_error + (1.0 + self.left.stretch) * self.stated.averaged_noise
+
+    @property
+    def error(self) -> float:
+        """Bound of a corrected sample's error, without the scale error."""
+        return self.left.offset_error + (1.0 + self.left.stretch) * self.stated.noise
+
+    @property
+    def undetermined(self) -> list[str]:
+        """Which components of the offset the recording hardly shows."""
+        halves = 0.5 * (self.left.highest - self.left.lowest)
+        return [name for name, half in zip("xyz", halves, strict=True) if half >= _UNDETERMINED * self.stated.offset]
+
+    @property
+    def needed_disturbance(self) -> float:
+        """What the disturbance must have been at least for the samples to agree with anything."""
+        return max(self.stated.disturbance - self.left.spare, 0.0)
+
+    def remarks(self) -> list[str]:
+        """What a user should know, in sentences."""
+        said = []
+        if not self.left.poses:
+            return [f"{self.sensor.name}: the recording has no pose of it that counts; it stays as stated"]
+        if self.undetermined:
+            said.append(
+                f"{self.sensor.name}: the offset's {', '.join(self.undetermined)} is not determined by the "
+                f"{self.left.poses} poses and their errors: it stays within what was stated"
+            )
+        if isinstance(self.sensor, Magnetometer):
+            said.append(
+                f"{self.sensor.name}: the field varies by {self.needed_disturbance:.2g} uT or more, "
+                f"{self.stated.disturbance:g} is stated"
+            )
+            if self.stated.disturbance >= self.stated.offset and not self.left.is_correction:
+                said.append(
+                    f"{self.sensor.name}: a disturbance of {self.stated.disturbance:g} uT may hide any offset of "
+                    f"{self.stated.offset:g} uT (docs/theory.md, 19.5): turn the sensor about one spot, away from "
+                    "steel, and state what the field does there"
+                )
+        if not self.left.is_correction:
+            said.append(f"{self.sensor.name}: nothing is corrected, the statement stands")
+        return said
+
+    def calibration(self) -> AnyCalibration:
+        """The table for a configuration."""
+        x, y, z = self.left.matrix.tolist()
+        a, b, c = self.left.offset.tolist()
+        sensor = self.sensor
+        same = {
+            "name": sensor.name,
+            "columns": sensor.columns,
+            "axes": sensor.axes,
+            "unit": sensor.unit,
+            "matrix": (tuple(x), tuple(y), tuple(z)),
+            "scale_error": self.left.scale_error,
+            "poses": self.left.poses,
+        }
+        if isinstance(sensor, Accelerometer):
+            return AccelerometerCalibration.model_validate(
+                same
+                | {
+                    "kind": "accelerometer",
+                    "at_rest": sensor.at_rest,
+                    "offset_m_per_s2": (a, b, c),
+                    "error_m_per_s2": self.error,
+                    "averaged_error_m_per_s2": self.averaged_error,
+                }
+            )
+        return MagnetometerCalibration.model_validate(
+            same
+            | {
+                "kind": "magnetometer",
+                "offset_ut": (a, b, c),
+                "error_ut": self.error,
+                "averaged_error_ut": self.averaged_error,
+            }
+        )
+
+
+def calibrate(log: Log, configuration: Configuration, statements: CalibrationStatements) -> list[Found]:
+    """What a recording says of its accelerometer and its magnetometer.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+        With a rule: what a rest is, how far the gyro, gravity and the stamps may be off. No calibration is applied.
+    statements : CalibrationStatements
+
+    Returns
+    -------
+    list of Found
+
+    Raises
+    ------
+    ValueError
+        If the configuration has no rule, or the recording does not start at rest.
+    ContradictionError
+        If no parameters agree with the samples and the statements.
+    """
+    if configuration.rule is None or log.rates is None:
+        raise ValueError(
+            "calibrate needs a configuration with a rule, which says what a rest is and what the gyro does"
+        )
+    rule = configuration.rule.rule()
+    gyro = _with_interval(rule.gyro.bounds(), gaps.longest_interval(log, configuration))
+    log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
+    assert log.rates is not None
+    accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
+    forces = log.directions[:, accelerometer]
+    rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
+    rates = log.rates - log.rates[rest].mean(axis=0)
+    found = []
+    for i, sensor in enumerate(configuration.directions):
+        if isinstance(sensor, Accelerometer):
+            stated, poses = _accelerometer(log, rule, gyro, rates, forces, statements.accelerometer)
+        elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
+            fields = log.directions[:, i] / units.FIELD["uT"]
+            stated, poses = _magnetometer(log, rule, gyro, rates, fields, statements.magnetometer)
+        else:
+            continue
+        try:
+            left = sensor_set(poses, stated)
+        except ContradictionError as error:
+            unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
+            raise ContradictionError(f"{sensor.name!r}: {error} {unit}; a statement is wrong") from error
+        found.append(Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None))
+    return found
+
+
+def _with_interval(gyro: GyroBounds, longest: float) -> GyroBounds:
+    return GyroBounds(**(vars(gyro) | {"longest_interval": longest}))
+
+
+def _accelerometer(
+    log: Log, rule: Rule, gyro: GyroBounds, rates: FloatArray, forces: FloatArray, known: AccelerometerStatements
+) -> tuple[SensorStatements, list[Pose]]:
+    """Rests: over one the mean acceleration is at most twice the speed by its length, (18.5)."""
+    assert log.rates is not None
+    gravity, error = rule.accelerometer.gravity_m_per_s2, rule.accelerometer.gravity_error_m_per_s2
+    stated = SensorStatements(
+        offset=known.offset_m_per_s2,
+        scale_error=known.scale_error,
+        noise=known.noise_m_per_s2,
+        averaged_noise=known.averaged_noise_m_per_s2,
+        least=gravity - error,
+        greatest=gravity + error,
+        disturbance=known.acceleration_m_per_s2,
+        misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+    )
+    resting = rule.rest.rows(log.times, log.rates, forces)
+    ends = np.flatnonzero(np.diff(resting, prepend=False, append=False))
+    rests = [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    rests = [rows for rows in rests if log.times[rows.stop - 1] - log.times[rows.start] >= 0.99 * known.rest_s]
+    offsets = time_offset_angles(log.times, rates, rule.accelerometer.time_offset_bound_s, gyro=gyro)
+
+    def mean_acceleration(duration: float) -> float:
+        return min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+
+    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
+    return stated, poses
+
+
+def _magnetometer(
+    log: Log, rule: Rule, gyro: GyroBounds, rates: FloatArray, fields: FloatArray, known: MagnetometerStatements
+) -> tuple[SensorStatements, list[Pose]]:
+    """Windows of the rule's length, one after the other: a disturbance does not average out."""
+    assert rule.magnetometer is not None
+    stated = SensorStatements(
+        offset=known.offset_ut,
+        scale_error=known.scale_error,
+        noise=known.noise_ut,
+        averaged_noise=known.averaged_noise_ut,
+        least=known.strength_ut[0],
+        greatest=known.strength_ut[1],
+        disturbance=known.disturbance_ut,
+        misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+    )
+    shifted, left = shift(log.times, fields, rule.magnetometer.delay_s)
+    shifted[left > 0.5 * gyro.longest_interval] = np.nan
+    offset = rule.magnetometer.time_offset_bound_s
+    offset += float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
+    angles = time_offset_angles(log.times, rates, offset, gyro=gyro)
+    windows = windows_of(log.times, rule.magnetometer.window_s)
+    poses = poses_of(
+        windows, log.times, shifted, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut
+    )
+    return stated, poses
+
+
+def sha256_of(path: Path) -> str:
+    """The hash of a file, or of all files of a folder in the order of their names."""
+    digest = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            with file.open("rb") as opened:
+                while block := opened.read(1 << 20):
+                    digest.update(block)
+    return digest.hexdigest()
