@@ -54,7 +54,8 @@ class Found:
     @property
     def averaged_error(self) -> float:
         """Bound of the error of a mean of corrected samples, without the scale error."""
-        return self.left.offset_error + (1.0 + self.left.stretch) * self.stated.averaged_noise
+        # What the matrix adds to noise turns with the sensor, so that only the single sample's bound holds for it.
+        return self.left.offset_error + self.stated.averaged_noise + self.left.stretch * self.stated.noise
 
     @property
     def error(self) -> float:
