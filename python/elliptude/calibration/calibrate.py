@@ -69,8 +69,10 @@ class Found:
         return [name for name, half in zip("xyz", halves, strict=True) if half >= _UNDETERMINED * self.stated.offset]
 
     @property
-    def needed_disturbance(self) -> float:
-        """What the disturbance must have been at least for the samples to agree with anything."""
+    def needed_disturbance(self) -> float | None:
+        """What a field's disturbance must have been at least for the samples to agree with anything."""
+        if not self.left.poses or not isinstance(self.sensor, Magnetometer):
+            return None
         return max(self.stated.disturbance - self.left.spare, 0.0)
 
     def remarks(self) -> list[str]:
@@ -83,7 +85,7 @@ class Found:
                 f"{self.sensor.name}: the offset's {', '.join(self.undetermined)} is not determined by the "
                 f"{self.left.poses} poses and their errors: it stays within what was stated"
             )
-        if isinstance(self.sensor, Magnetometer):
+        if self.needed_disturbance is not None:
             said.append(
                 f"{self.sensor.name}: the field varies by {self.needed_disturbance:.2g} uT or more, "
                 f"{self.stated.disturbance:g} is stated"

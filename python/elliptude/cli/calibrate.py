@@ -107,7 +107,7 @@ def _figures(found: Found) -> dict[str, Any]:
         "undetermined": found.undetermined,
         "proposed_offset": None if found.proposed_offset is None else found.proposed_offset.tolist(),
         "stated_disturbance": stated.disturbance,
-        "least_disturbance": found.needed_disturbance if left.poses else None,
+        "least_disturbance": found.needed_disturbance,
         "remarks": found.remarks(),
     }
 

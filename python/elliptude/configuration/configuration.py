@@ -210,6 +210,10 @@ class Configuration(Model):
         left = None if found is None else calibrated_bounds(found, stated)
         return stated if left is None else left
 
+    def corrected_sensors(self) -> list[str]:
+        """The names of the sensors whose samples are corrected by a calibration."""
+        return [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
+
     def calibrated_rule(self) -> Rule:
         """The rule, with what calibrations leave of the sensors' errors."""
         assert self.rule is not None

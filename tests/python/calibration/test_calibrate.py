@@ -108,6 +108,7 @@ def test_estimate_uses_it_and_the_truth_stays_inside(folder):
         summary = estimation.summarize(estimated, stated)
         assert summary["inside_share_of_unconditional_rows"] == 1.0
         assert summary["claim_share_of_rows"]["unconditional"] == 1.0
+        assert summary["calibrated"] == (["up", "field"] if name == "calibrated.toml" else [])
         widths.append(summary["sizes"]["at_rest"]["half_width_reference_deg"]["mean"])
     assert all(calibrated < 0.95 * plain for plain, calibrated in zip(*widths, strict=True))
 
