@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -99,6 +100,29 @@ class Found:
         if not self.left.is_correction:
             said.append(f"{self.sensor.name}: nothing is corrected, the statement stands")
         return said
+
+    def figures(self) -> dict[str, Any]:
+        """All of it as plain numbers."""
+        left, stated = self.left, self.stated
+        return {
+            "name": self.sensor.name,
+            "kind": self.sensor.kind,
+            "unit": self.unit,
+            "poses": left.poses,
+            "offset": left.offset.tolist(),
+            "matrix": left.matrix.tolist(),
+            "offset_error": left.offset_error,
+            "stated_offset": stated.offset,
+            "lowest_offset": left.lowest.tolist(),
+            "highest_offset": left.highest.tolist(),
+            "scale_error": left.scale_error,
+            "stated_scale_error": stated.scale_error,
+            "undetermined": self.undetermined,
+            "proposed_offset": None if self.proposed_offset is None else self.proposed_offset.tolist(),
+            "stated_disturbance": stated.disturbance,
+            "least_disturbance": self.needed_disturbance,
+            "remarks": self.remarks(),
+        }
 
     def calibration(self) -> AnyCalibration:
         """The table for a configuration."""

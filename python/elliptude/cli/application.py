@@ -66,7 +66,7 @@ COMMANDS = {
         "Propose bounds, delays and time offsets from a recording, with or without a reference attitude.",
     ),
     "calibrate": Command(
-        "calibrate",
+        "check",
         "calibrate",
         "Find what a recording leaves possible of its sensors' offsets and scales, and write how to correct them.",
     ),
