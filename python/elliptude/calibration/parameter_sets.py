@@ -115,11 +115,12 @@ def _room(rows: FloatArray, limits: FloatArray, sizes: FloatArray) -> FloatArray
 
 
 @cache
-def covering_directions() -> tuple[FloatArray, float]:
-    """Unit vectors (162, 3), and the cosine of the largest angle from any direction to the nearest of them.
+def covering_directions(divisions: int = 2) -> tuple[FloatArray, float]:
+    """Unit vectors (n, 3), and the cosine of the largest angle from any direction to the nearest of them.
 
-    An icosahedron, its triangles divided twice. The farthest point of a triangle's sphere from its corners is
-    perpendicular to its plane. The second half of the directions are the opposites of the first.
+    An icosahedron, its triangles divided: 42 directions after one division, 162 after two. The farthest point of a
+    triangle's sphere from its corners is perpendicular to its plane. The second half of the directions are the
+    opposites of the first.
     """
     golden = 0.5 * (1.0 + np.sqrt(5.0))
     corners = np.array([np.roll([0.0, a, b * golden], k) for k in range(3) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
@@ -129,7 +130,7 @@ def covering_directions() -> tuple[FloatArray, float]:
         [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]]
     )
     triangles = points[triples]
-    for _ in range(2):
+    for _ in range(divisions):
         triangles = np.concatenate([_divided(triangle) for triangle in triangles])
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
