@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from elliptude import estimation, logs
-from elliptude.calibration.calibrate import calibrate
+from elliptude.calibration.calibrate import FoundGyro, calibrate
 from elliptude.configuration import Configuration
 from elliptude.configuration.calibration import Calibration, read_statements
 from real_recordings import broad_configuration
@@ -32,6 +32,8 @@ def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibrati
     for one in found:
         for remark in one.remarks():
             print(f"  {remark}")
+        if isinstance(one, FoundGyro):
+            continue
         offset = " ".join(f"{value:.2f}" for value in one.left.offset)
         off = f"off by {one.left.offset_error:.3g} {one.unit}, {one.stated.offset:g} stated"
         print(f"  {one.sensor.name}: offset {offset}, {off}")

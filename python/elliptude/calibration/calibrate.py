@@ -1,7 +1,8 @@
-"""Calibrates the accelerometer and the magnetometer of a recording: which poses count, what is found, what is left."""
+"""Calibrates the sensors of a recording: which poses and turns count, what is found, what is left."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 
 from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import shift, time_offset_angles
+from elliptude.calibration.gyro import GyroSet, Turn, gyro_set
 from elliptude.calibration.poses import Pose, poses_of, windows_of
 from elliptude.calibration.vector_sensors import (
     ContradictionError,
@@ -23,10 +26,12 @@ from elliptude.configuration.calibration import (
     AccelerometerStatements,
     AnyCalibration,
     CalibrationStatements,
+    GyroCalibration,
     MagnetometerCalibration,
     MagnetometerStatements,
 )
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import gaps
@@ -35,6 +40,8 @@ from elliptude.typing import FloatArray
 
 # A component of the offset is not determined if this share or more of what was stated is still possible.
 _UNDETERMINED = 0.9
+# Up at the end of a rest is that of its last seconds: the gyro's error grows with the time.
+_UP_S = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +167,55 @@ class Found:
         )
 
 
-def calibrate(log: Log, configuration: Configuration, statements: CalibrationStatements) -> list[Found]:
-    """What a recording says of its accelerometer and its magnetometer.
+@dataclass(frozen=True, eq=False)
+class FoundGyro:
+    """What a recording says of its gyro."""
+
+    flow: GyroFlow
+    stated_scale_error: float
+    left: GyroSet
+
+    def remarks(self) -> list[str]:
+        """What a user should know, in sentences."""
+        if not self.left.turns:
+            return ["the gyro: the recording has no two rests with a turn between them; it stays as stated"]
+        if not self.left.inverse.any():
+            return [
+                f"the gyro: {self.left.turns} turns between rests say no more than what is stated of it; nothing is "
+                "corrected"
+            ]
+        return []
+
+    def figures(self) -> dict[str, Any]:
+        """All of it as plain numbers."""
+        return {
+            "name": "the gyro",
+            "kind": "gyro",
+            "turns": self.left.turns,
+            "matrix": self.left.matrix.tolist(),
+            "scale_error": self.left.scale_error,
+            "stated_scale_error": self.stated_scale_error,
+            "remarks": self.remarks(),
+        }
+
+    def calibration(self) -> AnyCalibration:
+        """The table for a configuration."""
+        return GyroCalibration.model_validate(
+            {
+                "kind": "gyro",
+                "name": "the gyro",
+                "columns": self.flow.columns,
+                "axes": self.flow.axes,
+                "unit": self.flow.unit,
+                "matrix": tuple(map(tuple, self.left.matrix.tolist())),
+                "scale_error": self.left.scale_error,
+                "turns": self.left.turns,
+            }
+        )
+
+
+def calibrate(log: Log, configuration: Configuration, statements: CalibrationStatements) -> list[Found | FoundGyro]:
+    """What a recording says of its accelerometer, its magnetometer and its gyro.
 
     Parameters
     ----------
@@ -172,7 +226,8 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
 
     Returns
     -------
-    list of Found
+    list of Found or FoundGyro
+        In the order of the directions, the gyro last.
 
     Raises
     ------
@@ -186,17 +241,20 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
             "calibrate needs a configuration with a rule, which says what a rest is and what the gyro does"
         )
     rule = configuration.rule.rule()
-    gyro = _with_interval(rule.gyro.bounds(), gaps.longest_interval(log, configuration))
+    if (known := statements.gyro) is not None:
+        rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=known.model_dump())})
+    gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
     forces = log.directions[:, accelerometer]
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
     rates = log.rates - log.rates[rest].mean(axis=0)
-    found = []
+    rests = _rests(log, rule, forces, statements.accelerometer)
+    found: list[Found | FoundGyro] = []
     for i, sensor in enumerate(configuration.directions):
         if isinstance(sensor, Accelerometer):
-            stated, poses = _accelerometer(log, rule, gyro, rates, forces, statements.accelerometer)
+            stated, poses = _accelerometer(log, rule, gyro, rates, forces, rests, statements.accelerometer)
         elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
             fields = log.directions[:, i] / units.FIELD["uT"]
             stated, poses = _magnetometer(log, rule, gyro, rates, fields, statements.magnetometer)
@@ -207,19 +265,89 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         except ContradictionError as error:
             unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
             raise ContradictionError(f"{sensor.name!r}: {error} {unit}; a statement is wrong") from error
-        found.append(Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None))
+        one = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None)
+        found.append(one)
+        if isinstance(sensor, Accelerometer):
+            upright = one
+    assert isinstance(configuration.flow, GyroFlow)
+    turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
+    try:
+        found.append(FoundGyro(configuration.flow, gyro.scale_error, gyro_set(turns, gyro)))
+    except ContradictionError as error:
+        raise ContradictionError(f"the gyro: {error}; a statement is wrong") from error
     return found
 
 
-def _with_interval(gyro: GyroBounds, longest: float) -> GyroBounds:
-    return GyroBounds(**(vars(gyro) | {"longest_interval": longest}))
+def _rests(log: Log, rule: Rule, forces: FloatArray, known: AccelerometerStatements) -> list[slice]:
+    """The rests that last long enough."""
+    assert log.rates is not None
+    resting = rule.rest.rows(log.times, log.rates, forces)
+    ends = np.flatnonzero(np.diff(resting, prepend=False, append=False))
+    rests = [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    return [rows for rows in rests if log.times[rows.stop - 1] - log.times[rows.start] >= 0.99 * known.rest_s]
+
+
+def _turns(
+    log: Log,
+    rule: Rule,
+    gyro: GyroBounds,
+    rates: FloatArray,
+    forces: FloatArray,
+    rests: list[slice],
+    accelerometer: Found,
+    known: AccelerometerStatements,
+) -> list[Turn]:
+    """From each rest to the next, with up by the calibrated accelerometer at both ends, (18.7)."""
+    found, times, table = accelerometer.left, log.times, rule.accelerometer
+    corrected = (forces - found.offset) @ found.matrix.T
+    k = found.scale_error
+    offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro)
+
+    def up(rows: slice) -> tuple[int, FloatArray, float] | None:
+        duration = float(times[rows.stop - 1] - times[rows.start])
+        mean = min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+        poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean)
+        if not poses:
+            return None
+        pose = poses[0]
+        vector = np.einsum("app->a", pose.products)
+        length = float(np.linalg.norm(vector))
+        longest = float(np.linalg.norm(corrected[rows], axis=1).max())
+        radius = mean + pose.turn * longest + accelerometer.averaged_error
+        radius += k / (1.0 - k) * (pose.length + accelerometer.error) + 1e-10 * longest
+        angle, excess = angle_to_center(length, table.gravity_m_per_s2, radius, table.gravity_error_m_per_s2)
+        if excess > 0.0:
+            raise ContradictionError(
+                f"{accelerometer.sensor.name!r}: the rest from {times[rows.start]:.2f} s shows {length:.4g} m/s^2, "
+                f"{float(excess):.2g} m/s^2 further from gravity than what is stated allows"
+            )
+        return (rows.start + rows.stop) // 2, vector / length, float(angle)
+
+    turns = []
+    for one, other in pairwise(rests):
+        begin = int(np.searchsorted(times, times[one.stop - 1] - _UP_S))
+        end = int(np.searchsorted(times, times[other.start] + _UP_S, side="right"))
+        before, after = up(slice(max(one.start, begin), one.stop)), up(slice(other.start, min(other.stop, end)))
+        if before is None or after is None:
+            continue
+        rows = slice(before[0], after[0] + 1)
+        if gyro.gaps(times[rows], rates[rows]).any():
+            continue
+        bias = gyro.bias + gyro.drift * float(times[after[0]] - times[0])
+        turns.append(Turn(times[rows], rates[rows], before[1], after[1], before[2], after[2], bias))
+    return turns
 
 
 def _accelerometer(
-    log: Log, rule: Rule, gyro: GyroBounds, rates: FloatArray, forces: FloatArray, known: AccelerometerStatements
+    log: Log,
+    rule: Rule,
+    gyro: GyroBounds,
+    rates: FloatArray,
+    forces: FloatArray,
+    rests: list[slice],
+    known: AccelerometerStatements,
 ) -> tuple[SensorStatements, list[Pose]]:
     """Rests: over one the mean acceleration is at most twice the speed by its length, (18.5)."""
-    assert log.rates is not None
     gravity, error = rule.accelerometer.gravity_m_per_s2, rule.accelerometer.gravity_error_m_per_s2
     stated = SensorStatements(
         offset=known.offset_m_per_s2,
@@ -231,10 +359,6 @@ def _accelerometer(
         disturbance=known.acceleration_m_per_s2,
         misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
     )
-    resting = rule.rest.rows(log.times, log.rates, forces)
-    ends = np.flatnonzero(np.diff(resting, prepend=False, append=False))
-    rests = [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
-    rests = [rows for rows in rests if log.times[rows.stop - 1] - log.times[rows.start] >= 0.99 * known.rest_s]
     offsets = time_offset_angles(log.times, rates, rule.accelerometer.time_offset_bound_s, gyro=gyro)
 
     def mean_acceleration(duration: float) -> float:

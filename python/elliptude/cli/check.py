@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
-from elliptude.calibration.calibrate import Found
+from elliptude.calibration.calibrate import Found, FoundGyro
 from elliptude.cli.options import Force, refuse_to_replace, require_finite
 from elliptude.configuration.calibration import Calibration, CalibrationDocument, read_statements
 from elliptude.configuration.configuration import read_configuration
@@ -184,13 +184,17 @@ def calibrate(
     typer.echo(f'{out}: use it with [calibration] file = "{out.name}" in a configuration')
 
 
-def _offsets(found: list[Found]) -> Table:
+def _offsets(found: list[Found | FoundGyro]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for heading in ("sensor", "unit"):
         table.add_column(heading, no_wrap=True)
     for heading in ("poses", "offset x", "y", "z", "off by", "stated", "scale error", "stated", "least squares"):
         table.add_column(heading, justify="right")
     for one in found:
+        if isinstance(one, FoundGyro):
+            scale = (f"{one.left.scale_error:.3g}", f"{one.stated_scale_error:g}")
+            table.add_row("the gyro", "", f"{one.left.turns} turns", *[""] * 5, *scale, "")
+            continue
         left = one.left
         ranges = (f"{low:.3g} to {high:.3g}" for low, high in zip(left.lowest, left.highest, strict=True))
         proposed = "" if one.proposed_offset is None else " ".join(f"{value:.2g}" for value in one.proposed_offset)

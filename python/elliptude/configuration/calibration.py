@@ -55,11 +55,21 @@ class MagnetometerStatements(Model):
         return self
 
 
+class GyroStatements(Model):
+    """What is known of a gyro, if it is another than what the rule states."""
+
+    noise_deg_per_s: NotNegative
+    bias_deg_per_s: NotNegative
+    scale_error: Fraction
+    increment_deg: Positive | None = None
+
+
 class CalibrationStatements(Model):
     """What is known of the sensors before they are calibrated, and of the recording that they are calibrated from."""
 
     accelerometer: AccelerometerStatements
     magnetometer: MagnetometerStatements
+    gyro: GyroStatements | None = None
 
 
 def read_statements(path: str | os.PathLike[str] | None = None) -> CalibrationStatements:
@@ -79,8 +89,8 @@ def read_statements(path: str | os.PathLike[str] | None = None) -> CalibrationSt
 # --- what a calibration says ------------------------------------------------------------------------------------------
 
 
-class VectorCalibration(Model):
-    """A sensor by its columns and axes, and the matrix of its correction: matrix (sample - offset), body axes."""
+class SensorCalibration(Model):
+    """A sensor by its columns and axes, and the matrix of its correction."""
 
     name: str
     columns: Columns
@@ -88,7 +98,6 @@ class VectorCalibration(Model):
     matrix: Matrix = IDENTITY
     # How far a corrected sample may be off by scale, axes that are not perpendicular, and the sensor's turn.
     scale_error: Annotated[NotNegative, Field(lt=1)]
-    poses: Annotated[int, Field(ge=0)] = 0
 
     @model_validator(mode="after")
     def _can_be_undone(self) -> Self:
@@ -99,6 +108,12 @@ class VectorCalibration(Model):
     def corrects_scale(self) -> bool:
         """Whether the matrix is another than the identity."""
         return self.matrix != IDENTITY
+
+
+class VectorCalibration(SensorCalibration):
+    """An accelerometer or a magnetometer: matrix (sample - offset), body axes."""
+
+    poses: Annotated[int, Field(ge=0)] = 0
 
     def is_of(self, sensor: Accelerometer | Magnetometer) -> bool:
         """Whether it is of this sensor."""
@@ -159,7 +174,21 @@ class MagnetometerCalibration(VectorCalibration):
         return self.error_ut, self.averaged_error_ut
 
 
-AnyCalibration: TypeAlias = Annotated[AccelerometerCalibration | MagnetometerCalibration, Field(discriminator="kind")]
+class GyroCalibration(SensorCalibration):
+    """A gyro: matrix times sample, body axes. Its bias is that of a rest, in each recording anew."""
+
+    kind: Literal["gyro"]
+    unit: units.AngularVelocityUnit
+    turns: Annotated[int, Field(ge=0)] = 0
+
+    def noise_factor(self) -> float:
+        """What the matrix makes of noise and bias, at most."""
+        return float(np.linalg.norm(np.asarray(self.matrix), 2)) * (1.0 + 1e-12) if self.corrects_scale() else 1.0
+
+
+AnyCalibration: TypeAlias = Annotated[
+    AccelerometerCalibration | MagnetometerCalibration | GyroCalibration, Field(discriminator="kind")
+]
 # Only to weigh a scale error against an offset: which of two statements says more.
 _USUAL_LENGTH = {"accelerometer": units.STANDARD_GRAVITY, "magnetometer": 50.0}
 

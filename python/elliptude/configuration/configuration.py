@@ -41,6 +41,7 @@ import os
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from elliptude import units
@@ -48,6 +49,7 @@ from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.configuration.calibration import (
     AccelerometerCalibration,
     CalibrationFile,
+    GyroCalibration,
     MagnetometerCalibration,
     StatedCalibration,
     calibrated_bounds,
@@ -74,6 +76,7 @@ from elliptude.configuration.sensors import (
     Timing,
     Truth,
     WorldModel,
+    rotation_of_axes,
 )
 from elliptude.io.files import FileError
 from elliptude.io.toml import (
@@ -210,30 +213,61 @@ class Configuration(Model):
         left = None if found is None else calibrated_bounds(found, stated)
         return stated if left is None else left
 
+    def gyro_correction(self) -> GyroCalibration | None:
+        """The calibration by which a gyro's rates are corrected, if a rule states more than it leaves.
+
+        Raises
+        ------
+        ValueError
+            If it is of a gyro with these columns in another unit or other axes.
+        """
+        flow = self.flow
+        if self.calibration is None or self.rule is None or not isinstance(flow, GyroFlow):
+            return None
+        for found in self.calibration.calibration().sensors:
+            if isinstance(found, GyroCalibration) and found.columns == flow.columns:
+                same_axes = np.array_equal(rotation_of_axes(found.axes), rotation_of_axes(flow.axes))
+                if found.unit != flow.unit or not same_axes:
+                    raise ValueError("calibration: the gyro was calibrated with another unit or other axes than it has")
+                pays = found.corrects_scale() and found.scale_error < self.rule.rule().gyro.scale_error
+                return found if pays else None
+        return None
+
     def corrected_sensors(self) -> list[str]:
         """The names of the sensors whose samples are corrected by a calibration."""
-        return [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
+        names = [] if self.gyro_correction() is None else ["the gyro"]
+        return names + [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
 
     def calibrated_rule(self) -> Rule:
         """The rule, with what calibrations leave of the sensors' errors."""
         assert self.rule is not None
         rule = self.rule.rule()
         changes: dict[str, Model] = {}
+        if (gyro := self.gyro_correction()) is not None:
+            factor, increment = gyro.noise_factor(), rule.gyro.increment_deg
+            left = {
+                "noise_deg_per_s": factor * rule.gyro.noise_deg_per_s,
+                "bias_deg_per_s": factor * rule.gyro.bias_deg_per_s,
+                "drift_deg_per_s2": factor * rule.gyro.drift_deg_per_s2,
+                "increment_deg": None if increment is None else factor * increment,
+                "scale_error": gyro.scale_error,
+            }
+            changes["gyro"] = rule.gyro.model_copy(update=left)
         for sensor in self.directions:
             if not isinstance(sensor, Accelerometer | Magnetometer) or self.correction_of(sensor) is None:
                 continue
             bounds, unit = self.sensor_bounds(sensor), "m_per_s2" if sensor.kind == "accelerometer" else "ut"
             table = rule.accelerometer if sensor.kind == "accelerometer" else rule.magnetometer
             if table is not None:
-                left = {f"error_{unit}": bounds.error, f"averaged_error_{unit}": bounds.averaged_error}
-                changes[sensor.kind] = table.model_copy(update=left | {"scale_error": bounds.scale_error})
+                errors = {f"error_{unit}": bounds.error, f"averaged_error_{unit}": bounds.averaged_error}
+                changes[sensor.kind] = table.model_copy(update=errors | {"scale_error": bounds.scale_error})
         return rule.model_copy(update=changes)
 
     def _calibration_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:
         if self.calibration is None or not isinstance(sensor, Accelerometer | Magnetometer):
             return None
         for found in self.calibration.calibration().sensors:
-            if found.kind == sensor.kind and found.is_of(sensor):
+            if not isinstance(found, GyroCalibration) and found.kind == sensor.kind and found.is_of(sensor):
                 differs = found.why_not(sensor)
                 if differs is not None:
                     raise ValueError(
@@ -294,6 +328,7 @@ def read_configuration(path: str | os.PathLike[str]) -> Configuration:
     if configuration.calibration is not None:
         try:
             used = [configuration._calibration_of(sensor) for sensor in configuration.directions]
+            configuration.gyro_correction()
         except ValueError as error:
             raise FileError(f"{path}: {error}") from error
         if not any(used):

@@ -21,7 +21,6 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
-    AnyDirection,
     Axes,
     Direction,
     Magnetometer,
@@ -296,7 +295,10 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
     flow, truth = configuration.flow, configuration.truth
     if isinstance(flow, GyroFlow):
         fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
-        add(flow, Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
+        convert = _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes)
+        if (gyro := configuration.gyro_correction()) is not None:
+            convert = _corrected(convert, np.zeros(3), np.asarray(gyro.matrix))
+        add(flow, Channel("the gyro", flow.columns, convert, fill))
     else:
         for name, columns in (
             ("the control torque", flow.control_torque_columns),
@@ -313,7 +315,9 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
             scale = units.FIELD[sensor.unit]
         else:
             moving = sensor.reference_columns or ()
-        convert = _corrected(_converted(scale, sensor.axes), configuration, sensor)
+        convert = _converted(scale, sensor.axes)
+        if (found := configuration.correction_of(sensor)) is not None:
+            convert = _corrected(convert, found.offset(), np.asarray(found.matrix))
         vectors = 2 if moving else 1
         add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
     if (rate := configuration.rate) is not None:
@@ -351,13 +355,9 @@ def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
 
 
 def _corrected(
-    convert: Callable[[FloatArray], FloatArray], configuration: Configuration, sensor: AnyDirection
+    convert: Callable[[FloatArray], FloatArray], offset: FloatArray, matrix: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
     """What a sensor's calibration makes of converted samples."""
-    found = configuration.correction_of(sensor)
-    if found is None:
-        return convert
-    offset, matrix = found.offset(), np.asarray(found.matrix)
 
     def correct(values: FloatArray) -> FloatArray:
         corrected = convert(values).copy()

@@ -89,7 +89,7 @@ def test_the_true_offsets_are_within_what_is_left(folder):
     table = tomlkit.parse((folder / "found.toml").read_text())["calibration"]
     assert table["recording"] == "log.npz"
     assert table["recording_sha256"] == sha256_of(folder / "log.npz")
-    force, field = table["sensors"]
+    force, field, _ = table["sensors"]
     assert force["poses"] >= 14
     matrix = np.array(force["matrix"])
     left = np.linalg.norm(matrix @ (FORCE_OFFSET - np.array(force["offset_m_per_s2"])))
@@ -157,12 +157,63 @@ def test_sensors_without_a_rule_are_corrected_too(folder):
     assert stated.correction_of(stated.directions[1]) is not None
 
 
+def test_a_gyro_of_which_much_is_stated(folder):
+    """Slow turns by up to half a turn between rests on a table, with an accelerometer that is nearly exact."""
+    arrays = recording(seed=2, poses=40)
+    rng = np.random.default_rng(3)
+    attitudes = Rotation.from_quat(arrays["q"], scalar_first=True)
+    count = len(arrays["t"])
+    arrays["acc"] = attitudes.inv().apply(GRAVITY) + rng.uniform(-0.01, 0.01, (count, 3))
+    rates = (arrays["gyr"] - arrays["gyr"][:300].mean(axis=0)) / 1.003
+    scale = np.array([[0.012, 0.003, 0.0], [-0.002, -0.01, 0.002], [0.0, 0.001, 0.008]])
+    bias = np.deg2rad([0.3, -0.2, 0.1])
+    rates[np.linalg.norm(rates, axis=1) < 0.005] = 0.0
+    arrays["gyr"] = rates @ (np.eye(3) + scale).T + bias
+    np.savez(folder / "turns.npz", **arrays)
+    statements = read_statements().model_dump(mode="json", exclude_none=True)
+    statements["accelerometer"] |= {
+        "offset_m_per_s2": 0.01, "scale_error": 0.0005, "noise_m_per_s2": 0.02, "averaged_noise_m_per_s2": 0.002,
+        "velocity_m_per_s": 0.001, "acceleration_m_per_s2": 0.01,
+    }  # fmt: skip
+    statements["gyro"] = {
+        "noise_deg_per_s": 0.3, "bias_deg_per_s": 0.02, "scale_error": 0.02, "increment_deg": 0.02,
+    }  # fmt: skip
+    (folder / "fine.toml").write_text(tomlkit.dumps(statements))
+    done = run(
+        "calibrate", folder / "turns.npz", folder / "log.toml", "--out", folder / "gyro.toml", "--statements",
+        folder / "fine.toml",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    gyro = tomlkit.parse((folder / "gyro.toml").read_text())["calibration"]["sensors"][2]
+    left = np.linalg.norm(np.array(gyro["matrix"]) @ (np.eye(3) + scale) - np.eye(3), 2)
+    assert left <= gyro["scale_error"] < 0.02
+    (folder / "with_gyro.toml").write_text(tomlkit.dumps(configuration(calibration={"file": "gyro.toml"})))
+    plain, stated = read_configuration(folder / "log.toml"), read_configuration(folder / "with_gyro.toml")
+    assert "the gyro" in stated.corrected_sensors()
+    rule = stated.calibrated_rule()
+    assert rule.gyro.scale_error == gyro["scale_error"]
+    assert rule.gyro.noise_deg_per_s >= 1.0 * np.linalg.norm(gyro["matrix"], 2)
+    raw, corrected = (logs.read_log(folder / "turns.npz", one) for one in (plain, stated))
+    np.testing.assert_allclose(corrected.rates, raw.rates @ np.array(gyro["matrix"]).T, atol=1e-12)
+    widths = []
+    for one in (plain, stated):
+        summary = estimation.summarize(estimation.estimate(logs.read_log(folder / "turns.npz", one), one), one)
+        assert summary["inside_share_of_unconditional_rows"] == 1.0
+        widths.append(summary["sizes"]["moving"]["half_width_reference_deg"]["mean"][2])
+    assert widths[1] < widths[0]
+
+
 def test_figures_as_json(folder):
     done = run(
         "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "again.toml", "--json",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
-    force, field = json.loads(done.output)
+    force, field, gyro = json.loads(done.output)
+    assert gyro["turns"] == 14
+    assert gyro["scale_error"] == 0.02
+    assert gyro["remarks"] == [
+        "the gyro: 14 turns between rests say no more than what is stated of it; nothing is corrected"
+    ]
     assert force["undetermined"] == []
     assert np.all(np.array(force["lowest_offset"]) <= FORCE_OFFSET)
     assert np.all(np.array(force["highest_offset"]) >= FORCE_OFFSET)
@@ -184,7 +235,9 @@ def test_one_pose_determines_little():
         references=np.zeros((len(arrays["t"]), 2, 3)),
         rates=arrays["gyr"],
     )
-    force, field = calibrate(log, configured, read_statements())
+    force, field, gyro = calibrate(log, configured, read_statements())
+    assert gyro.left.turns == 0
+    assert "no two rests" in gyro.remarks()[0]
     assert force.left.poses == 1
     assert set(force.undetermined) >= {"x", "y"}
     assert not force.left.is_correction

@@ -59,7 +59,7 @@ def test_the_true_scale_is_in_the_set(seed):
 
 def test_turns_pay():
     scale = np.array([[0.015, 0.002, 0.0], [0.0, -0.01, 0.003], [0.002, 0.0, 0.012]])
-    found = gyro_set(recorded(3, GOOD, scale, angle=0.002, count=40, size=6.0), GOOD)
+    found = gyro_set(recorded(3, GOOD, scale, angle=0.002, count=40), GOOD)
     assert found.scale_error < 0.5 * GOOD.scale_error
 
 
