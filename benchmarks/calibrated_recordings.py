@@ -8,12 +8,14 @@ where the samples contradict it; each line says how the sets of the other trials
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from elliptude import estimation, logs
 from elliptude.calibration.calibrate import FoundGyro, calibrate
 from elliptude.configuration import Configuration
 from elliptude.configuration.calibration import Calibration, read_statements
+from elliptude.configuration.estimator import StatedRule
 from real_recordings import broad_configuration
 
 TRIALS = ("02", "05", "24", "07")
@@ -38,6 +40,34 @@ def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibrati
         off = f"off by {one.left.offset_error:.3g} {one.unit}, {one.stated.offset:g} stated"
         print(f"  {one.sensor.name}: offset {offset}, {off}")
     return Calibration(recording=path.name, recording_sha256="", sensors=tuple(one.calibration() for one in found))
+
+
+def perfect(configuration: Configuration, *, all_sensors: bool) -> Configuration:
+    """What a calibration without any remainder would leave of the rule: noise alone. A wish, not a statement."""
+    assert configuration.rule is not None
+    rule, known = configuration.rule.rule(), read_statements()
+    assert rule.magnetometer is not None
+    changes: dict[str, Any] = {
+        "magnetometer": rule.magnetometer.model_copy(
+            update={
+                "error_ut": known.magnetometer.noise_ut,
+                "averaged_error_ut": known.magnetometer.averaged_noise_ut,
+                "scale_error": 0.0,
+            }
+        )
+    }
+    if all_sensors:
+        changes["accelerometer"] = rule.accelerometer.model_copy(
+            update={
+                "error_m_per_s2": known.accelerometer.noise_m_per_s2,
+                "averaged_error_m_per_s2": known.accelerometer.averaged_noise_m_per_s2,
+                "scale_error": 0.0,
+            }
+        )
+        changes["gyro"] = rule.gyro.model_copy(update={"scale_error": 0.0})
+    tables = rule.model_copy(update=changes).model_dump()
+    stated = StatedRule.model_validate(tables | {"kind": "stated", "anchor_s": configuration.rule.anchor_s})
+    return configuration.model_copy(update={"rule": stated})
 
 
 def line(folder: Path, trial: str, configuration: Configuration) -> str:
@@ -71,6 +101,10 @@ def main() -> None:
     print(f"no calibration\n{heading}", flush=True)
     for trial in arguments.trials:
         print(line(folder, trial, plain), flush=True)
+    for all_sensors, of in ((False, "the magnetometer alone"), (True, "all three sensors")):
+        print(f"\nif a calibration of {of} left noise and nothing else\n{heading}", flush=True)
+        for trial in arguments.trials:
+            print(line(folder, trial, perfect(plain, all_sensors=all_sensors)), flush=True)
     for disturbance in arguments.disturbance_ut:
         print(f"\ncalibrated on {arguments.on}, the field there within {disturbance:g} µT")
         try:

@@ -1,4 +1,4 @@
-"""The scale and the axes of a gyro that turns between rests leave possible; docs/theory.md, section 19.8.
+"""The scale and the axes of a gyro that turns between rests leave possible; docs/theory.md, section 19.7.
 
 The gyro shows ω̃ = (I + K) ω + b + v. Parameters are the nine entries of K' = K (I + K)⁻¹. Between two rests gravity
 turns in body axes by the body's turn, and the integrated rates must agree with that.
