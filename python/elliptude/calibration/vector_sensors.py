@@ -140,12 +140,11 @@ def proposal(poses: Sequence[Pose], stated: SensorStatements) -> FloatArray:
         weak = 1e-3 * np.append(x[:3], x[3] - 0.5 * (stated.least + stated.greatest))
         return np.concatenate([lengths - x[3], weak])
 
-    limit = np.append(np.full(3, max(stated.offset, 1e-12 * stated.greatest)), 0.0)
-    lowest = np.append(-limit[:3], stated.least)
-    highest = np.append(limit[:3], max(stated.greatest, np.nextafter(stated.least, np.inf)))
-    start = np.append(np.zeros(3), 0.5 * (lowest[3] + highest[3]))
-    found = least_squares(residuals, start, bounds=(lowest, highest), x_scale=np.maximum(highest - lowest, 1e-12))
-    return np.concatenate([found.x[:3], np.zeros(6), [found.x[3]]])
+    start = np.append(np.zeros(3), 0.5 * (stated.least + stated.greatest))
+    found = least_squares(residuals, start)
+    offset, size = found.x[:3], float(np.linalg.norm(found.x[:3]))
+    offset = offset * min(1.0, stated.offset / size) if size > 0.0 else offset
+    return np.concatenate([offset, np.zeros(6), [np.clip(found.x[3], stated.least, stated.greatest)]])
 
 
 def _as_stated(stated: SensorStatements, spare: float, poses: int) -> SensorSet:

@@ -213,3 +213,64 @@ def test_the_small_ball_holds_a_cloud():
     center, radius = small_ball(directions, cosine, (points @ directions.T).max(axis=0))
     farthest = np.linalg.norm(points - center, axis=1).max()
     assert farthest <= radius <= 1.2 * farthest
+
+
+def still(vectors, gyro, rates=None, axes_error=0.0, disturbance=0.0):
+    """Poses in which the sensor shows one vector each for half a second, and the gyro these rates."""
+    times = np.linspace(0.0, 0.5, 51)
+    found = []
+    for i, vector in enumerate(vectors):
+        shown = np.tile(np.zeros(3) if rates is None else rates[i], (51, 1))
+        found += poses_of(
+            [slice(0, 51)],
+            times,
+            np.tile(vector, (51, 1)),
+            shown,
+            np.zeros(51),
+            gyro,
+            axes_error,
+            lambda _: disturbance,
+        )
+    return found
+
+
+NOTHING = {"offset": 0.0, "scale_error": 0.0, "noise": 0.0, "averaged_noise": 0.0, "least": 50.0, "greatest": 50.0,
+           "disturbance": 0.0}  # fmt: skip
+
+
+def edge(term):
+    """Poses of which one error alone is as large as it is, and how that is stated, times a factor."""
+    rng = np.random.default_rng(11)
+    true = 50.0 * np.array([unit(rng) for _ in range(12)])
+    exact = GyroBounds(noise=0.0)
+    if term == "disturbance":
+        return lambda x: (still(1.01 * true, exact, disturbance=0.5 * x), {"disturbance": 0.5 * x})
+    if term == "disturbance, inward":
+        return lambda x: (still(0.99 * true, exact, disturbance=0.5 * x), {"disturbance": 0.5 * x})
+    if term == "averaged noise":
+        return lambda x: (still(1.01 * true, exact), {"noise": 0.5 * x, "averaged_noise": 0.5 * x})
+    if term == "offset":
+        return lambda x: (still(true + np.array([0.3, 0.0, 0.4]), exact), {"offset": 0.5 * x})
+    if term == "scale":
+        return lambda x: (still(1.02 * true, exact), {"scale_error": 0.02 * x})
+    if term == "scale, inward":
+        return lambda x: (still(0.98 * true, exact), {"scale_error": 0.02 * x})
+    if term == "strength":
+        return lambda x: (still(1.02 * true, exact), {"greatest": 50.0 + x})
+    assert term == "turn"
+    # The gyro says that the body turns across the vector: the mean is shorter by the square of the turn.
+    across = np.cross(true, [0.3, 0.2, -0.5])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return lambda x: (still(true, GyroBounds(noise=0.0, bias=x), across), {})
+
+
+TERMS = ["disturbance", "disturbance, inward", "averaged noise", "offset", "scale", "scale, inward", "strength", "turn"]
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_each_term_holds_at_its_edge_and_is_needed(term):
+    poses, at_edge = edge(term)(1.001)
+    sensor_set(poses, SensorStatements(**(NOTHING | at_edge)))
+    poses, below = edge(term)(0.9)
+    with pytest.raises(ContradictionError):
+        sensor_set(poses, SensorStatements(**(NOTHING | below)))
