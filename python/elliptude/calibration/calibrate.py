@@ -40,6 +40,8 @@ from elliptude.typing import FloatArray
 
 # A component of the offset is not determined if this share or more of what was stated is still possible.
 _UNDETERMINED = 0.9
+# Of a long recording only so many windows are used, evenly: leaving some out makes a set no smaller than it may be.
+_MOST_WINDOWS = 1000
 # Up at the end of a rest is that of its last seconds: the gyro's error grows with the time.
 _UP_S = 2.0
 
@@ -101,7 +103,7 @@ class Found:
             if self.stated.disturbance >= self.stated.offset and not self.left.is_correction:
                 said.append(
                     f"{self.sensor.name}: a disturbance of {self.stated.disturbance:g} uT may hide any offset of "
-                    f"{self.stated.offset:g} uT (docs/theory.md, 19.5): turn the sensor about one spot, away from "
+                    f"{self.stated.offset:g} uT (docs/theory.md, 19.6): turn the sensor about one spot, away from "
                     "steel, and state what the field does there"
                 )
         if not self.left.is_correction:
@@ -389,6 +391,7 @@ def _magnetometer(
     offset += float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
     angles = time_offset_angles(log.times, rates, offset, gyro=gyro)
     windows = windows_of(log.times, rule.magnetometer.window_s)
+    windows = windows[:: -(-len(windows) // _MOST_WINDOWS) or 1]
     poses = poses_of(
         windows, log.times, shifted, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut
     )

@@ -203,6 +203,17 @@ def test_a_gyro_of_which_much_is_stated(folder):
     assert widths[1] < widths[0]
 
 
+def test_bounds_are_of_samples_as_they_are(folder):
+    """The table stays in what `bounds` writes, and `estimate` chooses between both."""
+    out = folder / "proposed.toml"
+    done = run("bounds", folder / "log.npz", folder / "calibrated.toml", "--out", out)
+    assert done.exit_code == 0, done.output
+    assert tomlkit.parse(out.read_text())["calibration"] == {"file": "found.toml"}
+    plain = run("bounds", folder / "log.npz", folder / "log.toml", "--json")
+    corrected = run("bounds", folder / "log.npz", folder / "calibrated.toml", "--json")
+    assert plain.output == corrected.output
+
+
 def test_figures_as_json(folder):
     done = run(
         "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "again.toml", "--json",
