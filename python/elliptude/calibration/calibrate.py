@@ -256,21 +256,25 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     found: list[Found | FoundGyro] = []
     for i, sensor in enumerate(configuration.directions):
         if isinstance(sensor, Accelerometer):
+            vectors, rows = forces, np.zeros(len(log.times), dtype=np.bool_)
+            for one in rests:
+                rows[one] = True
             stated, poses = _accelerometer(log, rule, gyro, rates, forces, rests, statements.accelerometer)
         elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
-            fields = log.directions[:, i] / units.FIELD["uT"]
-            stated, poses = _magnetometer(log, rule, gyro, rates, fields, statements.magnetometer)
+            vectors, rows = log.directions[:, i] / units.FIELD["uT"], np.ones(len(log.times), dtype=np.bool_)
+            stated, poses = _magnetometer(log, rule, gyro, rates, vectors, statements.magnetometer)
         else:
             continue
         try:
+            _require_possible(log.times[rows], vectors[rows], stated)
             left = sensor_set(poses, stated)
         except ContradictionError as error:
             unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
             raise ContradictionError(f"{sensor.name!r}: {error} {unit}; a statement is wrong") from error
-        one = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None)
-        found.append(one)
+        this = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None)
+        found.append(this)
         if isinstance(sensor, Accelerometer):
-            upright = one
+            upright = this
     assert isinstance(configuration.flow, GyroFlow)
     turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
     try:
@@ -368,6 +372,24 @@ def _accelerometer(
 
     poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
     return stated, poses
+
+
+def _require_possible(times: FloatArray, vectors: FloatArray, stated: SensorStatements) -> None:
+    """Refuse samples that no sensor within the statements shows; windows would only hide them among others."""
+    if not len(times):
+        return
+    longest = (1.0 + stated.scale_error) * (stated.greatest + stated.disturbance) + stated.offset + stated.noise
+    shortest = (1.0 - stated.scale_error) * (stated.least - stated.disturbance) - stated.offset - stated.noise
+    # Squares of very large components overflow; one component alone is enough then.
+    sizes = np.abs(vectors).max(axis=1)
+    lengths = np.where(sizes > longest, sizes, np.linalg.norm(np.where(sizes[:, None] > longest, 0.0, vectors), axis=1))
+    excess = np.fmax(np.maximum(lengths - longest, shortest - lengths) - 1e-10 * longest, 0.0)
+    if excess.any():
+        worst = int(np.argmax(excess))
+        raise ContradictionError(
+            f"no parameters agree with the sample at {times[worst]:.3f} s: it is {excess[worst]:.3g} too "
+            f"{'long' if lengths[worst] > longest else 'short'} in"
+        )
 
 
 def _magnetometer(

@@ -18,7 +18,7 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation import check as checks
 from elliptude.estimation.check import Report
 from elliptude.io.files import FileError, replacing
-from elliptude.logs import conversion
+from elliptude.logs import conversion, plausibility
 from elliptude.logs import log as logs
 
 
@@ -156,7 +156,8 @@ def calibrate(
         raise FileError(
             f"{config}: rule: missing; calibrate needs one, which says what a rest is and what the gyro does"
         )
-    recording = logs.read_log(log, configuration)
+    pieces = plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log))
+    recording = logs.joined(list(pieces))
     try:
         found = calibrating.calibrate(recording, configuration, known)
     except ValueError as error:

@@ -14,10 +14,13 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from elliptude import units
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.configuration.sensors import Accelerometer, Axes, Magnetometer, rotation_of_axes
-from elliptude.io.toml import Column, Columns, Matrix, Model, NotNegative, Number, Positive, Vector, read_toml
+from elliptude.io.toml import Column, Columns, Matrix, Model, NotNegative, Number, Vector, read_toml
 from elliptude.typing import FloatArray
 
 Fraction = Annotated[Number, Field(ge=0, lt=0.5)]
+# Squares and products of what is stated must stay far from what overflows.
+Size = Annotated[Number, Field(ge=0, le=1e9)]
+Strength = Annotated[Number, Field(gt=0, le=1e9)]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -27,26 +30,26 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 class AccelerometerStatements(Model):
     """What is known of an accelerometer, and of its rests."""
 
-    offset_m_per_s2: NotNegative
+    offset_m_per_s2: Size
     scale_error: Fraction
-    misalignment_deg: NotNegative | None = None
-    noise_m_per_s2: NotNegative
-    averaged_noise_m_per_s2: NotNegative
-    rest_s: Positive
-    velocity_m_per_s: NotNegative
-    acceleration_m_per_s2: NotNegative
+    misalignment_deg: Size | None = None
+    noise_m_per_s2: Size
+    averaged_noise_m_per_s2: Size
+    rest_s: Strength
+    velocity_m_per_s: Size
+    acceleration_m_per_s2: Size
 
 
 class MagnetometerStatements(Model):
     """What is known of a magnetometer, and of the field in which it is turned."""
 
-    offset_ut: NotNegative
+    offset_ut: Size
     scale_error: Fraction
-    misalignment_deg: NotNegative | None = None
-    noise_ut: NotNegative
-    averaged_noise_ut: NotNegative
-    disturbance_ut: NotNegative
-    strength_ut: tuple[Positive, Positive]
+    misalignment_deg: Size | None = None
+    noise_ut: Size
+    averaged_noise_ut: Size
+    disturbance_ut: Size
+    strength_ut: tuple[Strength, Strength]
 
     @model_validator(mode="after")
     def _is_an_interval(self) -> Self:
@@ -58,10 +61,10 @@ class MagnetometerStatements(Model):
 class GyroStatements(Model):
     """What is known of a gyro, if it is another than what the rule states."""
 
-    noise_deg_per_s: NotNegative
-    bias_deg_per_s: NotNegative
+    noise_deg_per_s: Size
+    bias_deg_per_s: Size
     scale_error: Fraction
-    increment_deg: Positive | None = None
+    increment_deg: Strength | None = None
 
 
 class CalibrationStatements(Model):

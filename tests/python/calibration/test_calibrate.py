@@ -256,6 +256,19 @@ def test_one_pose_determines_little():
     assert not field.left.is_correction
 
 
+def test_no_rest_is_long_enough(folder):
+    statements = read_statements().model_dump(mode="json", exclude_none=True)
+    statements["accelerometer"]["rest_s"] = 1e6
+    (folder / "long.toml").write_text(tomlkit.dumps(statements))
+    done = run(
+        "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "none.toml", "--statements",
+        folder / "long.toml",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "up: the recording has no pose of it that counts; it stays as stated" in done.output
+    assert "the gyro: the recording has no two rests" in done.output
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -299,6 +312,18 @@ def test_bad_input_is_named(folder):
     assert "rule: missing" in failed(log, folder / "without.toml")
     (folder / "statements.toml").write_text("[accelerometer]\noffset_m_per_s2 = -1.0\n")
     assert "accelerometer.offset_m_per_s2" in failed(log, stated, "--statements", folder / "statements.toml")
+    huge = read_statements().model_dump(mode="json", exclude_none=True)
+    huge["magnetometer"]["offset_ut"] = 1e300
+    (folder / "statements.toml").write_text(tomlkit.dumps(huge))
+    assert "magnetometer.offset_ut" in failed(log, stated, "--statements", folder / "statements.toml")
+    arrays = recording()
+    arrays["mag"][500] = 1e20
+    np.savez(folder / "huge.npz", **arrays)
+    assert "'field': no parameters agree with the sample at 5.000 s" in failed(folder / "huge.npz", stated)
+    swapped = configuration()
+    swapped["directions"][0]["axes"] = ["y", "-x", "z"]
+    (folder / "swapped.toml").write_text(tomlkit.dumps(swapped))
+    assert "axes" in failed(log, folder / "swapped.toml")
     arrays = recording()
     arrays["gyr"] = arrays["gyr"][400:]
     for name in ("t", "acc", "mag", "q"):
