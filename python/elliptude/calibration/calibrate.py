@@ -42,6 +42,8 @@ from elliptude.typing import FloatArray
 _UNDETERMINED = 0.9
 # Of a long recording only so many windows are used, evenly: leaving some out makes a set no smaller than it may be.
 _MOST_WINDOWS = 1000
+# Of a long rest, too: rounding of a mean is bounded for as many (docs/theory.md, 19.2).
+_MOST_SAMPLES = 100_000
 # Up at the end of a rest is that of its last seconds: the gyro's error grows with the time.
 _UP_S = 2.0
 
@@ -370,6 +372,7 @@ def _accelerometer(
     def mean_acceleration(duration: float) -> float:
         return min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
 
+    rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
     poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
     return stated, poses
 

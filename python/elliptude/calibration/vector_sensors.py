@@ -44,13 +44,12 @@ class SensorStatements:
     greatest: float
     disturbance: float
     """How far what acts on the sensor may be from the world's vector at any instant."""
-
     misalignment: float = math.pi
     """Bound of U's angle, rad, if it is less than follows from the scale error."""
 
     @property
     def axes_error(self) -> float:
-        """Bound of ‖U - I‖, (19.3)."""
+        """Bound of ‖U - I‖, section 19.1."""
         return min(
             2.0 * math.sin(0.5 * min(self.misalignment, math.pi)), 2.0 * self.scale_error / (2.0 - self.scale_error)
         )
@@ -83,7 +82,7 @@ class SensorSet:
     """Least value of each component of b, shape (3,)."""
     highest: FloatArray
     spare: float
-    """How much smaller the disturbance might have been stated before nothing would have agreed with the samples."""
+    """Proved: stated smaller by more than this, a disturbance would have left nothing that agrees with the samples."""
     poses: int
 
     @property
@@ -113,7 +112,7 @@ def sensor_set(poses: Sequence[Pose], stated: SensorStatements) -> SensorSet:
             raise ContradictionError(
                 _contradiction(poses, np.bincount(whose, short.weights).astype(np.float64), short.least)
             )
-        spare, before = -short.needed, highest - lowest
+        spare, before = -short.least, highest - lowest
         box = found.box()
         lowest, highest = np.maximum(lowest, box[0]), np.minimum(highest, box[1])
         theta = 0.5 * (lowest + highest)

@@ -255,6 +255,8 @@ def edge(term):
         return lambda x: (still(1.02 * true, exact), {"scale_error": 0.02 * x})
     if term == "scale, inward":
         return lambda x: (still(0.98 * true, exact), {"scale_error": 0.02 * x})
+    if term == "soft iron":
+        return lambda x: (still(true @ np.diag([1.05, 0.95, 1.0]), exact), {"scale_error": 0.05 * x})
     if term == "strength":
         return lambda x: (still(1.02 * true, exact), {"greatest": 50.0 + x})
     assert term == "turn"
@@ -264,7 +266,17 @@ def edge(term):
     return lambda x: (still(true, GyroBounds(noise=0.0, bias=x), across), {})
 
 
-TERMS = ["disturbance", "disturbance, inward", "averaged noise", "offset", "scale", "scale, inward", "strength", "turn"]
+TERMS = [
+    "disturbance",
+    "disturbance, inward",
+    "averaged noise",
+    "offset",
+    "scale",
+    "scale, inward",
+    "strength",
+    "turn",
+    "soft iron",
+]
 
 
 @pytest.mark.parametrize("term", TERMS)
@@ -274,3 +286,48 @@ def test_each_term_holds_at_its_edge_and_is_needed(term):
     poses, below = edge(term)(0.9)
     with pytest.raises(ContradictionError):
         sensor_set(poses, SensorStatements(**(NOTHING | below)))
+
+
+def test_a_disturbance_that_averages_out_does_not_in_a_frame_that_is_off():
+    """It changes its sign with the frame's error, so that all of it points along the vector."""
+    times = np.linspace(0.0, 0.5, 501)
+    signs = np.sign(times - 0.25)
+    vectors = np.array([50.0, 0.0, 0.0]) + 10.0 * signs[:, None] * np.array([0.0, -1.0, 0.0])
+    rates = np.tile([0.0, 0.0, 0.08], (501, 1))
+
+    def poses(bias):
+        gyro = GyroBounds(noise=0.0, bias=bias)
+        return poses_of([slice(0, 501)], times, vectors, rates, np.zeros(501), gyro, 0.0, lambda _: 0.0)
+
+    sensor_set(poses(0.0801), SensorStatements(**(NOTHING | {"disturbance": 10.0})))
+    with pytest.raises(ContradictionError):
+        sensor_set(poses(0.07), SensorStatements(**(NOTHING | {"disturbance": 10.0})))
+
+
+def test_noise_that_averages_out_does_not_where_the_scale_is_off():
+    """The body turns by half a turn, and the noise with it, so that P - I turns all of it into one direction."""
+    times = np.linspace(0.0, 0.5, 1001)
+    angles = 2.0 * np.pi * (times - 0.25)
+    zero = np.zeros_like(angles)
+    x, noise = np.array([50.0, 0.0, 0.0]), 0.5
+    true = np.stack([50.0 * np.cos(angles), -50.0 * np.sin(angles), zero], axis=1)  # Rᵀ x
+    errors = noise * np.stack([np.cos(angles), np.sin(angles), zero], axis=1)
+    rates = np.tile([0.0, 0.0, 2.0 * np.pi], (1001, 1))
+    kappa = 0.1 / 0.9
+    sensor = np.diag([1.0 / (1.0 + kappa), 1.0 / (1.0 - kappa), 1.0])
+    found = poses_of(
+        [slice(0, 1001)],
+        times,
+        true @ sensor + errors,
+        rates,
+        np.zeros(1001),
+        GyroBounds(noise=0.0),
+        0.0,
+        lambda _: 0.0,
+    )
+    mean = np.einsum("apq,pq->a", found[0].products, np.linalg.inv(sensor)) - x
+    np.testing.assert_allclose(mean, [kappa * noise, 0.0, 0.0], atol=1e-3)
+    rng = np.random.default_rng(12)
+    found += still([50.0 * unit(rng) @ sensor for _ in range(20)], GyroBounds(noise=0.0))
+    said = SensorStatements(**(NOTHING | {"noise": noise, "averaged_noise": 1e-3, "scale_error": 0.125}))
+    sensor_set(found, said)
