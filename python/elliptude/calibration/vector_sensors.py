@@ -227,7 +227,7 @@ def _slabs(
 def _offset_about(found: ParameterSet, start: FloatArray) -> FloatArray:
     """An offset b̂ in the middle of those that are possible."""
     directions, cosine = covering_directions()
-    shift, _ = small_ball(directions, cosine, _supports(found, directions, start))
+    shift, _ = small_ball(directions, cosine, offset_supports(found, directions, start))
     middle: FloatArray = start + shift
     return middle
 
@@ -238,15 +238,15 @@ def _corrected(
     """What is left after a correction by P̂ and b̂, (19.8) to (19.11)."""
     directions, cosine = covering_directions()
     k = stated.scale_error
-    reach = max(float(_supports(found, directions, offset).max()), 0.0) / cosine
+    reach = max(float(offset_supports(found, directions, offset).max()), 0.0) / cosine
     stretch = float(np.abs(np.linalg.eigvalsh(matrix - np.eye(3))).max()) * (1.0 + 1e-12)
     if stretch == 0.0:
         scale, error = k, (1.0 + k) * reach
     else:
-        left = (1.0 + k) * _stretch_error(found, matrix)
+        left = (1.0 + k) * stretch_error(found, matrix)
         scale, error = left + stated.axes_error, (1.0 + left) * reach
     axes = np.concatenate([np.eye(3), -np.eye(3)])
-    sides = np.minimum(_supports(found, axes, offset), reach) + k * reach
+    sides = np.minimum(offset_supports(found, axes, offset), reach) + k * reach
     return replace(
         known,
         offset=offset,
@@ -259,7 +259,7 @@ def _corrected(
     )
 
 
-def _stretch_error(found: ParameterSet, matrix: FloatArray) -> float:
+def stretch_error(found: ParameterSet, matrix: FloatArray) -> float:
     """An upper bound of ‖P - P̂‖ over the set, (19.10)."""
     directions, cosine = covering_directions()
     largest = 0.0
@@ -271,7 +271,7 @@ def _stretch_error(found: ParameterSet, matrix: FloatArray) -> float:
     return largest / (2.0 * cosine**2 - 1.0)
 
 
-def _supports(found: ParameterSet, directions: FloatArray, center: FloatArray) -> FloatArray:
+def offset_supports(found: ParameterSet, directions: FloatArray, center: FloatArray) -> FloatArray:
     """Upper bounds of uᵀ(p - P center) for each direction u."""
     values = []
     for u in directions:

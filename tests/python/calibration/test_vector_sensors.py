@@ -6,7 +6,14 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.calibration.parameter_sets import ParameterSet, covering_directions, small_ball
 from elliptude.calibration.poses import poses_of, windows_of
-from elliptude.calibration.vector_sensors import ContradictionError, SensorStatements, proposal, sensor_set
+from elliptude.calibration.vector_sensors import (
+    ContradictionError,
+    SensorStatements,
+    offset_supports,
+    proposal,
+    sensor_set,
+    stretch_error,
+)
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
@@ -331,3 +338,42 @@ def test_noise_that_averages_out_does_not_where_the_scale_is_off():
     found += still([50.0 * unit(rng) @ sensor for _ in range(20)], GyroBounds(noise=0.0))
     said = SensorStatements(**(NOTHING | {"noise": noise, "averaged_noise": 1e-3, "scale_error": 0.125}))
     sensor_set(found, said)
+
+
+def one_parameter(offset, stretch):
+    """The set that is one point: p, P - I and F."""
+    entries = [stretch[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    theta = np.concatenate([offset, entries, [50.0]])
+    return ParameterSet(theta, theta, np.zeros((0, 10)), np.zeros(0))
+
+
+def test_offsets_are_counted_about_the_center():
+    """uᵀ(p - P center), (19.8)."""
+    rng = np.random.default_rng(13)
+    directions, _ = covering_directions()
+    for _ in range(3):
+        offset, stretch, center = rng.normal(size=3), symmetric(rng, 0.2), 5.0 * rng.normal(size=3)
+        expected = directions @ (offset - (np.eye(3) + stretch) @ center)
+        np.testing.assert_allclose(
+            offset_supports(one_parameter(offset, stretch), directions, center), expected, rtol=1e-9, atol=1e-9
+        )
+
+
+def test_the_error_of_a_stretch_covers_every_direction():
+    """Also where the largest eigenvalue's vector is as far from all directions as it can be, (19.10)."""
+    directions, cosine = covering_directions()
+    rng = np.random.default_rng(14)
+    vectors = np.array([unit(rng) for _ in range(3000)])
+    far = vectors[np.argmin((vectors @ directions.T).max(axis=1))]
+    stretch = 0.1 * (2.0 * np.outer(far, far) - np.eye(3))
+    found = stretch_error(one_parameter(np.zeros(3), stretch), np.eye(3))
+    assert 0.1 <= found <= 0.1 / (2.0 * cosine**2 - 1.0) * 1.001
+
+
+def test_a_turn_of_the_axes_is_not_seen_and_is_counted():
+    rng = np.random.default_rng(15)
+    turn = Rotation.from_rotvec(0.05 * unit(rng)).as_matrix()
+    vectors = 50.0 * np.array([unit(rng) for _ in range(30)])
+    said = SensorStatements(**(NOTHING | {"scale_error": 0.12, "misalignment": 0.05}))
+    found = sensor_set(still(vectors @ turn.T, GyroBounds(noise=0.0)), said)
+    assert np.linalg.norm(found.matrix @ turn - np.eye(3), 2) <= found.scale_error < 0.06
