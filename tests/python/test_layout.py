@@ -17,7 +17,7 @@ FLOORS = (
     {"logs"},
     {"estimation"},
     {"simulation"},
-    {"validation", "proposal"},
+    {"validation", "proposal", "calibration"},
     {"report"},
     {"cli"},
 )

@@ -65,6 +65,11 @@ COMMANDS = {
         "bounds",
         "Propose bounds, delays and time offsets from a recording, with or without a reference attitude.",
     ),
+    "calibrate": Command(
+        "check",
+        "calibrate",
+        "Find what a recording leaves possible of its sensors' offsets and scales, and write how to correct them.",
+    ),
     "compare": Command(
         "compare",
         "compare",

@@ -94,6 +94,8 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
     for one in summary["implausible"]:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
+    if summary["calibrated"]:
+        typer.echo(f"corrected by a calibration: {', '.join(summary['calibrated'])}")
     for one in summary["suspicious_statements"]:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     if summary["mode"] == "guaranteed":

@@ -41,9 +41,19 @@ import os
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from elliptude import units
+from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.configuration.calibration import (
+    AccelerometerCalibration,
+    CalibrationFile,
+    GyroCalibration,
+    MagnetometerCalibration,
+    StatedCalibration,
+    calibrated_bounds,
+)
 from elliptude.configuration.estimator import (
     Estimator,
     FirstMeasurementStart,
@@ -53,6 +63,7 @@ from elliptude.configuration.estimator import (
     StatedRule,
 )
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
+from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import (
     Accelerometer,
     AnyDirection,
@@ -65,7 +76,9 @@ from elliptude.configuration.sensors import (
     Timing,
     Truth,
     WorldModel,
+    rotation_of_axes,
 )
+from elliptude.io.files import FileError
 from elliptude.io.toml import (
     Column,
     Model,
@@ -91,6 +104,8 @@ class Configuration(Model):
     bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
     rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
+    # What `elliptude calibrate` found of the sensors: samples are corrected as they are read.
+    calibration: StatedCalibration | None = None
     # The guaranteed mode starts from nothing if it is left out.
     start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")] | None = None
     estimator: Estimator = Estimator()
@@ -178,6 +193,97 @@ class Configuration(Model):
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         return self
 
+    def correction_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:
+        """The calibration by which a sensor's samples are corrected, if there is one and it says more than is stated.
+
+        Raises
+        ------
+        ValueError
+            If it is of a sensor with these columns in another unit or other axes.
+        """
+        found = self._calibration_of(sensor)
+        if found is None or not isinstance(sensor, Accelerometer | Magnetometer):
+            return None
+        by_angle = self.rule is None and (sensor.bound_from is None or sensor.bound_from.kind == "angle")
+        return found if by_angle or calibrated_bounds(found, self._stated_bounds(sensor)) is not None else None
+
+    def sensor_bounds(self, sensor: Accelerometer | Magnetometer) -> VectorSensorBounds:
+        """How far a sample may be off by the sensor itself: as stated, or as its calibration leaves it; m/s², µT."""
+        stated, found = self._stated_bounds(sensor), self._calibration_of(sensor)
+        left = None if found is None else calibrated_bounds(found, stated)
+        return stated if left is None else left
+
+    def gyro_correction(self) -> GyroCalibration | None:
+        """The calibration by which a gyro's rates are corrected, if a rule states more than it leaves.
+
+        Raises
+        ------
+        ValueError
+            If it is of a gyro with these columns in another unit or other axes.
+        """
+        flow = self.flow
+        if self.calibration is None or self.rule is None or not isinstance(flow, GyroFlow):
+            return None
+        for found in self.calibration.calibration().sensors:
+            if isinstance(found, GyroCalibration) and found.columns == flow.columns:
+                same_axes = np.array_equal(rotation_of_axes(found.axes), rotation_of_axes(flow.axes))
+                if found.unit != flow.unit or not same_axes:
+                    raise ValueError("calibration: the gyro was calibrated with another unit or other axes than it has")
+                pays = found.corrects_scale() and found.scale_error < self.rule.rule().gyro.scale_error
+                return found if pays else None
+        return None
+
+    def corrected_sensors(self) -> list[str]:
+        """The names of the sensors whose samples are corrected by a calibration."""
+        names = [] if self.gyro_correction() is None else ["the gyro"]
+        return names + [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
+
+    def calibrated_rule(self) -> Rule:
+        """The rule, with what calibrations leave of the sensors' errors."""
+        assert self.rule is not None
+        rule = self.rule.rule()
+        changes: dict[str, Model] = {}
+        if (gyro := self.gyro_correction()) is not None:
+            factor, increment = gyro.noise_factor(), rule.gyro.increment_deg
+            left = {
+                "noise_deg_per_s": factor * rule.gyro.noise_deg_per_s,
+                "bias_deg_per_s": factor * rule.gyro.bias_deg_per_s,
+                "drift_deg_per_s2": factor * rule.gyro.drift_deg_per_s2,
+                "increment_deg": None if increment is None else factor * increment,
+                "scale_error": gyro.scale_error,
+            }
+            changes["gyro"] = rule.gyro.model_copy(update=left)
+        for sensor in self.directions:
+            if not isinstance(sensor, Accelerometer | Magnetometer) or self.correction_of(sensor) is None:
+                continue
+            bounds, unit = self.sensor_bounds(sensor), "m_per_s2" if sensor.kind == "accelerometer" else "ut"
+            table = rule.accelerometer if sensor.kind == "accelerometer" else rule.magnetometer
+            if table is not None:
+                errors = {f"error_{unit}": bounds.error, f"averaged_error_{unit}": bounds.averaged_error}
+                changes[sensor.kind] = table.model_copy(update=errors | {"scale_error": bounds.scale_error})
+        return rule.model_copy(update=changes)
+
+    def _calibration_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:
+        if self.calibration is None or not isinstance(sensor, Accelerometer | Magnetometer):
+            return None
+        for found in self.calibration.calibration().sensors:
+            if not isinstance(found, GyroCalibration) and found.kind == sensor.kind and found.is_of(sensor):
+                differs = found.why_not(sensor)
+                if differs is not None:
+                    raise ValueError(
+                        f"calibration: {found.name!r} was calibrated with another {differs} than {sensor.name!r} has"
+                    )
+                return found
+        return None
+
+    def _stated_bounds(self, sensor: Accelerometer | Magnetometer) -> VectorSensorBounds:
+        if self.rule is None:
+            return sensor.sensor_error.bounds()
+        rule = self.rule.rule()
+        if isinstance(sensor, Accelerometer):
+            return rule.accelerometer.sensor()
+        return VectorSensorBounds() if rule.magnetometer is None else rule.magnetometer.sensor()
+
     @property
     def proposed_from(self) -> str | None:
         """The recording that the bounds are proposals from, here or in the file of a rule."""
@@ -215,6 +321,19 @@ def read_configuration(path: str | os.PathLike[str]) -> Configuration:
         If the file cannot be read, is not TOML, or does not fit; with the file and every key at fault.
     """
     configuration = read_toml(path, Configuration)
+    if isinstance(configuration.calibration, CalibrationFile):
+        found = configuration.calibration.beside(path)
+        found.calibration()
+        configuration = configuration.model_copy(update={"calibration": found})
+    if configuration.calibration is not None:
+        try:
+            used = [configuration._calibration_of(sensor) for sensor in configuration.directions]
+            configuration.gyro_correction()
+        except ValueError as error:
+            raise FileError(f"{path}: {error}") from error
+        if not any(used):
+            columns = "; ".join(", ".join(one.columns) for one in configuration.calibration.calibration().sensors)
+            raise FileError(f"{path}: calibration: of no sensor of this configuration, but of {columns}")
     if not isinstance(configuration.rule, RuleFile):
         return configuration
     beside = configuration.rule.model_copy(update={"file": str(Path(path).parent / configuration.rule.file)})

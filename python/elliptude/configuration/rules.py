@@ -11,7 +11,7 @@ from importlib import resources
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
@@ -42,6 +42,18 @@ class RestRule(Model):
     acceleration_deviation_m_per_s2: Positive
     least_s: Positive
     velocity_m_per_s: NotNegative
+
+    def rows(self, times: FloatArray, rates: FloatArray, forces: FloatArray) -> NDArray[np.bool_]:
+        """Rows at rest, shape (N,)."""
+        return rest_rows(
+            times,
+            rates,
+            forces,
+            duration=self.duration_s,
+            rate_deviation=np.deg2rad(self.rate_deviation_deg_per_s),
+            rate=np.deg2rad(self.rate_deg_per_s),
+            acceleration_deviation=self.acceleration_deviation_m_per_s2,
+        )
 
 
 class GyroRule(Model):
@@ -224,7 +236,7 @@ def apply_rule(
     if longest_interval is None:
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
-    rest = _rest_at_start(rule.rest, stamps, rates, forces, gyro)
+    rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = rates[rest].mean(axis=0)
     rates = rates - bias
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
@@ -304,11 +316,30 @@ def field_at_start(
     assert rule.magnetometer is not None
     longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
-    rest = _rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
+    rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
     reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
     direction: FloatArray = reference / np.linalg.norm(reference)
     return direction
+
+
+def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
+    """Rows of the rest at the start, up to the first gap: nothing is known about what happens in a gap.
+
+    Raises
+    ------
+    ValueError
+        If the recording does not start at rest.
+    """
+    resting = rule.rows(times, rates, forces)
+    count = int(np.argmin(resting)) if not resting.all() else len(resting)
+    gaps = np.flatnonzero(gyro.gaps(times, rates))
+    if len(gaps):
+        count = min(count, int(gaps[0]) + 1)
+    lasted = times[count - 1] - times[0] if count else 0.0
+    if lasted < 0.99 * rule.least_s:
+        raise ValueError(f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s")
+    return slice(0, count)
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
@@ -332,27 +363,6 @@ def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> Win
         chosen(bounds.lengths, there.lengths),
         chosen(bounds.radii, there.radii),
     )
-
-
-def _rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
-    """Rows of the rest at the start, up to the first gap: nothing is known about what happens in a gap."""
-    resting = rest_rows(
-        times,
-        rates,
-        forces,
-        duration=rule.duration_s,
-        rate_deviation=np.deg2rad(rule.rate_deviation_deg_per_s),
-        rate=np.deg2rad(rule.rate_deg_per_s),
-        acceleration_deviation=rule.acceleration_deviation_m_per_s2,
-    )
-    count = int(np.argmin(resting)) if not resting.all() else len(resting)
-    gaps = np.flatnonzero(gyro.gaps(times, rates))
-    if len(gaps):
-        count = min(count, int(gaps[0]) + 1)
-    lasted = times[count - 1] - times[0] if count else 0.0
-    if lasted < 0.99 * rule.least_s:
-        raise ValueError(f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s")
-    return slice(0, count)
 
 
 def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: FloatArray) -> tuple[FloatArray, float]:

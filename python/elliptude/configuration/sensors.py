@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, AwareDatetime, Discriminator, Field, Tag, model_validator
 
 from elliptude import units
+from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.io.toml import (
     Angle,
     Bound,
@@ -150,6 +151,12 @@ class AccelerometerError(Model):
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0
 
+    def bounds(self) -> VectorSensorBounds:
+        """In m/s² and rad."""
+        return VectorSensorBounds(
+            self.error_m_per_s2, self.scale_error, math.radians(self.misalignment_deg), self.averaged_error_m_per_s2
+        )
+
 
 class MagnetometerError(Model):
     """How far a magnetometer may be off: (I + K) m + e, in axes that are turned."""
@@ -158,6 +165,12 @@ class MagnetometerError(Model):
     averaged_error_ut: NotNegative | None = None
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0
+
+    def bounds(self) -> VectorSensorBounds:
+        """In µT and rad."""
+        return VectorSensorBounds(
+            self.error_ut, self.scale_error, math.radians(self.misalignment_deg), self.averaged_error_ut
+        )
 
 
 class WorldModel(Model):

@@ -152,19 +152,20 @@ def _of_sensor(
     rates = None if log.rates is None else log.rates - bias
     if isinstance(sensor.bound_from, VelocityWindowBound):
         assert isinstance(sensor, Accelerometer)
-        bounds = _over_windows(sensor, sensor.bound_from, vectors, rates, gyro, log, offset)
+        errors = configuration.sensor_bounds(sensor)
+        bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset)
     else:
         turned = np.zeros(len(log.times))
         if offset > 0.0:
             if rates is None:
                 raise ValueError(f"{sensor.name!r}: time_offset_bound_s needs a gyro or a measured rate in the log")
             turned = time_offset_angles(log.times, rates, offset, gyro=gyro, angular_acceleration=acceleration)
-        bounds = _of_samples(sensor, vectors, log.references[:, i], turned)
+        bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned)
     return DirectionBounds(bounds.directions, np.minimum(bounds.angles + sensor.added_angle, np.pi), bounds.excess)
 
 
 def _of_samples(
-    sensor: AnyDirection, vectors: FloatArray, reference: FloatArray, turned: FloatArray
+    sensor: AnyDirection, configuration: Configuration, vectors: FloatArray, reference: FloatArray, turned: FloatArray
 ) -> DirectionBounds:
     bound = sensor.bound_from
     if isinstance(sensor, Accelerometer) and isinstance(bound, AccelerationBound):
@@ -173,19 +174,16 @@ def _of_samples(
             bound.acceleration_m_per_s2,
             gravity=sensor.gravity_m_per_s2,
             gravity_error=bound.gravity_error_m_per_s2,
-            sensor=_accelerometer_errors(sensor),
+            sensor=configuration.sensor_bounds(sensor),
             time_offset=turned,
         )
     if isinstance(sensor, Magnetometer) and isinstance(bound, FieldBound):
-        error = sensor.sensor_error
         return magnetometer_bounds(
             vectors / _MICROTESLA,
             bound.disturbance_ut,
             strength=np.linalg.norm(reference, axis=1) / _MICROTESLA,
             strength_error=bound.strength_error_ut,
-            sensor=VectorSensorBounds(
-                error.error_ut, error.scale_error, math.radians(error.misalignment_deg), error.averaged_error_ut
-            ),
+            sensor=configuration.sensor_bounds(sensor),
             time_offset=turned,
         )
     lengths = np.linalg.norm(vectors, axis=1)
@@ -201,16 +199,10 @@ def _of_samples(
     return DirectionBounds(directions, angles, np.zeros_like(lengths))
 
 
-def _accelerometer_errors(sensor: Accelerometer) -> VectorSensorBounds:
-    error = sensor.sensor_error
-    return VectorSensorBounds(
-        error.error_m_per_s2, error.scale_error, math.radians(error.misalignment_deg), error.averaged_error_m_per_s2
-    )
-
-
 def _over_windows(
     sensor: Accelerometer,
     bound: VelocityWindowBound,
+    errors: VectorSensorBounds,
     vectors: FloatArray,
     rates: FloatArray | None,
     gyro: GyroBounds | None,
@@ -236,7 +228,7 @@ def _over_windows(
         bound.windows_s,
         motion=MotionBounds(known(bound.velocity_m_per_s), known(bound.position_m), known(bound.acceleration_m_per_s2)),
         gyro=gyro,
-        sensor=_accelerometer_errors(sensor),
+        sensor=errors,
         gravity=sensor.gravity_m_per_s2,
         gravity_error=bound.gravity_error_m_per_s2,
         time_offset=offset,
@@ -260,7 +252,9 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
         if np.isfinite(values[:, 0]).mean() < 0.5:
             raise ValueError(f"{name!r}: a rule needs all sensors at the same stamps; most rows of the log lack it")
     longest = gaps.longest_interval(log, configuration)
-    ruled = rules.apply_rule(configuration.rule.rule(), log.times, log.rates, forces, fields, longest_interval=longest)
+    ruled = rules.apply_rule(
+        configuration.calibrated_rule(), log.times, log.rates, forces, fields, longest_interval=longest
+    )
     found: list[tuple[str, DirectionBounds, FloatArray, str]] = [
         (names[up_column], ruled.up, np.array([0.0, 0.0, 1.0]), "m/s^2")
     ]

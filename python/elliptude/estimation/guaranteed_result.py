@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.rest import rest_rows
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
@@ -99,15 +98,7 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
     if accelerometer is None or log.rates is None:
         return None
     rule = configuration.rule.rule() if configuration.rule is not None else hand_held()
-    return rest_rows(
-        log.times,
-        log.rates,
-        log.directions[:, configuration.directions.index(accelerometer)],
-        duration=rule.rest.duration_s,
-        rate_deviation=np.deg2rad(rule.rest.rate_deviation_deg_per_s),
-        rate=np.deg2rad(rule.rest.rate_deg_per_s),
-        acceleration_deviation=rule.rest.acceleration_deviation_m_per_s2,
-    )
+    return rule.rest.rows(log.times, log.rates, log.directions[:, configuration.directions.index(accelerometer)])
 
 
 def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:

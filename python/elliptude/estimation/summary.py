@@ -122,6 +122,7 @@ class Summary:
             "largest_angle_deg": self._largest.to_dict(),
             "bounds_from_recording": configuration.proposed_from,
             "implausible": list(heard.ignored),
+            "calibrated": configuration.corrected_sensors(),
             "suspicious_statements": [str(one) for one in suspicions.of_configuration(configuration)],
             "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,

@@ -295,7 +295,10 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
     flow, truth = configuration.flow, configuration.truth
     if isinstance(flow, GyroFlow):
         fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
-        add(flow, Channel("the gyro", flow.columns, _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes), fill))
+        convert = _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes)
+        if (gyro := configuration.gyro_correction()) is not None:
+            convert = _corrected(convert, np.zeros(3), np.asarray(gyro.matrix))
+        add(flow, Channel("the gyro", flow.columns, convert, fill))
     else:
         for name, columns in (
             ("the control torque", flow.control_torque_columns),
@@ -313,6 +316,8 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
         else:
             moving = sensor.reference_columns or ()
         convert = _converted(scale, sensor.axes)
+        if (found := configuration.correction_of(sensor)) is not None:
+            convert = _corrected(convert, found.offset(), np.asarray(found.matrix))
         vectors = 2 if moving else 1
         add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
     if (rate := configuration.rate) is not None:
@@ -347,6 +352,21 @@ def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
         return converted
 
     return convert
+
+
+def _corrected(
+    convert: Callable[[FloatArray], FloatArray], offset: FloatArray, matrix: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """What a sensor's calibration makes of converted samples."""
+
+    def correct(values: FloatArray) -> FloatArray:
+        corrected = convert(values).copy()
+        x, y, z = (corrected[:, :3] - offset).T
+        for i in range(3):
+            corrected[:, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
+        return corrected
+
+    return correct
 
 
 # --- what it is -------------------------------------------------------------------------------------------------------

@@ -139,7 +139,8 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
                 sensor["reference_ut"] = [0.0, 1.0, 0.0]
     if "rule" in full:
         full.setdefault("reference_frame", "ENU")  # a rule's own
-    for key in ("start", "estimator", "rule"):
+    # Bounds are of samples as they are; `estimate` decides between them and what a calibration leaves.
+    for key in ("start", "estimator", "rule", "calibration"):
         full.pop(key, None)
     full["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}
     return validate(path, full, Configuration)

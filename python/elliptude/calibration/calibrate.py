@@ -1,0 +1,434 @@
+"""Calibrates the sensors of a recording: which poses and turns count, what is found, what is left."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elliptude import units
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import angle_to_center
+from elliptude.bounds.stamps import shift, time_offset_angles
+from elliptude.calibration.gyro import GyroSet, Turn, gyro_set
+from elliptude.calibration.poses import Pose, poses_of, windows_of
+from elliptude.calibration.vector_sensors import (
+    ContradictionError,
+    SensorSet,
+    SensorStatements,
+    proposal,
+    sensor_set,
+)
+from elliptude.configuration.calibration import (
+    AccelerometerCalibration,
+    AccelerometerStatements,
+    AnyCalibration,
+    CalibrationStatements,
+    GyroCalibration,
+    MagnetometerCalibration,
+    MagnetometerStatements,
+)
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.rules import Rule, rest_at_start
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.estimation import gaps
+from elliptude.logs.log import Log
+from elliptude.typing import FloatArray
+
+# A component of the offset is not determined if this share or more of what was stated is still possible.
+_UNDETERMINED = 0.9
+# Of a long recording only so many windows are used, evenly: leaving some out makes a set no smaller than it may be.
+_MOST_WINDOWS = 1000
+# Of a long rest, too: rounding of a mean is bounded for as many (docs/theory.md, 19.2).
+_MOST_SAMPLES = 100_000
+# Up at the end of a rest is that of its last seconds: the gyro's error grows with the time.
+_UP_S = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a recording says of one sensor."""
+
+    sensor: Accelerometer | Magnetometer
+    stated: SensorStatements
+    left: SensorSet
+    proposed_offset: FloatArray | None
+    """By least squares, for comparison; None without poses."""
+
+    @property
+    def unit(self) -> str:
+        """Of offset and errors."""
+        return "m/s^2" if isinstance(self.sensor, Accelerometer) else "uT"
+
+    @property
+    def averaged_error(self) -> float:
+        """Bound of the error of a mean of corrected samples, without the scale error."""
+        # What the matrix adds to noise turns with the sensor, so that only the single sample's bound holds for it.
+        return self.left.offset_error + self.stated.averaged_noise + self.left.stretch * self.stated.noise
+
+    @property
+    def error(self) -> float:
+        """Bound of a corrected sample's error, without the scale error."""
+        return self.left.offset_error + (1.0 + self.left.stretch) * self.stated.noise
+
+    @property
+    def undetermined(self) -> list[str]:
+        """Which components of the offset the recording hardly shows."""
+        halves = 0.5 * (self.left.highest - self.left.lowest)
+        return [name for name, half in zip("xyz", halves, strict=True) if half >= _UNDETERMINED * self.stated.offset]
+
+    @property
+    def needed_disturbance(self) -> float | None:
+        """What a field's disturbance must have been at least for the samples to agree with anything."""
+        if not self.left.poses or not isinstance(self.sensor, Magnetometer):
+            return None
+        return max(self.stated.disturbance - self.left.spare, 0.0)
+
+    def remarks(self) -> list[str]:
+        """What a user should know, in sentences."""
+        said = []
+        if not self.left.poses:
+            return [f"{self.sensor.name}: the recording has no pose of it that counts; it stays as stated"]
+        if self.undetermined:
+            said.append(
+                f"{self.sensor.name}: the offset's {', '.join(self.undetermined)} is not determined by the "
+                f"{self.left.poses} poses and their errors: it stays within what was stated"
+            )
+        if self.needed_disturbance is not None:
+            said.append(
+                f"{self.sensor.name}: the field varies by {self.needed_disturbance:.2g} uT or more, "
+                f"{self.stated.disturbance:g} is stated"
+            )
+            if self.stated.disturbance >= self.stated.offset and not self.left.is_correction:
+                said.append(
+                    f"{self.sensor.name}: a disturbance of {self.stated.disturbance:g} uT may hide any offset of "
+                    f"{self.stated.offset:g} uT (docs/theory.md, 19.6): turn the sensor about one spot, away from "
+                    "steel, and state what the field does there"
+                )
+        if not self.left.is_correction:
+            said.append(f"{self.sensor.name}: nothing is corrected, the statement stands")
+        return said
+
+    def figures(self) -> dict[str, Any]:
+        """All of it as plain numbers."""
+        left, stated = self.left, self.stated
+        return {
+            "name": self.sensor.name,
+            "kind": self.sensor.kind,
+            "unit": self.unit,
+            "poses": left.poses,
+            "offset": left.offset.tolist(),
+            "matrix": left.matrix.tolist(),
+            "offset_error": left.offset_error,
+            "stated_offset": stated.offset,
+            "lowest_offset": left.lowest.tolist(),
+            "highest_offset": left.highest.tolist(),
+            "scale_error": left.scale_error,
+            "stated_scale_error": stated.scale_error,
+            "undetermined": self.undetermined,
+            "proposed_offset": None if self.proposed_offset is None else self.proposed_offset.tolist(),
+            "stated_disturbance": stated.disturbance,
+            "least_disturbance": self.needed_disturbance,
+            "remarks": self.remarks(),
+        }
+
+    def calibration(self) -> AnyCalibration:
+        """The table for a configuration."""
+        x, y, z = self.left.matrix.tolist()
+        a, b, c = self.left.offset.tolist()
+        sensor = self.sensor
+        same = {
+            "name": sensor.name,
+            "columns": sensor.columns,
+            "axes": sensor.axes,
+            "unit": sensor.unit,
+            "matrix": (tuple(x), tuple(y), tuple(z)),
+            "scale_error": self.left.scale_error,
+            "poses": self.left.poses,
+        }
+        if isinstance(sensor, Accelerometer):
+            return AccelerometerCalibration.model_validate(
+                same
+                | {
+                    "kind": "accelerometer",
+                    "at_rest": sensor.at_rest,
+                    "offset_m_per_s2": (a, b, c),
+                    "error_m_per_s2": self.error,
+                    "averaged_error_m_per_s2": self.averaged_error,
+                }
+            )
+        return MagnetometerCalibration.model_validate(
+            same
+            | {
+                "kind": "magnetometer",
+                "offset_ut": (a, b, c),
+                "error_ut": self.error,
+                "averaged_error_ut": self.averaged_error,
+            }
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FoundGyro:
+    """What a recording says of its gyro."""
+
+    flow: GyroFlow
+    stated_scale_error: float
+    left: GyroSet
+
+    def remarks(self) -> list[str]:
+        """What a user should know, in sentences."""
+        if not self.left.turns:
+            return ["the gyro: the recording has no two rests with a turn between them; it stays as stated"]
+        if not self.left.inverse.any():
+            return [
+                f"the gyro: {self.left.turns} turns between rests say no more than what is stated of it; nothing is "
+                "corrected"
+            ]
+        return []
+
+    def figures(self) -> dict[str, Any]:
+        """All of it as plain numbers."""
+        return {
+            "name": "the gyro",
+            "kind": "gyro",
+            "turns": self.left.turns,
+            "matrix": self.left.matrix.tolist(),
+            "scale_error": self.left.scale_error,
+            "stated_scale_error": self.stated_scale_error,
+            "remarks": self.remarks(),
+        }
+
+    def calibration(self) -> AnyCalibration:
+        """The table for a configuration."""
+        return GyroCalibration.model_validate(
+            {
+                "kind": "gyro",
+                "name": "the gyro",
+                "columns": self.flow.columns,
+                "axes": self.flow.axes,
+                "unit": self.flow.unit,
+                "matrix": tuple(map(tuple, self.left.matrix.tolist())),
+                "scale_error": self.left.scale_error,
+                "turns": self.left.turns,
+            }
+        )
+
+
+def calibrate(log: Log, configuration: Configuration, statements: CalibrationStatements) -> list[Found | FoundGyro]:
+    """What a recording says of its accelerometer, its magnetometer and its gyro.
+
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+        With a rule: what a rest is, how far the gyro, gravity and the stamps may be off. No calibration is applied.
+    statements : CalibrationStatements
+
+    Returns
+    -------
+    list of Found or FoundGyro
+        In the order of the directions, the gyro last.
+
+    Raises
+    ------
+    ValueError
+        If the configuration has no rule, or the recording does not start at rest.
+    ContradictionError
+        If no parameters agree with the samples and the statements.
+    """
+    if configuration.rule is None or log.rates is None:
+        raise ValueError(
+            "calibrate needs a configuration with a rule, which says what a rest is and what the gyro does"
+        )
+    rule = configuration.rule.rule()
+    if (known := statements.gyro) is not None:
+        rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=known.model_dump())})
+    gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
+    log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
+    assert log.rates is not None
+    accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
+    forces = log.directions[:, accelerometer]
+    rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
+    rates = log.rates - log.rates[rest].mean(axis=0)
+    rests = _rests(log, rule, forces, statements.accelerometer)
+    found: list[Found | FoundGyro] = []
+    for i, sensor in enumerate(configuration.directions):
+        if isinstance(sensor, Accelerometer):
+            vectors, rows = forces, np.zeros(len(log.times), dtype=np.bool_)
+            for one in rests:
+                rows[one] = True
+            stated, poses = _accelerometer(log, rule, gyro, rates, forces, rests, statements.accelerometer)
+        elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
+            vectors, rows = log.directions[:, i] / units.FIELD["uT"], np.ones(len(log.times), dtype=np.bool_)
+            stated, poses = _magnetometer(log, rule, gyro, rates, vectors, statements.magnetometer)
+        else:
+            continue
+        try:
+            _require_possible(log.times[rows], vectors[rows], stated)
+            left = sensor_set(poses, stated)
+        except ContradictionError as error:
+            unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
+            raise ContradictionError(f"{sensor.name!r}: {error} {unit}; a statement is wrong") from error
+        this = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None)
+        found.append(this)
+        if isinstance(sensor, Accelerometer):
+            upright = this
+    assert isinstance(configuration.flow, GyroFlow)
+    turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
+    try:
+        found.append(FoundGyro(configuration.flow, gyro.scale_error, gyro_set(turns, gyro)))
+    except ContradictionError as error:
+        raise ContradictionError(f"the gyro: {error}; a statement is wrong") from error
+    return found
+
+
+def _rests(log: Log, rule: Rule, forces: FloatArray, known: AccelerometerStatements) -> list[slice]:
+    """The rests that last long enough."""
+    assert log.rates is not None
+    resting = rule.rest.rows(log.times, log.rates, forces)
+    ends = np.flatnonzero(np.diff(resting, prepend=False, append=False))
+    rests = [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    return [rows for rows in rests if log.times[rows.stop - 1] - log.times[rows.start] >= 0.99 * known.rest_s]
+
+
+def _turns(
+    log: Log,
+    rule: Rule,
+    gyro: GyroBounds,
+    rates: FloatArray,
+    forces: FloatArray,
+    rests: list[slice],
+    accelerometer: Found,
+    known: AccelerometerStatements,
+) -> list[Turn]:
+    """From each rest to the next, with up by the calibrated accelerometer at both ends, (18.7)."""
+    found, times, table = accelerometer.left, log.times, rule.accelerometer
+    corrected = (forces - found.offset) @ found.matrix.T
+    k = found.scale_error
+    offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro)
+
+    def up(rows: slice) -> tuple[int, FloatArray, float] | None:
+        duration = float(times[rows.stop - 1] - times[rows.start])
+        mean = min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+        poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean)
+        if not poses:
+            return None
+        pose = poses[0]
+        vector = np.einsum("app->a", pose.products)
+        length = float(np.linalg.norm(vector))
+        longest = float(np.linalg.norm(corrected[rows], axis=1).max())
+        radius = mean + pose.turn * longest + accelerometer.averaged_error
+        radius += k / (1.0 - k) * (pose.length + accelerometer.error) + 1e-10 * longest
+        angle, excess = angle_to_center(length, table.gravity_m_per_s2, radius, table.gravity_error_m_per_s2)
+        if excess > 0.0:
+            raise ContradictionError(
+                f"{accelerometer.sensor.name!r}: the rest from {times[rows.start]:.2f} s shows {length:.4g} m/s^2, "
+                f"{float(excess):.2g} m/s^2 further from gravity than what is stated allows"
+            )
+        return (rows.start + rows.stop) // 2, vector / length, float(angle)
+
+    turns = []
+    for one, other in pairwise(rests):
+        begin = int(np.searchsorted(times, times[one.stop - 1] - _UP_S))
+        end = int(np.searchsorted(times, times[other.start] + _UP_S, side="right"))
+        before, after = up(slice(max(one.start, begin), one.stop)), up(slice(other.start, min(other.stop, end)))
+        if before is None or after is None:
+            continue
+        rows = slice(before[0], after[0] + 1)
+        if gyro.gaps(times[rows], rates[rows]).any():
+            continue
+        bias = gyro.bias + gyro.drift * float(times[after[0]] - times[0])
+        turns.append(Turn(times[rows], rates[rows], before[1], after[1], before[2], after[2], bias))
+    return turns
+
+
+def _accelerometer(
+    log: Log,
+    rule: Rule,
+    gyro: GyroBounds,
+    rates: FloatArray,
+    forces: FloatArray,
+    rests: list[slice],
+    known: AccelerometerStatements,
+) -> tuple[SensorStatements, list[Pose]]:
+    """Rests: over one the mean acceleration is at most twice the speed by its length, (18.5)."""
+    gravity, error = rule.accelerometer.gravity_m_per_s2, rule.accelerometer.gravity_error_m_per_s2
+    stated = SensorStatements(
+        offset=known.offset_m_per_s2,
+        scale_error=known.scale_error,
+        noise=known.noise_m_per_s2,
+        averaged_noise=known.averaged_noise_m_per_s2,
+        least=gravity - error,
+        greatest=gravity + error,
+        disturbance=known.acceleration_m_per_s2,
+        misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+    )
+    offsets = time_offset_angles(log.times, rates, rule.accelerometer.time_offset_bound_s, gyro=gyro)
+
+    def mean_acceleration(duration: float) -> float:
+        return min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+
+    rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
+    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
+    return stated, poses
+
+
+def _require_possible(times: FloatArray, vectors: FloatArray, stated: SensorStatements) -> None:
+    """Refuse samples that no sensor within the statements shows; windows would only hide them among others."""
+    if not len(times):
+        return
+    longest = (1.0 + stated.scale_error) * (stated.greatest + stated.disturbance) + stated.offset + stated.noise
+    shortest = (1.0 - stated.scale_error) * (stated.least - stated.disturbance) - stated.offset - stated.noise
+    # Squares of very large components overflow; one component alone is enough then.
+    sizes = np.abs(vectors).max(axis=1)
+    lengths = np.where(sizes > longest, sizes, np.linalg.norm(np.where(sizes[:, None] > longest, 0.0, vectors), axis=1))
+    excess = np.fmax(np.maximum(lengths - longest, shortest - lengths) - 1e-10 * longest, 0.0)
+    if excess.any():
+        worst = int(np.argmax(excess))
+        raise ContradictionError(
+            f"no parameters agree with the sample at {times[worst]:.3f} s: it is {excess[worst]:.3g} too "
+            f"{'long' if lengths[worst] > longest else 'short'} in"
+        )
+
+
+def _magnetometer(
+    log: Log, rule: Rule, gyro: GyroBounds, rates: FloatArray, fields: FloatArray, known: MagnetometerStatements
+) -> tuple[SensorStatements, list[Pose]]:
+    """Windows of the rule's length, one after the other: a disturbance does not average out."""
+    assert rule.magnetometer is not None
+    stated = SensorStatements(
+        offset=known.offset_ut,
+        scale_error=known.scale_error,
+        noise=known.noise_ut,
+        averaged_noise=known.averaged_noise_ut,
+        least=known.strength_ut[0],
+        greatest=known.strength_ut[1],
+        disturbance=known.disturbance_ut,
+        misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+    )
+    shifted, left = shift(log.times, fields, rule.magnetometer.delay_s)
+    shifted[left > 0.5 * gyro.longest_interval] = np.nan
+    offset = rule.magnetometer.time_offset_bound_s
+    offset += float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
+    angles = time_offset_angles(log.times, rates, offset, gyro=gyro)
+    windows = windows_of(log.times, rule.magnetometer.window_s)
+    windows = windows[:: -(-len(windows) // _MOST_WINDOWS) or 1]
+    poses = poses_of(
+        windows, log.times, shifted, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut
+    )
+    return stated, poses
+
+
+def sha256_of(path: Path) -> str:
+    """The hash of a file, or of all files of a folder in the order of their names."""
+    digest = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            with file.open("rb") as opened:
+                while block := opened.read(1 << 20):
+                    digest.update(block)
+    return digest.hexdigest()

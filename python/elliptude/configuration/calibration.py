@@ -1,0 +1,260 @@
+"""Calibrations of sensors as TOML: what `elliptude calibrate` starts from, what it writes, and what follows from it.
+
+A calibration corrects a sensor's samples when a log is read, and says how far a corrected sample may still be off.
+"""
+
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from elliptude import units
+from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.configuration.sensors import Accelerometer, Axes, Magnetometer, rotation_of_axes
+from elliptude.io.toml import Column, Columns, Matrix, Model, NotNegative, Number, Vector, read_toml
+from elliptude.typing import FloatArray
+
+Fraction = Annotated[Number, Field(ge=0, lt=0.5)]
+# Squares and products of what is stated must stay far from what overflows.
+Size = Annotated[Number, Field(ge=0, le=1e9)]
+Strength = Annotated[Number, Field(gt=0, le=1e9)]
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+# --- what is stated of a recording to calibrate from ------------------------------------------------------------------
+
+
+class AccelerometerStatements(Model):
+    """What is known of an accelerometer, and of its rests."""
+
+    offset_m_per_s2: Size
+    scale_error: Fraction
+    misalignment_deg: Size | None = None
+    noise_m_per_s2: Size
+    averaged_noise_m_per_s2: Size
+    rest_s: Strength
+    velocity_m_per_s: Size
+    acceleration_m_per_s2: Size
+
+
+class MagnetometerStatements(Model):
+    """What is known of a magnetometer, and of the field in which it is turned."""
+
+    offset_ut: Size
+    scale_error: Fraction
+    misalignment_deg: Size | None = None
+    noise_ut: Size
+    averaged_noise_ut: Size
+    disturbance_ut: Size
+    strength_ut: tuple[Strength, Strength]
+
+    @model_validator(mode="after")
+    def _is_an_interval(self) -> Self:
+        if self.strength_ut[0] > self.strength_ut[1]:
+            raise ValueError("strength_ut must be the least and the greatest, in this order")
+        return self
+
+
+class GyroStatements(Model):
+    """What is known of a gyro, if it is another than what the rule states."""
+
+    noise_deg_per_s: Size
+    bias_deg_per_s: Size
+    scale_error: Fraction
+    increment_deg: Strength | None = None
+
+
+class CalibrationStatements(Model):
+    """What is known of the sensors before they are calibrated, and of the recording that they are calibrated from."""
+
+    accelerometer: AccelerometerStatements
+    magnetometer: MagnetometerStatements
+    gyro: GyroStatements | None = None
+
+
+def read_statements(path: str | os.PathLike[str] | None = None) -> CalibrationStatements:
+    """Read the statements in a TOML file; without one, those for a sensor in the hand.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is not TOML, or does not fit.
+    """
+    if path is not None:
+        return read_toml(path, CalibrationStatements)
+    with resources.as_file(resources.files("elliptude") / "data" / "calibration" / "hand_held.toml") as file:
+        return read_toml(file, CalibrationStatements)
+
+
+# --- what a calibration says ------------------------------------------------------------------------------------------
+
+
+class SensorCalibration(Model):
+    """A sensor by its columns and axes, and the matrix of its correction."""
+
+    name: str
+    columns: Columns
+    axes: Axes = ("x", "y", "z")
+    matrix: Matrix = IDENTITY
+    # How far a corrected sample may be off by scale, axes that are not perpendicular, and the sensor's turn.
+    scale_error: Annotated[NotNegative, Field(lt=1)]
+
+    @model_validator(mode="after")
+    def _can_be_undone(self) -> Self:
+        if not np.linalg.det(np.asarray(self.matrix)) > 0.0:
+            raise ValueError("matrix must have a positive determinant")
+        return self
+
+    def corrects_scale(self) -> bool:
+        """Whether the matrix is another than the identity."""
+        return self.matrix != IDENTITY
+
+
+class VectorCalibration(SensorCalibration):
+    """An accelerometer or a magnetometer: matrix (sample - offset), body axes."""
+
+    poses: Annotated[int, Field(ge=0)] = 0
+
+    def is_of(self, sensor: Accelerometer | Magnetometer) -> bool:
+        """Whether it is of this sensor."""
+        return self.columns == sensor.columns
+
+    def why_not(self, sensor: Accelerometer | Magnetometer) -> str | None:
+        """What differs between a sensor of the same columns and the one that was calibrated."""
+        if not np.array_equal(rotation_of_axes(self.axes), rotation_of_axes(sensor.axes)):
+            return "axes"
+        return None
+
+
+class AccelerometerCalibration(VectorCalibration):
+    """An accelerometer's."""
+
+    kind: Literal["accelerometer"]
+    unit: units.AccelerationUnit
+    at_rest: Literal["up", "down"] = "up"
+    offset_m_per_s2: Vector
+    error_m_per_s2: NotNegative
+    averaged_error_m_per_s2: NotNegative
+
+    def why_not(self, sensor: Accelerometer | Magnetometer) -> str | None:
+        """What differs between a sensor of the same columns and the one that was calibrated."""
+        assert isinstance(sensor, Accelerometer)
+        if (self.unit, self.at_rest) != (sensor.unit, sensor.at_rest):
+            return "unit or at_rest"
+        return super().why_not(sensor)
+
+    def offset(self) -> FloatArray:
+        """In SI units, shape (3,)."""
+        return np.asarray(self.offset_m_per_s2, dtype=np.float64)
+
+    def left(self) -> tuple[float, float]:
+        """How far a corrected sample may be off by offset and noise, and the mean over a window."""
+        return self.error_m_per_s2, self.averaged_error_m_per_s2
+
+
+class MagnetometerCalibration(VectorCalibration):
+    """A magnetometer's."""
+
+    kind: Literal["magnetometer"]
+    unit: units.FieldUnit
+    offset_ut: Vector
+    error_ut: NotNegative
+    averaged_error_ut: NotNegative
+
+    def why_not(self, sensor: Accelerometer | Magnetometer) -> str | None:
+        """What differs between a sensor of the same columns and the one that was calibrated."""
+        return "unit" if self.unit != sensor.unit else super().why_not(sensor)
+
+    def offset(self) -> FloatArray:
+        """In SI units, shape (3,)."""
+        return units.FIELD["uT"] * np.asarray(self.offset_ut, dtype=np.float64)
+
+    def left(self) -> tuple[float, float]:
+        """How far a corrected sample may be off by offset and noise, and the mean over a window."""
+        return self.error_ut, self.averaged_error_ut
+
+
+class GyroCalibration(SensorCalibration):
+    """A gyro: matrix times sample, body axes. Its bias is that of a rest, in each recording anew."""
+
+    kind: Literal["gyro"]
+    unit: units.AngularVelocityUnit
+    turns: Annotated[int, Field(ge=0)] = 0
+
+    def noise_factor(self) -> float:
+        """What the matrix makes of noise and bias, at most."""
+        return float(np.linalg.norm(np.asarray(self.matrix), 2)) * (1.0 + 1e-12) if self.corrects_scale() else 1.0
+
+
+AnyCalibration: TypeAlias = Annotated[
+    AccelerometerCalibration | MagnetometerCalibration | GyroCalibration, Field(discriminator="kind")
+]
+# Only to weigh a scale error against an offset: which of two statements says more.
+_USUAL_LENGTH = {"accelerometer": units.STANDARD_GRAVITY, "magnetometer": 50.0}
+
+
+class Calibration(Model):
+    """What was found from a recording, sensor by sensor."""
+
+    recording: str
+    recording_sha256: str
+    sensors: tuple[AnyCalibration, ...]
+
+    def calibration(self) -> Self:
+        """The tables themselves."""
+        return self
+
+
+class CalibrationDocument(Model):
+    """The file that `elliptude calibrate` writes."""
+
+    calibration: Calibration
+
+
+class CalibrationFile(Model):
+    """A calibration in a file of its own, which a relative name finds beside the configuration."""
+
+    file: Column
+
+    def calibration(self) -> Calibration:
+        """The tables in the file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read or does not fit.
+        """
+        return read_toml(self.file, CalibrationDocument).calibration
+
+    def beside(self, path: str | os.PathLike[str]) -> Self:
+        """The same, found from the folder of a configuration."""
+        return self.model_copy(update={"file": str(Path(path).parent / self.file)})
+
+
+def _in_a_file(table: Any) -> str:
+    is_file = "file" in table if isinstance(table, dict) else isinstance(table, CalibrationFile)
+    return "file" if is_file else "table"
+
+
+StatedCalibration: TypeAlias = Annotated[
+    Annotated[Calibration, Tag("table")] | Annotated[CalibrationFile, Tag("file")], Discriminator(_in_a_file)
+]
+
+
+def calibrated_bounds(
+    found: AccelerometerCalibration | MagnetometerCalibration, stated: VectorSensorBounds
+) -> VectorSensorBounds | None:
+    """How far a corrected sample may be off; None if an uncorrected one may be less far off as stated.
+
+    An offset alone changes nothing about the scale error, so the smaller one of both holds then.
+    """
+    error, averaged = found.left()
+    scale = found.scale_error if found.corrects_scale() else min(found.scale_error, stated.scale_error)
+    length = _USUAL_LENGTH[found.kind]
+    stated_average = stated.error if stated.averaged_error is None else stated.averaged_error
+    if not averaged + scale * length < stated_average + stated.scale_error * length:
+        return None
+    return VectorSensorBounds(error, scale, stated.misalignment, averaged)
