@@ -267,7 +267,9 @@ class Result:
         of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in ATTITUDE_SHAPE), *half_widths[3:])
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
-        further = [(name,) for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
+        further: list[tuple[str, ...]] = [
+            (name,) for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names
+        ]
         further += [triple for triple in (HEADINGS, UP) if triple[0] in names]
         columns = read_columns(
             path,
