@@ -209,7 +209,10 @@ class GuaranteedUpdate:
 
 
 class AttitudeBounds(NamedTuple):
-    """How far an attitude is at most from the true one: three questions, each answered by itself. Arrays for many rows."""
+    """How far an attitude is at most from the true one: three questions, each answered by itself.
+
+    Arrays for many rows.
+    """
 
     tilt: Any
     """Between the vertical as the body sees it in both, rad."""

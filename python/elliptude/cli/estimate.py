@@ -152,7 +152,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             tilt = part["tilt_bound_deg"]
             said = ", ".join(f"{width:.3g}" for width in means)
             heading = part["heading_bound_deg"]
-            up = "" if tilt is None else f"tilt within {tilt['mean']:.3g}, heading within {heading['mean']:.3g}; the set's "
+            up = f"tilt within {tilt['mean']:.3g}, heading within {heading['mean']:.3g}; the set's " if tilt else ""
             typer.echo(f"  {up}half-widths about the reference axes {said} degrees (mean, {name.replace('_', ' ')})")
     if (of_up := summary["up_claim_share_of_rows"]) is not None and of_up["none"] < claims["none"]:
         known = 100.0 * (1.0 - of_up["none"])

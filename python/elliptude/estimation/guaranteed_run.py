@@ -93,7 +93,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         )
     start, starts_heading = _start(log, configuration, rows)
     anchor = _anchor_duration(configuration)
-    turns = None if rows.gyro is None else _turns(log, rows, anchor)
+    turns = _turns(log, configuration, rows, anchor)
     if anchor is None:
         guaranteed = _run(log, configuration, rows, start)
     else:
@@ -276,11 +276,18 @@ def _run(
     return attitude_filter.run(log.times, sensors=names or None, vertical=rows.up, **arguments)
 
 
-def _turns(log: Log, rows: DirectionRows, duration: float | None) -> Turns:
-    """Each row's turn from its anchor, and how far it may be off, with rounding."""
+def _turns(log: Log, configuration: Configuration, rows: DirectionRows, duration: float | None) -> Turns | None:
+    """Each row's turn from its anchor, and how far it may be off; None without a gyro's rate on lines."""
+    flow, gyro = configuration.flow, rows.gyro
+    if not isinstance(flow, GyroFlow) or flow.interval_rate != "mean_of_ends":
+        return None
     assert log.rates is not None
-    assert rows.gyro is not None
-    turns = rows.gyro.anchored_turns(log.times, log.rates - rows.bias, _ANCHOR if duration is None else duration)
+    assert gyro is not None
+    if flow.angular_acceleration_deg_per_s2 > 0.0:
+        # What the rate does between samples is not part of the noise, nor of its integral.
+        off = _off_the_line(flow, gyro.longest_interval)
+        gyro = replace(gyro, noise=gyro.noise + off, increment=np.inf)
+    turns = gyro.anchored_turns(log.times, log.rates - rows.bias, _ANCHOR if duration is None else duration)
     anchors = turns.anchors.copy()
     anchors[0] = -1
     spans = log.times - log.times[turns.anchors]

@@ -48,13 +48,13 @@ def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | N
     configuration : Configuration
     rows : DirectionRows
     turns : Turns, optional
-        None without a gyro.
+        None where nothing says how the body turned.
 
     Returns
     -------
     DirectionLog or None
-        None without a measured up, or without a gyro; nor where any measurement may be wrong unseen, as there is only one of
-        up in a row.
+        None without a measured up, or without turns; nor where any measurement may be wrong unseen, as there is only
+        one of up in a row.
 
     Raises
     ------

@@ -15,10 +15,9 @@ from elliptude.bounds.samples import angle_to_center
 from elliptude.configuration import Configuration
 from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
 from elliptude.estimation import guaranteed_run
-from elliptude.estimation.direction_rows import DirectionRows, direction_rows
+from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import Log
-from elliptude.results import GuaranteedLog
 from scipy.spatial.transform import Rotation
 
 G = 9.80665
@@ -193,54 +192,6 @@ def test_a_rate_beyond_all_numbers_says_nothing_of_the_turn(rate):
     estimated = estimation.estimate(log, configured({"anchor_s": 0.5, "interval_rate": "mean_of_ends"}))
     assert np.isfinite(estimated.result.forms).all()
     assert estimated.result.forms.max() <= 1.0
-
-
-# --- the tilt ---------------------------------------------------------------------------------------------------------
-
-
-def tilted(*, attitude=None, widths=(0.5, 0.5, 0.5), measured=None, angle=0.05, dropped=False):
-    attitude = np.eye(3) if attitude is None else attitude
-    measured = attitude[2] if measured is None else measured
-    one = np.ones(1)
-    log = GuaranteedLog(
-        times=0.0 * one,
-        attitudes=attitude[None],
-        vectors=np.zeros((1, 3)),
-        shapes=np.diag([*np.square(widths), 1.0, 1.0, 1.0])[None],
-        claims=np.zeros(1, np.uint8),
-        prediction_used=np.ones(1, bool),
-        updated=np.ones(1, bool),
-        dropped=np.array([[dropped, False, False]]),
-        margins=one,
-    )
-    rows = DirectionRows(
-        names=("up",),
-        directions=np.array([[measured]]),
-        references=REFERENCES[None, :1],
-        angles=np.array([[angle]]),
-        contradictions=(),
-        void=(),
-        gyro=None,
-        bias=np.zeros(3),
-        up=REFERENCES[0],
-        up_column=0,
-    )
-    return guaranteed_run._tilt_bounds(log, rows)[0]
-
-
-def test_the_tilt_by_the_measured_up():
-    """The true up is as far from the measured one as it may be, on the side away from the estimated one."""
-    measured = Rotation.from_rotvec([0.1, 0.0, 0.0]).apply([0.0, 0.0, 1.0])
-    assert tilted(measured=measured) == pytest.approx(0.15)
-
-
-def test_the_tilt_by_the_set():
-    """A turn by γ across up, at the edge of the set; a turn about up counts for nothing, wherever up is in the body."""
-    turned = Rotation.from_rotvec([0.0, 0.5 * np.pi, 0.0]).as_matrix()
-    np.testing.assert_allclose(np.abs(turned[2]), X, atol=1e-15)
-    for attitude, widths in ((np.eye(3), (0.02, 0.1, 0.9)), (turned, (0.9, 0.02, 0.1))):
-        assert tilted(attitude=attitude, widths=widths, angle=1.0) == pytest.approx(2.0 * np.arctan(0.05))
-    assert tilted(widths=(0.4, 0.4, 0.4), dropped=True) == pytest.approx(2.0 * np.arctan(0.2))
 
 
 # --- directions -------------------------------------------------------------------------------------------------------

@@ -1,0 +1,295 @@
+"""What is known of the vertical: by sets, by a filter of its own, and where no heading is.
+
+The bounds' attainment: the truth comes to the edge, so that no term is lost.
+"""
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import elliptude
+import numpy as np
+import pytest
+import tomlkit
+from elliptude import estimation, logs
+from elliptude.configuration import Configuration
+from elliptude.estimation import guaranteed_run
+from elliptude.estimation.vertical import Turns, followed, vertical_of
+from elliptude.io import tables
+from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
+from reference import so3
+from scipy.spatial.transform import Rotation
+from test_guaranteed_run import configured, gyro_log, recording, ruled, run, with_accelerometer
+from test_proposals import made
+
+UP = np.array([0.0, 0.0, 1.0])
+UNCONDITIONAL, CONDITIONAL, NONE = range(3)
+
+
+def angle_between(first, second):
+    cross = np.linalg.norm(np.cross(first, second), axis=-1)
+    return np.arctan2(cross, np.sum(first * second, axis=-1))
+
+
+# --- of one row -------------------------------------------------------------------------------------------------------
+
+
+def one_row(*, attitude=None, tilt=0.1, claim=UNCONDITIONAL):
+    """A log of one row whose set bounds the tilt."""
+    attitude = np.eye(3) if attitude is None else attitude
+    there = np.nan if claim == NONE else 1.0
+    return GuaranteedLog(
+        times=np.zeros(1),
+        attitudes=there * attitude[None],
+        vectors=np.zeros((1, 3)),
+        shapes=there * np.eye(6)[None],
+        claims=np.array([claim], np.uint8),
+        prediction_used=np.ones(1, bool),
+        updated=np.ones(1, bool),
+        dropped=np.zeros((1, 3), bool),
+        margins=np.ones(1),
+        question_bounds=there * np.array([[tilt, -0.5, 0.4, 0.6]]),
+    )
+
+
+def seen(direction, angle, claim=UNCONDITIONAL):
+    there = np.nan if claim == NONE else 1.0
+    return DirectionLog(
+        there * np.asarray(direction)[None], there * np.array([angle]), np.array([claim], np.uint8), np.zeros(1, bool)
+    )
+
+
+def test_the_tilt_by_the_followed_up():
+    """The true up is as far from the followed one as it may be, on the side away from the estimated one."""
+    measured = Rotation.from_rotvec([0.1, 0.0, 0.0]).apply(UP)
+    found = vertical_of(one_row(tilt=0.3), seen(measured, 0.05), UP)
+    assert found.tilt_bounds[0] == pytest.approx(0.15)
+    np.testing.assert_allclose(found.directions[0], measured)
+    assert found.angles[0] == pytest.approx(0.05)
+    # A set that says more is not made worse, nor by how far the other is away.
+    found = vertical_of(one_row(tilt=0.04), seen(measured, 0.05), UP)
+    assert found.tilt_bounds[0] == pytest.approx(0.04)
+    np.testing.assert_allclose(found.directions[0], UP)
+    assert found.angles[0] == pytest.approx(0.04)
+
+
+def test_the_estimated_up_is_in_body_axes():
+    turn = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+    reference = np.array([0.6, 0.0, -0.8])
+    found = vertical_of(one_row(attitude=turn, tilt=0.2), None, reference)
+    np.testing.assert_allclose(found.directions[0], turn.T @ reference, atol=1e-15)
+    assert found.angles[0] == found.tilt_bounds[0] == 0.2
+
+
+@pytest.mark.parametrize("of_set", range(3))
+@pytest.mark.parametrize("of_up", range(3))
+def test_the_stronger_claim_counts(of_set, of_up):
+    """A sharper bound that rests on more is no reason to give up the other."""
+    measured = Rotation.from_rotvec([0.1, 0.0, 0.0]).apply(UP)
+    for tilt, angle in ((0.01, 0.5), (0.5, 0.01)):
+        found = vertical_of(one_row(tilt=tilt, claim=of_set), seen(measured, angle, of_up), UP)
+        assert found.claims[0] == min(of_set, of_up)
+        bounds = {of_set: tilt} if of_set < of_up else {of_up: angle} if of_up < of_set else {of_set: min(tilt, angle)}
+        expected = bounds.get(min(of_set, of_up)) if min(of_set, of_up) != NONE else np.nan
+        np.testing.assert_equal(found.angles[0], expected)
+        assert np.isfinite(found.directions).all() == (found.claims[0] != NONE)
+        if of_set == NONE:
+            assert np.isnan(found.tilt_bounds[0])
+        elif of_up < of_set:
+            assert found.tilt_bounds[0] == pytest.approx(0.1 + angle)
+        elif of_set < of_up:
+            assert found.tilt_bounds[0] == tilt
+        else:
+            assert found.tilt_bounds[0] == pytest.approx(min(tilt, 0.1 + angle))
+
+
+def test_without_a_vertical_nothing_is_said():
+    assert vertical_of(one_row(), None, None) is None
+    assert vertical_of(dataclasses.replace(one_row(), question_bounds=None), None, UP) is None
+
+
+# --- followed over rows -----------------------------------------------------------------------------------------------
+
+
+def rows_of_up(directions, angles, *, contradictions=()):
+    return SimpleNamespace(
+        names=("field", "up"),
+        up=UP,
+        up_column=1,
+        directions=np.stack([np.full_like(directions, np.nan), directions], axis=1),
+        angles=np.stack([np.full_like(angles, np.nan), angles], axis=1),
+        contradictions=contradictions,
+    )
+
+
+def estimator(policy="drop_measurement"):
+    return SimpleNamespace(estimator=SimpleNamespace(policy=policy, regain_after=10))
+
+
+def still(count, angle=0.01):
+    anchors = np.arange(count) - 1
+    return Turns(anchors, np.zeros((count, 3)), np.full(count, angle))
+
+
+def test_up_is_carried_by_turns():
+    """Measured once; each turn may add its bound, all about one axis: the truth is at the edge."""
+    count, angle = 20, 0.01
+    directions = np.full((count, 3), np.nan)
+    directions[0] = UP
+    angles = np.where(np.arange(count) == 0, 0.02, np.nan)
+    found = followed(estimator(), rows_of_up(directions, angles), still(count, angle))
+    expected = 0.02 + angle * np.arange(count)
+    np.testing.assert_allclose(found.angles, expected, rtol=1e-9)
+    assert (found.claims == UNCONDITIONAL).all()
+    truth = np.column_stack([np.zeros(count), -np.sin(expected), np.cos(expected)])
+    assert (angle_between(found.directions, truth) <= found.angles).all()
+    assert (angle_between(found.directions, truth) > 0.999 * found.angles).all()
+
+
+def test_up_where_its_sensor_contradicts_itself_is_conditional():
+    directions, angles = np.tile(UP, (5, 1)), np.full(5, 0.02)
+    plain = followed(estimator(), rows_of_up(directions, angles), still(5))
+    assert (plain.claims == UNCONDITIONAL).all()
+    for sensor, claim in (("field", UNCONDITIONAL), ("up", CONDITIONAL)):
+        rows = rows_of_up(directions, angles, contradictions=(SimpleNamespace(sensor=sensor),))
+        found = followed(estimator(), rows, still(5))
+        assert (found.claims == claim).all()
+        np.testing.assert_array_equal(found.angles, plain.angles)
+
+
+def test_up_that_cannot_be_followed():
+    rows = rows_of_up(np.tile(UP, (5, 1)), np.full(5, 0.02))
+    assert followed(estimator(), rows, None) is None
+    assert followed(estimator("relaxed"), rows, still(5)) is None
+    rows.up_column = None
+    assert followed(estimator(), rows, still(5)) is None
+
+
+def test_an_up_that_contradicts_is_dropped_or_raises():
+    directions, angles = np.tile(UP, (8, 1)), np.full(8, 0.02)
+    directions[4] = [1.0, 0.0, 0.0]
+    rows = rows_of_up(directions, angles)
+    found = followed(estimator(), rows, still(8))
+    np.testing.assert_array_equal(found.dropped, np.arange(8) == 4)
+    assert (found.claims[:4] == UNCONDITIONAL).all()
+    assert (found.claims[4:] == CONDITIONAL).all()
+    with pytest.raises(elliptude.InconsistentMeasurement) as caught:
+        followed(estimator("raise"), rows, still(8))
+    assert caught.value.row == 4
+
+
+# --- from a gyro ------------------------------------------------------------------------------------------------------
+
+
+def lines_log(seed=0):
+    """A gyro whose rate is on lines between samples, and up seen at some rows only."""
+    log = gyro_log(seed, noise=0.0)
+    means = 0.5 * (log.rates[1:] + log.rates[:-1])
+    step = float(log.times[1] - log.times[0])
+    attitudes = [np.eye(3)]
+    for rate in means:
+        attitudes.append(attitudes[-1] @ so3.exp(step * rate))
+    attitudes = np.array(attitudes)
+    draws = np.random.default_rng(seed)
+    directions = np.full_like(log.directions, np.nan)
+    for row in range(0, len(log.times), 20):
+        axis = draws.standard_normal(3)
+        off = so3.exp(0.02 * axis / np.linalg.norm(axis))
+        directions[row, 0] = 9.80665 * off @ attitudes[row].T @ UP
+    return dataclasses.replace(log, directions=directions, true_attitudes=attitudes)
+
+
+@pytest.mark.parametrize("anchor", [None, 1.0])
+def test_up_without_any_heading(anchor):
+    """One direction alone: no attitude at any row, and up at all of them."""
+    log = lines_log()
+    flow = {"noise_deg_per_s": 1.0, "interval_rate": "mean_of_ends"} | ({"anchor_s": anchor} if anchor else {})
+    fields = with_accelerometer(configured(flow), bound_deg=np.rad2deg(0.02))
+    estimated = estimation.estimate(log, Configuration.model_validate(fields))
+    result = estimated.result
+    assert set(result.claims) == {"none"}
+    assert set(result.up_claims) == {"unconditional"}
+    assert np.isnan(result.tilt_bounds).all()
+    errors = angle_between(result.ups, log.true_attitudes[:, 2])
+    assert (errors <= result.up_bounds).all()
+    assert result.up_bounds.max() < 0.02 + np.deg2rad(1.0) + 0.01  # a second at the noise, and steps of rotations
+
+
+def test_motion_between_samples_counts():
+    """An angular acceleration that the noise does not hold makes turns less sure; half of it over the longest step."""
+    log = lines_log()
+    sharp, _ = (turns_of(log, {"angular_acceleration_deg_per_s2": value}) for value in (0.0, 40.0))
+    wide = turns_of(log, {"angular_acceleration_deg_per_s2": 40.0})
+    spans = log.times - log.times[np.maximum(wide.anchors, 0)]
+    longest = 1.5 * float(np.median(np.diff(log.times)))
+    added = 0.5 * np.deg2rad(40.0) * longest * spans
+    np.testing.assert_allclose(wide.angles - sharp.angles, added, rtol=1e-6, atol=1e-12)
+
+
+def turns_of(log, changes, **more):
+    configuration = Configuration.model_validate(
+        with_accelerometer(
+            configured({"noise_deg_per_s": 1.0, "interval_rate": "mean_of_ends"} | changes), bound_deg=2.0
+        )
+    )
+    rows = guaranteed_run.direction_rows(log, configuration)
+    return guaranteed_run._turns(log, configuration, rows, None)
+
+
+def test_a_gyro_that_holds_its_rate_has_no_turns():
+    """Its rate is not on lines between samples, which is what a turn over many samples counts on."""
+    log = lines_log()
+    assert turns_of(log, {"interval_rate": "first_sample"}) is None
+
+
+# --- recordings -------------------------------------------------------------------------------------------------------
+
+
+def fields_with_a_magnet():
+    fields = made(field_late=0.012).fields.copy()
+    fields[4000:4400] *= 1.6
+    return fields
+
+
+@pytest.mark.parametrize("case", ["no magnetometer", "magnetometer void", "lost heading"])
+def test_up_is_known_in_every_row_of_a_recording(tmp_path, case):
+    changes, configuration = {}, ruled()
+    if case != "magnetometer void":
+        configuration = ruled(directions=ruled()["directions"][:1])
+    else:
+        changes["mag"] = fields_with_a_magnet()
+    left, lost = np.arange(4800), case == "lost heading"
+    if lost:
+        # Half a second is missing: the body may have turned by anything, and nothing says where north was.
+        left = np.delete(left, slice(3000, 3100))
+    whole = np.load(recording(tmp_path, **changes))
+    path = recording(tmp_path, **{name: whole[name][left] for name in whole})
+    (tmp_path / "config.toml").write_text(tomlkit.dumps(configuration))
+    parsed = Configuration.model_validate(configuration)
+    log = logs.read_log(path, parsed)
+    done = run("estimate", path, "--config", tmp_path / "config.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "tilt within" in done.output
+    assert "the heading: it counts from the first row" in done.output
+    result = tables.Result.read(tmp_path / "out" / "results.csv")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert len(result.times) == len(log.times)
+    no_attitude = np.isnan(result.quaternions[:, 0])
+    assert (no_attitude == (np.array(result.claims) == "none")).all()
+    assert no_attitude[3000:].all() == lost
+    known = np.isfinite(result.up_bounds)
+    assert (known == (np.array(result.up_claims) != "none")).all()
+    assert (np.isfinite(result.ups).all(axis=1) == known).all()
+    assert known.all()
+    assert summary["up_claim_share_of_rows"]["none"] == 0.0
+    assert set(result.up_claims) == {"unconditional"}
+    errors = angle_between(result.ups, log.true_attitudes[:, 2])
+    assert (errors <= result.up_bounds).all()
+    assert np.median(result.up_bounds) < np.deg2rad(20.0)
+    tilts = angle_between(result.attitudes[~no_attitude][:, 2], log.true_attitudes[~no_attitude][:, 2])
+    assert (tilts <= result.tilt_bounds[~no_attitude]).all()
+    assert np.isnan(result.tilt_bounds[no_attitude]).all()
+    assert np.isnan(result.headings[no_attitude]).all()
+    if no_attitude.any():
+        assert "up is known at 100 % of rows, unconditionally at 100 %" in done.output
+    assert set(CLAIMS) >= set(result.up_claims)
