@@ -91,26 +91,30 @@ template <typename Scalar>
   if (most + least < Scalar(0)) {
     return Status::empty_intersection;
   }
-  // The center, the vertical and the functions below are right to a few roundings of one.
+  // The center, the vertical and the functions below are right to a few roundings of one, and the heading as many over the cosine of
+  // half the tilt: next to a tilt of π it is lost.
+  const Scalar cosine_square = Scalar(1) - sine_square;
   const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
+  const Scalar slip_of_heading = slip / scalar::sqrt(cosine_square);
   const Scalar pi = scalar::pi<Scalar>();
-  const auto widened = [&](const Scalar& angle) {
-    const Scalar result = Scalar(2) * (angle + rounding::share<Scalar>(rounding::product) * scalar::abs(angle)) + slip;
+  const auto widened = [&pi](const Scalar& half_angle, const Scalar& slipped) {
+    const Scalar result =
+        Scalar(2) * (half_angle + rounding::share<Scalar>(rounding::product) * scalar::abs(half_angle)) + slipped;
     return result < pi ? result : pi;
   };
-  const auto half_heading = [&](const Scalar& tangent) {
+  const auto half_heading = [&pi](const Scalar& tangent) {
     return tangent < Scalar(1) / rounding::square<Scalar>() ? scalar::atan2(tangent, Scalar(1)) : Scalar(pi / 2);
   };
   AttitudeBounds<Scalar> result;
-  const Scalar cosine_square = Scalar(1) - sine_square;
-  result.tilt = widened(scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(cosine_square)));
-  result.heading_from = -widened(half_heading(least));
-  result.heading_to = widened(half_heading(most));
-  const Scalar cosine = scalar::cos(half_heading(most > least ? most : least));
-  const Scalar whole = cosine_square * cosine * cosine;
-  const Scalar sine = scalar::sin(half_heading(most > least ? most : least));
-  result.angle =
-      widened(scalar::atan2(scalar::sqrt(Scalar(sine_square + cosine_square * sine * sine)), scalar::sqrt(whole)));
+  result.tilt = widened(scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(cosine_square)), slip);
+  result.heading_from = -widened(half_heading(least), slip_of_heading);
+  result.heading_to = widened(half_heading(most), slip_of_heading);
+  const Scalar half = half_heading(most > least ? most : least);
+  const Scalar cosine = scalar::cos(half);
+  const Scalar sine = scalar::sin(half);
+  result.angle = widened(scalar::atan2(scalar::sqrt(Scalar(sine_square + cosine_square * sine * sine)),
+                                       scalar::sqrt(Scalar(cosine_square * cosine * cosine))),
+                         slip);
   bounds = result;
   return Status::ok;
 }

@@ -186,7 +186,7 @@ class QuotientSearch {
   /// Whether no more than about 1 % is left to gain.
   [[nodiscard]] bool is_close() const noexcept {
     const Scalar size = scalar::abs(x_[0]);
-    const Scalar least = scalar::constant<Scalar>(1e-6L);
+    const Scalar least = scalar::constant<Scalar>(1e-8L);
     return gap() < scalar::constant<Scalar>(0.01L) * (size > least ? size : least);
   }
 
