@@ -439,6 +439,22 @@ void use_guaranteed_body(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& bo
   }
 }
 
+/// Caps, and the filter of one direction.
+template <typename Scalar>
+void use_directions(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
+  const DirectionCap<Scalar> first{Vector3<Scalar>::UnitZ(), scalar::constant<Scalar>(0.2L)};
+  const DirectionCap<Scalar> second = turned(first, exp(seeds.zeta), seeds.step);
+  DirectionCap<Scalar> both;
+  tally.add(intersection(first, {first.center, scalar::constant<Scalar>(0.3L)}, both));
+  tally.add(validate(second));
+  DirectionFilter<Scalar> filter;
+  tally.add(DirectionFilter<Scalar>::make({}, filter));
+  DirectionUpdate update;
+  tally.add(filter.update(both, update));
+  tally.add(filter.predict_turn(seeds.zeta, seeds.step));
+  tally.add(filter.cap().center);
+}
+
 template <typename Scalar>
 void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   RigidBody<Scalar> body;
@@ -461,12 +477,17 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     Flow flow;
     tally.add(Flow::make(uncertainty, mode, flow));
     GuaranteedFilter<Flow> filter;
-    tally.add(GuaranteedFilter<Flow>::make(flow, {}, Scalar(0), filter));
+    typename GuaranteedFilter<Flow>::Settings settings;
+    settings.keeps_constraints = true;
+    tally.add(GuaranteedFilter<Flow>::make(flow, settings, Scalar(0), filter));
     tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), small}));
     tally.add(filter.predict(seeds.step, {seeds.rate, Scalar(-1)}));
     const MeasuredAttitude<Scalar> star{exp(seeds.zeta), small};
     GuaranteedUpdate<Scalar> update;
     tally.add(filter.update({nullptr, 0, nullptr, &star}, update));
+    AttitudeBounds<Scalar> bounds;
+    tally.add(filter.bounds(seeds.rate, bounds));
+    tally.add(bounds.angle + bounds.heading());
     tally.add(filter.predict(Scalar(2) * seeds.step, {seeds.rate, Scalar(-1)}));
     tally.add(filter.predict_turn(Scalar(3) * seeds.step, seeds.zeta, seeds.step));
     tally.add(filter.ellipsoid().shape);
@@ -494,6 +515,7 @@ template <typename Scalar>
   use_filters<Scalar, PaperEstimator>(seeds, tally);
   use_filters<Scalar, FirstOrderEstimator>(seeds, tally);
   use_guaranteed_fusion(seeds, tally);
+  use_directions(seeds, tally);
   use_guaranteed(seeds, tally);
   tally.add(message(tally.failures == 0 ? Status::ok : Status::out_of_range)[0] == 'o');
   return tally;
