@@ -65,7 +65,7 @@ struct Scene {
     for (std::size_t i = 0; i < directions.size(); ++i) {
       const Long3 seen = attitude.transpose() * directions[i].reference.cast<long double>().normalized();
       const Long3 body = directions[i].body.cast<long double>().normalized();
-      if (std::atan2(seen.cross(body).norm(), seen.dot(body)) > angles[i]) {
+      if (std::atan2(seen.cross(body).norm(), seen.dot(body)) > static_cast<long double>(angles[i])) {
         return false;
       }
     }
@@ -137,10 +137,10 @@ TEST_CASE("attitude bounds: no attitude is farther off, and some is nearly as fa
     REQUIRE(attitude_bounds(scene.set, scene.quadrics.data(), scene.quadrics.size(),
                             Vector3<double>(scene.vertical.cast<double>()), bounds) == Status::ok);
     const auto compare = [&](const auto& question, double bound) {
-      const long double found = farthest(random, scene, question);
-      worst = std::max(worst, static_cast<double>(found / bound));
-      total += static_cast<double>(bound / found);
-      largest = std::max(largest, static_cast<double>(bound / found));
+      const auto found = static_cast<double>(farthest(random, scene, question));
+      worst = std::max(worst, found / bound);
+      total += bound / found;
+      largest = std::max(largest, bound / found);
       ++count;
     };
     CAPTURE(trial);

@@ -49,7 +49,7 @@ TEST_CASE("direction cap: what two have in common is in the third, and reaches i
     const long double distance = angle_between(c1, c2);
     CAPTURE(trial);
     if (status == Status::empty_intersection) {
-      CHECK(distance > static_cast<long double>(first.angle) + second.angle);
+      CHECK(static_cast<double>(distance) > first.angle + second.angle);
       continue;
     }
     REQUIRE(status == Status::ok);
@@ -73,9 +73,9 @@ TEST_CASE("direction cap: what two have in common is in the third, and reaches i
       const Cap& from = k % 2 == 0 ? first : second;
       const double share = k % 3 == 0 ? 1.0 : random.uniform(0, 1);
       const Long3 x = at_angle(from.center.cast<long double>(), random.unit_vector<3>().cast<long double>(),
-                               static_cast<long double>(share) * from.angle);
+                               static_cast<long double>(share * from.angle));
       if (holds(first, x) && holds(second, x)) {
-        worst = std::max(worst, static_cast<double>(angle_between(both.center.cast<long double>(), x) / both.angle));
+        worst = std::max(worst, static_cast<double>(angle_between(both.center.cast<long double>(), x)) / both.angle);
       }
     }
   }
@@ -122,7 +122,7 @@ TEST_CASE("direction cap: a turn takes the direction along, an unknown turn wide
     const Long3 y =
         (trial % 2 == 0 ? Matrix3<double>(turn * more) : Matrix3<double>(more * turn)).transpose().cast<long double>() *
         x;
-    worst = std::max(worst, static_cast<double>(angle_between(after.center.cast<long double>(), y) / after.angle));
+    worst = std::max(worst, static_cast<double>(angle_between(after.center.cast<long double>(), y)) / after.angle);
   }
   CHECK(worst <= 1);
   CHECK(worst > 0.99);
