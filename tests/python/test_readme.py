@@ -34,13 +34,23 @@ def test_the_readme_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_guaranteed_program_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    claim, angle = printed(blocks(LIBRARY, "python", 2)[0], capsys)
+    claim, angle = printed(blocks(LIBRARY, "python", 4)[0], capsys)
     assert claim == "unconditional"
     assert 1 < angle < 5
 
 
+def test_the_programs_of_single_questions_run(capsys: pytest.CaptureFixture[str]) -> None:
+    programs = blocks(LIBRARY, "python", 4)
+    exec(compile(programs[1], "bounds", "exec"), {})
+    tilt, least, most = (float(one) for one in capsys.readouterr().out.strip("[]\n").split())
+    assert (tilt, least, most) == pytest.approx((2.0, -15.0, 15.0), rel=0.02)  # the cones alone
+    exec(compile(programs[2], "up", "exec"), {})
+    said = capsys.readouterr().out
+    assert said == "[-0.479  0.     0.878] 2.57 unconditional\n"  # -sin 0.5, cos 0.5; 2 degrees and 0.01 rad
+
+
 def test_the_first_order_program_of_the_library_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    inside, angle = printed(blocks(LIBRARY, "python", 2)[1], capsys)
+    inside, angle = printed(blocks(LIBRARY, "python", 4)[3], capsys)
     assert inside == "True"
     assert 0 < angle < 3
 

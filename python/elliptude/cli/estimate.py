@@ -156,7 +156,8 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
             typer.echo(f"  {up}half-widths about the reference axes {said} degrees (mean, {name.replace('_', ' ')})")
     if (of_up := summary["up_claim_share_of_rows"]) is not None and of_up["none"] < claims["none"]:
         known = 100.0 * (1.0 - of_up["none"])
-        typer.echo(f"  up is known at {known:.4g} % of rows, unconditionally at {100.0 * of_up['unconditional']:.4g} %")
+        surely = "" if recording else f", unconditionally at {100.0 * of_up['unconditional']:.4g} %"
+        typer.echo(f"  up is known at {known:.4g} % of rows{surely}")
 
 
 def _estimate_pieces(

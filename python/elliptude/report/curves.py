@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.report.figures import error_limit, log_ticks
+from elliptude.report.figures import HEADING_COLOUR, TILT_COLOUR, error_limit, log_ticks
 from elliptude.report.run import DroppedMeasurements, Run, Spell
-from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, TILT_COLOUR
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claims_of_up
 from elliptude.report.thinning import largest_of_each, pieces, prediction_shares, worst_claims
 from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
@@ -77,48 +77,44 @@ def plot_layout(**more: Any) -> dict[str, Any]:
 
 
 def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
-    time, known = _times(run, rows), run.known[rows]
+    time, known, headings = _times(run, rows), run.known[rows], run.heading_bounds
+
+    def curve(name: str, angles: FloatArray, there: NDArray[np.bool_], line: dict[str, Any]) -> dict[str, Any]:
+        degrees = np.where(there, np.rad2deg(angles[rows]), np.nan)
+        return {"type": "scatter", "mode": "lines", "name": name, "x": time, "y": _list(degrees), "line": line}
+
+    # Heading and tilt say more than the axes of the body do.
     traces = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": f"half-width about {axis}",
-            "x": time,
-            "y": _list(np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)),
-            "line": {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
-        }
-        for i, axis in enumerate("xyz")
-    ]
-    largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
-    traces.append(
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": "largest angle",
-            "x": time,
-            "y": _list(largest),
-            "line": {"width": 2},
-            "meta": "ink",
-        }
-    )
-    if run.tilt_bounds is not None:
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": "bound of the tilt",
-                "x": time,
-                "y": _list(np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)),
-                "line": {"color": TILT_COLOUR, "dash": "dot", "width": 1.5},
-            }
+        curve(
+            f"half-width about {axis}",
+            run.half_widths[:, i],
+            known,
+            {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
         )
-    scale = "log" if known.any() and (largest[known] > 0.0).all() else "linear"
+        for i, axis in enumerate("xyz" if headings is None else "")
+    ]
+    traces.append(curve("largest angle", run.largest_angles, known, {"width": 2}) | {"meta": "ink"})
+    if headings is not None:
+        line = {"color": HEADING_COLOUR, "dash": "dash", "width": 1.5}
+        traces.append(curve("bound of the heading", headings, known, line))
+    if run.tilt_bounds is not None:
+        line = {"color": TILT_COLOUR, "dash": "dot" if headings is None else "solid", "width": 1.5}
+        traces.append(curve("bound of the tilt", run.tilt_bounds, known, line))
+    alone = run.up_alone[rows]
+    if run.up_bounds is not None and alone.any():
+        traces.append(curve("up alone", run.up_bounds, alone, {"color": TILT_COLOUR, "dash": "dot", "width": 2}))
+    drawn = np.array([value for trace in traces for value in trace["y"] if value is not None], dtype=np.float64)
+    scale = "log" if len(drawn) and (run.largest_angles[rows][known] > 0.0).all() else "linear"
     axis: dict[str, Any] = {"title": {"text": "angle (deg)"}, "type": scale}
     if scale == "log":
-        drawn = [run.half_widths[rows].ravel(), run.largest_angles[rows]]
-        drawn += [] if run.tilt_bounds is None else [run.tilt_bounds[rows]]
-        angles = np.rad2deg(np.concatenate(drawn))
-        ticks = log_ticks(float(angles[angles > 0.0].min()), float(np.nanmax(angles)))
+        low, high = float(drawn[drawn > 0.0].min()), float(drawn.max())
+        if headings is not None:
+            # A heading that counts from the first row begins at nearly nothing, which would flatten all else.
+            others = [run.largest_angles, run.tilt_bounds, run.up_bounds]
+            angles = np.concatenate([np.rad2deg(one[rows]) for one in others if one is not None])
+            low = 0.2 * float(angles[angles > 0.0].min())
+            axis["range"] = [float(np.log10(low)), float(np.log10(1.3 * high))]
+        ticks = log_ticks(low, high)
         axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
     layout = plot_layout(xaxis=_time_axis(run), yaxis=axis)
     if run.listed is not None and len(run.listed.times):
@@ -277,6 +273,8 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
 
     if run.claims is not None:
         bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+    if (of_up := claims_of_up(run)) is not None:
+        bars("claim of up", worst_claims(of_up, some), CLAIM_COLOURS, "claim of up: {}")
     if run.prediction_used is not None:
         shares = prediction_shares(run.prediction_used, some)
         bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}")

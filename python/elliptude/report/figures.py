@@ -19,6 +19,7 @@ from elliptude.typing import FloatArray
 
 # Okabe and Ito's colours, which the colour-blind can distinguish.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
+HEADING_COLOUR, TILT_COLOUR = "#009E73", "#CC79A7"
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
 _AXES = "xyz"
@@ -113,13 +114,19 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     assert first is not None
     if len(time) > 1:  # also where nothing is known
         first.set_xlim(float(time[0]), float(time[-1]))
-    handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+    entries = dict(zip(*reversed(first.get_legend_handles_labels()), strict=True))
+    if result.headings is not None:
+        of_size = dict(zip(*reversed(size.get_legend_handles_labels()), strict=True))
+        entries |= {label: handle for label, handle in of_size.items() if label not in (*entries, "error")}
+    columns_of_legend = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=columns_of_legend, frameon=False
+    )
     return figure
 
 
 def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
-    """The largest angle in the set, and the error."""
+    """The largest angle in the set, the error, and bounds of heading and tilt."""
     time, errors = result.times, result.errors
     axes.plot(
         time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
@@ -128,10 +135,34 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
         axes.plot(
             time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
         )
-    what = "largest angle (blue), and the error" if errors is not None else "largest angle"
-    axes.set_title(f"size of the set: {what}", fontsize=9.5)
     axes.set_ylabel("angle (deg)")
     plain_log_axis(axes)
+    if result.headings is None or result.tilt_bounds is None:
+        what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+        axes.set_title(f"size of the set: {what}", fontsize=9.5)
+        return
+    heading = np.rad2deg(np.abs(result.headings).max(axis=1))
+    axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label="bound of the heading", **marks)
+    axes.plot(
+        time, np.rad2deg(result.tilt_bounds), color=TILT_COLOUR, linewidth=1.1, label="bound of the tilt", **marks
+    )
+    if result.up_bounds is not None:
+        alone = np.where(np.isnan(result.tilt_bounds), np.rad2deg(result.up_bounds), np.nan)
+        if np.isfinite(alone).any():
+            axes.plot(time, alone, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone", **marks)
+    axes.set_title("how far the attitude may be off", fontsize=9.5)
+    begin_above(axes, "bound of the heading")
+
+
+def begin_above(axes: Axes, name: str) -> None:
+    """Begin a log axis at the smallest value of all curves but the one with this name.
+
+    A heading that counts from the first row begins at nearly nothing, which would flatten all else.
+    """
+    others = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.lines if line.get_label() != name]
+    smallest = min((values[values > 0.0].min() for values in others if (values > 0.0).any()), default=0.0)
+    if smallest > axes.get_ylim()[0]:
+        axes.set_ylim(bottom=0.2 * float(smallest))
 
 
 def about_line_figure(

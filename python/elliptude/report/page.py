@@ -81,6 +81,11 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         summary["left_out_from_beginning_to_end"] = list(run.void)
     if run.tilt_bounds is not None:
         summary["tilt_bound_deg"] = _spread(np.rad2deg(run.tilt_bounds[known]))
+    if run.heading_bounds is not None:
+        summary["heading_bound_deg"] = _spread(np.rad2deg(run.heading_bounds[known]))
+    if run.up_bounds is not None:
+        summary["up_bound_deg"] = _spread(np.rad2deg(run.up_bounds))
+        summary["rows_with_up_alone"] = int(run.up_alone.sum())
     if run.prediction_used is not None:
         summary["prediction_used_rows"] = int((run.prediction_used[known] == 1.0).sum())
     if compared.any():
@@ -148,7 +153,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
-        "size_note": "The tilt is the angle between estimated and true up. " if run.tilt_bounds is not None else "",
+        "size_heading": "Size of the set" if run.headings is None else "How far the attitude may be off",
+        "size_note": _size_note(run),
         "dropped": _spell_table(spells),
         "each_hidden": "hidden" if each is None else "",
         "footnote": _footnote(run, len(rows), len(shown)),
@@ -189,6 +195,20 @@ def _text(name: str) -> str:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
+def _size_note(run: Run) -> str:
+    """What the curves of the set's size are."""
+    note = "The largest angle is that of all attitudes in the set. "
+    if run.headings is None:
+        note = "The half-widths are how far the attitude error may reach about each body axis. " + note
+    else:
+        note += "The heading is the turn about the vertical that is left when the tilt is taken away. "
+    if run.tilt_bounds is not None:
+        note += "The tilt is the angle between estimated and true up. "
+    if run.up_alone.any():
+        note += "Where no attitude is known, up alone is drawn: how far true up may be from where it is said to be. "
+    return note
+
+
 def _summary_table(summary: dict[str, Any]) -> str:
     cells = [(escape(name), escape(text)) for name, text in _lines_of_the_run(summary)]
     for one in reversed(summary.get("implausible", [])):
@@ -226,6 +246,12 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
     lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in summary["half_width_deg"].items()]
     if "tilt_bound_deg" in summary:
         lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
+    if "heading_bound_deg" in summary:
+        lines.append(("bound of the heading", _degrees(summary["heading_bound_deg"])))
+    if summary.get("rows_with_up_alone"):
+        number = summary["rows_with_up_alone"]
+        lines.append(("up alone", f"{number} rows without an attitude; up is known there all the same"))
+        lines.append(("bound of up, all rows", _degrees(summary["up_bound_deg"])))
     if "prediction_used_rows" in summary and summary["rows_with_a_set"]:
         number = summary["prediction_used_rows"]
         share = _share(number, summary["rows_with_a_set"])
@@ -322,7 +348,8 @@ def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
 
 def _strip_key(run: Run) -> str:
     """What the colours of the strip mean; only for claims that occur."""
-    colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in (run.claims or ())}
+    said = {*(run.claims or ()), *(run.up_claims or ())}
+    colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in said}
     entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
     if run.prediction_used is not None:
         entries += [(f"prediction used: {where}", colour) for where, colour in PREDICTION_COLOURS.items()]

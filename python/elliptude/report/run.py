@@ -8,8 +8,8 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
     The sensors whose measurements were left out as contradictory, with a space between their names.
 ``chart``
     ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
-``prediction_used``, ``tilt_bound``
-    Whether the prediction went into the row's set; how far the estimated up may be off.
+``prediction_used``, ``tilt_bound``, ``heading_from``, ``heading_to``, ``up_bound``, ``up_claim``
+    Whether the prediction went into the row's set; how far up and heading of the estimate may be off, and up alone.
 
 In the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
@@ -32,6 +32,7 @@ from elliptude.io.tables import (
     ATTITUDE_ERRORS,
     ATTITUDE_HALF_WIDTHS,
     ATTITUDE_SHAPE,
+    HEADINGS,
     QUATERNION,
     attitudes_from_quaternions,
     column_names,
@@ -133,6 +134,12 @@ class Run:
     """1 where the prediction went into the set, 0 where it did not, shape (N,); None if the table does not say."""
     tilt_bounds: FloatArray | None = None
     """Bound of the angle between estimated and true up, rad, shape (N,); None if the table does not say."""
+    headings: FloatArray | None = None
+    """The turn about the vertical from the estimate to the truth, at least and at most, rad, shape (N, 2)."""
+    up_bounds: FloatArray | None = None
+    """How far up may be off, rad, shape (N,); also where no attitude is known."""
+    up_claims: tuple[str, ...] | None = None
+    """What that rests on, in the words of ``claims``."""
     listed: DroppedMeasurements | None = None
     """Every measurement that was left out by itself; None without a list."""
     void: tuple[str, ...] = ()
@@ -152,6 +159,18 @@ class Run:
     def known(self) -> NDArray[np.bool_]:
         """Rows with an attitude and a set, shape (N,)."""
         return np.asarray(np.isfinite(self.quaternions[:, 0]) & np.isfinite(self.largest_angles))
+
+    @property
+    def heading_bounds(self) -> FloatArray | None:
+        """How far the heading may be off to either side, rad, shape (N,); None if the table does not say."""
+        return None if self.headings is None else np.abs(self.headings).max(axis=1)
+
+    @property
+    def up_alone(self) -> NDArray[np.bool_]:
+        """Rows in which up is known, and no attitude, shape (N,)."""
+        if self.up_bounds is None:
+            return np.zeros(len(self.times), dtype=bool)
+        return np.asarray(np.isfinite(self.up_bounds) & ~self.known)
 
     @property
     def attitudes(self) -> FloatArray:
@@ -310,13 +329,15 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     """
     table = _table_of(Path(result))
     names = column_names(table, "results")
-    texts = [name for name in ("claim", "dropped", "chart") if name in names]
+    texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
-    further = [name for name in ("form", "prediction_used", "tilt_bound") if name in names]
+    further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
+    with_headings = HEADINGS[0] in names
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
+        + [HEADINGS] * with_headings
         + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
@@ -324,8 +345,9 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     def words(name: str) -> tuple[str, ...] | None:
         return tuple(str(text or "") for text in columns[name]) if name in columns else None
 
-    claims, charts = words("claim"), words("chart")
-    for name, found, allowed in (("claim", claims, CLAIMS), ("chart", charts, get_args(Chart))):
+    claims, charts, up_claims = words("claim"), words("chart"), words("up_claim")
+    allowed_words = (("claim", claims, CLAIMS), ("chart", charts, get_args(Chart)), ("up_claim", up_claims, CLAIMS))
+    for name, found, allowed in allowed_words:
         for row, word in enumerate(found or ()):
             if word and word not in allowed:
                 raise FileError(
@@ -351,6 +373,9 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         reference_error=math.radians(summary.truth_error_deg),
         prediction_used=columns.get("prediction_used"),
         tilt_bounds=columns.get("tilt_bound"),
+        headings=stacked(columns, HEADINGS) if with_headings else None,
+        up_bounds=columns.get("up_bound"),
+        up_claims=up_claims,
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
         void=summary.void,
         heading_from_start=summary.heading_from_start,

@@ -4,7 +4,7 @@ Where nothing is known, the curves have gaps. A strip below them shows what the 
 it left out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -18,7 +18,18 @@ from numpy.typing import NDArray
 from elliptude.monitoring import Monitored
 from elliptude.monitoring.monitor import QUESTIONS
 from elliptude.report.body_axes import axis_patches
-from elliptude.report.figures import BLACK, BLUE, GREY, ORANGE, error_limit, new_figure, plain_log_axis
+from elliptude.report.figures import (
+    BLACK,
+    BLUE,
+    GREY,
+    HEADING_COLOUR,
+    ORANGE,
+    TILT_COLOUR,
+    begin_above,
+    error_limit,
+    new_figure,
+    plain_log_axis,
+)
 from elliptude.report.run import Run
 from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, worst_claims
 from elliptude.results import CLAIMS
@@ -30,7 +41,6 @@ AXIS_LINES = ("-", "--", "-.")
 CLAIM_COLOURS = {"unconditional": "#56B4E9", "conditional": "#E69F00", "none": "#BBBBBB"}
 PREDICTION_COLOURS = {"every row": "#5E3C99", "some rows": "#B2ABD2"}
 """Colours of the words that `elliptude.report.thinning.prediction_shares` returns."""
-TILT_COLOUR = "#CC79A7"
 
 _MOST_PIECES = 1000
 _MOST_STRIP_PIECES = 400
@@ -94,7 +104,9 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
 
 
 def size_figure(run: Run, title: str) -> Figure:
-    """The largest angle in the set, and its half-widths along the body axes, on a log scale.
+    """The largest angle in the set, and bounds of heading and tilt, on a log scale.
+
+    Without bounds of the heading, its half-widths along the body axes instead.
 
     Parameters
     ----------
@@ -108,7 +120,8 @@ def size_figure(run: Run, title: str) -> Figure:
     rows = chosen_rows(run, _MOST_PIECES)
     figure, (panel,), strip = _over_time(run, title, 1, 4.6)
     known = run.known[rows]
-    for i in range(3):
+    headings = run.heading_bounds
+    for i in range(3 if headings is None else 0):
         widths = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
         panel.plot(
             run.times[rows],
@@ -120,13 +133,25 @@ def size_figure(run: Run, title: str) -> Figure:
         )
     largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
     panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label="largest angle")
+    if headings is not None:
+        heading = np.where(known, np.rad2deg(headings[rows]), np.nan)
+        panel.plot(
+            run.times[rows], heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label="bound of the heading"
+        )
     if run.tilt_bounds is not None:
         tilt = np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)
-        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=":", label="bound of the tilt")
-    panel.set_title("size of the set of attitudes", fontsize=9.5)
+        style = ":" if headings is None else "-"
+        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=style, label="bound of the tilt")
+    alone = run.up_alone[rows]
+    if run.up_bounds is not None and alone.any():
+        up = np.where(alone, np.rad2deg(run.up_bounds[rows]), np.nan)
+        panel.plot(run.times[rows], up, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone")
+    panel.set_title("how far the attitude may be off" if headings is not None else "size of the set of attitudes")
+    panel.title.set_fontsize(9.5)
     panel.set_ylabel("angle (deg)")
-    if known.any() and (largest[known] > 0.0).all():
+    if (known.any() and (largest[known] > 0.0).all()) or (alone.any() and not known.any()):
         plain_log_axis(panel)
+        begin_above(panel, "bound of the heading")
     _finish(figure, run, strip, *panel.get_legend_handles_labels())
     return figure
 
@@ -294,8 +319,14 @@ def _lanes(run: Run) -> int:
 
 def _lane_names(run: Run) -> list[str]:
     """Names of the strip's lanes, from top to bottom."""
-    said = [("claim", run.claims is not None), ("prediction used", run.prediction_used is not None)]
+    said = [("claim", run.claims is not None), ("claim of up", claims_of_up(run) is not None)]
+    said.append(("prediction used", run.prediction_used is not None))
     return [name for name, is_said in said if is_said] + [f"{name} left out" for name in _names(run)]
+
+
+def claims_of_up(run: Run) -> tuple[str, ...] | None:
+    """What is claimed of up in each row; None if the claim of the attitude says it all."""
+    return run.up_claims if run.up_claims != run.claims else None
 
 
 def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
@@ -306,19 +337,27 @@ def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Arti
         some = pieces(len(run.times), _MOST_STRIP_PIECES)
         edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
 
-        def bars(lane: int, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+        def bars(
+            lane: int, words: Sequence[str], colours: Mapping[str, str], legend: str, explained: Set[str] = frozenset()
+        ) -> None:
             for kind, colour in colours.items():
                 spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == kind]
                 if spans:
                     strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, linewidth=0)
+                if spans and kind not in explained:
                     handles.append(Patch(facecolor=colour))
                     labels.append(legend.format(kind))
 
-        if run.claims is not None:
-            bars(0, worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+        claimed = {"claim": run.claims, "claim of up": claims_of_up(run)}
+        shown: set[str] = set()
+        for claimed_name, claims in claimed.items():
+            if claims is not None:
+                words = worst_claims(claims, some)
+                bars(lanes.index(claimed_name), words, CLAIM_COLOURS, "claim: {}", shown)
+                shown |= set(words)
         if run.prediction_used is not None:
             shares = prediction_shares(run.prediction_used, some)
-            bars(int(run.claims is not None), shares, PREDICTION_COLOURS, "prediction used: {}")
+            bars(lanes.index("prediction used"), shares, PREDICTION_COLOURS, "prediction used: {}")
         times: dict[str, list[float]] = {name: [] for name in names}
         for refusal in run.refusals():
             for name in refusal.sensors.split():

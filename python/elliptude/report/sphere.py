@@ -65,6 +65,8 @@ def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
 def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
     parts = [f"{time_text(run, row)} s"]
     if not run.known[row]:
+        if run.up_bounds is not None and np.isfinite(run.up_bounds[row]):
+            return f"{parts[0]}: no attitude is known, up within {np.rad2deg(run.up_bounds[row]):.3g}°"
         return f"{parts[0]}: nothing is known"
     parts.append(f"within {np.rad2deg(run.largest_angles[row]):.3g}°")
     if not is_drawn:

@@ -144,7 +144,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     Returns
     -------
     (K,) array
-        Increasing, K at most 9 times ``most``.
+        Increasing, K at most 11 times ``most``.
     """
     count = len(run.times)
     if count <= most:
@@ -154,7 +154,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.abs(run.errors) / run.half_widths
     scores = [run.largest_angles, -run.largest_angles, *ratios.T]
-    scores += [score for score in (run.forms, run.tilt_bounds) if score is not None]
+    scores += [score for score in (run.forms, run.tilt_bounds, run.heading_bounds, run.up_bounds) if score is not None]
     scores = [np.where(np.isnan(score), -np.inf, score) for score in scores]
     some, is_gap = pieces(count, most), ~run.known
     bins = np.arange(count) // some[0].stop

@@ -197,6 +197,39 @@ def test_what_the_guaranteed_mode_says_more(tmp_path):
         plotly.Figure(plot)
 
 
+def test_heading_and_up_alone(tmp_path):
+    """Bounds of heading and tilt in place of the axes of the body; up where there is no attitude."""
+    columns = write_guaranteed(tmp_path / "hand")
+    heading = np.linspace(0.2, 0.3, 50)
+    columns |= {"heading_from": -heading, "heading_to": 0.5 * heading, "up_bound": np.full(50, 0.04)}
+    columns["up_claim"] = ["unconditional"] * 50
+    columns["claim"] = ["conditional"] * 40 + ["none"] * 10
+    lost = np.arange(50) >= 40
+    for name in ("qw", "qx", "qy", "qz", "largest_angle", "heading_from", "heading_to", "tilt_bound"):
+        columns[name] = np.where(lost, np.nan, columns[name])
+    write(tmp_path / "hand", columns)
+    pictures = tmp_path / "pictures"
+    done = run_cli(tmp_path / "hand", "--out", tmp_path / "report.html", "--pictures", pictures, "--json")
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    assert summary["rows_with_up_alone"] == 10
+    assert summary["heading_bound_deg"]["largest"] == pytest.approx(np.rad2deg(heading[39]))
+    assert summary["up_bound_deg"]["mean"] == pytest.approx(np.rad2deg(0.04))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "10 rows without an attitude; up is known there all the same" in page
+    assert "claim: unconditional" in page
+    data = data_of(page)
+    size = {trace["name"]: trace["y"] for trace in data["plots"]["size"]["data"]}
+    assert not any(name.startswith("half-width") for name in size)
+    np.testing.assert_allclose(size["bound of the heading"][:40], np.rad2deg(heading[:40]), rtol=1e-5)
+    assert size["bound of the heading"][40:] == size["bound of the tilt"][40:] == [None] * 10
+    assert size["up alone"][:40] == [None] * 40
+    np.testing.assert_allclose(size["up alone"][40:], np.rad2deg(0.04), rtol=1e-5)
+    lanes = {trace["name"] for trace in data["plots"]["strip"]["data"]}
+    assert {"claim: none", "claim: conditional", "claim of up: unconditional"} <= lanes
+    assert any("no attitude is known, up within 2.29°" in label for label in data["frames"]["labels"])
+
+
 def test_of_very_many_dropped_measurements_the_farthest_off_are_listed(monkeypatch):
     monkeypatch.setattr(report, "EACH_LISTED", 3)
     listed = DroppedMeasurements(
