@@ -48,6 +48,9 @@ def run_of(result: Result, *, heading_from_start: bool, bounds_from_recording: s
         claims=None if result.claims is None else tuple(result.claims),
         chart=result.chart,
         tilt_bounds=result.tilt_bounds,
+        ups=result.ups,
+        up_bounds=result.up_bounds,
+        up_claims=None if result.up_claims is None else tuple(result.up_claims),
         heading_from_start=heading_from_start,
         bounds_from_recording=bounds_from_recording,
     )
@@ -109,7 +112,10 @@ def judge(
 
 
 def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:
-    """Where true up is by the column ``tilt_bound``: about the up of the centers."""
+    """Where true up is by the table, also where no attitude is known; by ``tilt_bound`` if it has no columns of up."""
+    if run.ups is not None and run.up_bounds is not None and run.up_claims is not None:
+        of_up = np.array([_CLAIM_INDEX[word or "none"] for word in run.up_claims], dtype=np.uint8)
+        return UpCaps(run.ups, run.up_bounds, of_up)
     if run.tilt_bounds is None:
         return None
     known = np.isfinite(run.quaternions[:, 0])

@@ -34,6 +34,7 @@ from elliptude.io.tables import (
     ATTITUDE_SHAPE,
     HEADINGS,
     QUATERNION,
+    UP,
     attitudes_from_quaternions,
     column_names,
     read_columns,
@@ -136,6 +137,8 @@ class Run:
     """Bound of the angle between estimated and true up, rad, shape (N,); None if the table does not say."""
     headings: FloatArray | None = None
     """The turn about the vertical from the estimate to the truth, at least and at most, rad, shape (N, 2)."""
+    ups: FloatArray | None = None
+    """Up as well as it is known, unit vectors, body axes, shape (N, 3); also where no attitude is known."""
     up_bounds: FloatArray | None = None
     """How far up may be off, rad, shape (N,); also where no attitude is known."""
     up_claims: tuple[str, ...] | None = None
@@ -332,12 +335,13 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
-    with_headings = HEADINGS[0] in names
+    with_headings, with_up = HEADINGS[0] in names, UP[0] in names
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
         + [HEADINGS] * with_headings
+        + [UP] * with_up
         + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
@@ -374,6 +378,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         prediction_used=columns.get("prediction_used"),
         tilt_bounds=columns.get("tilt_bound"),
         headings=stacked(columns, HEADINGS) if with_headings else None,
+        ups=stacked(columns, UP) if with_up else None,
         up_bounds=columns.get("up_bound"),
         up_claims=up_claims,
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
