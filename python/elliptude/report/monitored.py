@@ -113,16 +113,16 @@ def judge(
 
 def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:
     """Where true up is by the table, also where no attitude is known; by ``tilt_bound`` if it has no columns of up."""
-    if run.ups is not None and run.up_bounds is not None and run.up_claims is not None:
-        of_up = np.array([_CLAIM_INDEX[word or "none"] for word in run.up_claims], dtype=np.uint8)
-        return UpCaps(run.ups, run.up_bounds, of_up)
-    if run.tilt_bounds is None:
-        return None
     known = np.isfinite(run.quaternions[:, 0])
     directions = np.full((len(known), 3), np.nan)
     if known.any():
         directions[known] = Rotation.from_quat(run.quaternions[known], scalar_first=True).inv().apply(_VERTICAL)
-    return UpCaps(directions, run.tilt_bounds, claims)
+    if run.ups is not None and run.up_bounds is not None and run.up_claims is not None and known.any():
+        # The third axis is up or down, as the estimates show.
+        upward = np.sign(np.nansum(np.einsum("ni,ni->n", run.ups, directions)))
+        of_up = np.array([_CLAIM_INDEX[word or "none"] for word in run.up_claims], dtype=np.uint8)
+        return UpCaps(upward * run.ups, run.up_bounds, of_up)
+    return None if run.tilt_bounds is None else UpCaps(directions, run.tilt_bounds, claims)
 
 
 def columns(monitored: Monitored) -> dict[str, Column]:
