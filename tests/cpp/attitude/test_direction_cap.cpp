@@ -107,6 +107,29 @@ TEST_CASE("direction cap: one inside the other, disjoint ones, ones that say not
   CHECK(intersection<double>({up, 0.9}, {far, 1.11}, both) == Status::ok);
 }
 
+TEST_CASE("direction cap: nearly opposite centers, caps that nearly touch") {
+  Random random(1821);
+  double worst = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const Long3 c1 = random.unit_vector<3>().cast<long double>().normalized();
+    const long double apart = trial % 2 == 0 ? 3.14159265358979323846L - random.log_uniform(1e-12, 0.1)
+                                             : static_cast<long double>(random.uniform(0.1, 3.1));
+    const Vector3<double> first = c1.cast<double>().normalized();
+    const Vector3<double> second = at_angle(c1, random.unit_vector<3>().cast<long double>(), apart).cast<double>();
+    const Long3 truth = random.unit_vector<3>().cast<long double>().normalized();
+    const auto reach = [&truth](const Vector3<double>& center) {
+      return static_cast<double>(angle_between(center.cast<long double>().normalized(), truth)) * (1 + 1e-14) + 1e-14;
+    };
+    const Cap one{first, reach(first)};
+    const Cap two{second.normalized(), reach(second)};
+    Cap both{};
+    CAPTURE(trial);
+    REQUIRE(intersection(one, two, both) == Status::ok);
+    worst = std::max(worst, static_cast<double>(angle_between(both.center.cast<long double>(), truth)) / both.angle);
+  }
+  CHECK(worst <= 1);
+}
+
 TEST_CASE("direction cap: a turn takes the direction along, an unknown turn widens the cap by its angle") {
   Random random(20);
   double worst = 0;

@@ -128,6 +128,22 @@ TEST_CASE("direction filter: a wrong start is got over within twice regain_after
   }
 }
 
+TEST_CASE("direction filter: a measurement that says nothing agrees with nothing") {
+  for (const Policy policy : {Policy::drop_measurement, Policy::restart}) {
+    Filter filter = filter_of(policy);
+    DirectionUpdate update;
+    REQUIRE(filter.update({Vector3<double>::UnitX(), 1e-3}, update) == Status::ok);
+    REQUIRE(filter.update({Vector3<double>::UnitZ(), 1e-3}, update) == Status::ok);
+    CHECK(update.contradicts);
+    for (int k = 0; k < 20; ++k) {
+      const double angle = k % 2 == 0 ? std::numeric_limits<double>::infinity() : scalar::pi<double>();
+      REQUIRE(filter.update({Vector3<double>::UnitZ(), angle}, update) == Status::ok);
+      CHECK(update.claim == Claim::conditional);
+      CHECK(filter.claim() == Claim::conditional);
+    }
+  }
+}
+
 TEST_CASE("direction filter: a turn that may be any forgets the direction, and bad input changes nothing") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();

@@ -52,9 +52,14 @@ template <typename Scalar>
   Matrix<Scalar, 4> all = Matrix<Scalar, 4>::Zero();
   all(0, 0) = Scalar(1);
   all.diagonal().template tail<3>().setConstant(quarter);
+  // A sum of squares along two axes: I − nnᵀ would lose what is small beside its ones, and with it thin sets.
+  int least = 0;
+  direction.cwiseAbs().minCoeff(&least);
+  const Vector3<Scalar> first = direction.cross(Vector3<Scalar>::Unit(least)).normalized();
+  const Vector3<Scalar> second = direction.cross(first);
   Matrix<Scalar, 4> across = Matrix<Scalar, 4>::Zero();
   across.template bottomRightCorner<3, 3>() =
-      quarter * (Matrix3<Scalar>::Identity() - direction.lazyProduct(direction.transpose()));
+      quarter * (first.lazyProduct(first.transpose()) + second.lazyProduct(second.transpose()));
   const Status status = largest_quotient(set, quadrics, count, across, all, largest);
   if (status != Status::ok && status != Status::unbounded) {
     return status;
@@ -88,14 +93,15 @@ template <typename Scalar>
       status != Status::ok) {
     return status;
   }
-  if (most + least < Scalar(0)) {
+  if (!(most + least >= Scalar(0))) {
     return Status::empty_intersection;
   }
   // The center, the vertical and the functions below are right to a few roundings of one, and the heading as many over the cosine of
   // half the tilt: next to a tilt of π it is lost.
   const Scalar cosine_square = Scalar(1) - sine_square;
   const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
-  const Scalar slip_of_heading = slip / scalar::sqrt(cosine_square);
+  const Scalar slip_of_heading =
+      rounding::share<Scalar>(rounding::center + 2 * rounding::direction) / scalar::sqrt(cosine_square);
   const Scalar pi = scalar::pi<Scalar>();
   const auto widened = [&pi](const Scalar& half_angle, const Scalar& slipped) {
     const Scalar result =

@@ -68,7 +68,13 @@ template <typename Scalar>
   Scalar beta = weights > Scalar(0) ? Scalar(weight / weights) : Scalar(0);  // of the larger cap
   beta = beta > Scalar(0) ? (beta < Scalar(1) ? beta : Scalar(1)) : Scalar(0);
   const Scalar product = beta * (Scalar(1) - beta);
-  const Scalar norm = scalar::sqrt(Scalar(Scalar(1) - product * distance));
+  // 1 − αβD² would cancel for centers that are nearly opposite.
+  const Vector3<Scalar> w = (Scalar(1) - beta) * smaller.center + beta * larger.center;
+  const Scalar norm = scalar::length(w);
+  if (!(norm > Scalar(0))) {
+    result = smaller;
+    return Status::ok;
+  }
   const Scalar gain = Scalar(2) * product * distance / (Scalar(1) + norm);
   const Scalar sum = (Scalar(1) - beta) * v1 + beta * v2;
   // The centers are unit vectors to a few roundings: D² errs by as many times D.
@@ -86,7 +92,6 @@ template <typename Scalar>
   const Scalar covered =
       angle * (Scalar(1) + rounding::share<Scalar>(rounding::product)) + rounding::share<Scalar>(rounding::direction);
   if (covered < smaller.angle) {
-    const Vector3<Scalar> w = (Scalar(1) - beta) * smaller.center + beta * larger.center;
     result = {scalar::unit(w), covered};
   } else {
     result = smaller;

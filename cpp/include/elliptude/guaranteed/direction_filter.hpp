@@ -80,14 +80,20 @@ class DirectionFilter {
     return Status::ok;
   }
 
-  /// The direction was measured.
+  /// The direction was measured. An angle from π on says nothing, and counts for nothing.
   /// \return the status of `validate`; `empty_intersection` under `Policy::raise`.
   [[nodiscard]] Status update(const DirectionCap<Scalar>& measured, DirectionUpdate& update) noexcept {
     if (const Status status = validate(measured); status != Status::ok) {
       return status;
     }
-    const DirectionCap<Scalar> seen{scalar::unit(measured.center), measured.angle};
     DirectionUpdate result;
+    if (!(measured.angle < scalar::pi<Scalar>())) {  // which measures nothing, and agrees with nothing
+      result.claim = claim();
+      result.prediction_used = knows_direction();
+      update = result;
+      return Status::ok;
+    }
+    const DirectionCap<Scalar> seen{scalar::unit(measured.center), measured.angle};
     DirectionCap<Scalar> next = seen;
     if (knows_direction()) {
       result.contradicts = intersection(cap_, seen, next) != Status::ok;
@@ -107,9 +113,7 @@ class DirectionFilter {
       result.dropped = false;
       result.prediction_used = false;
     }
-    if (next.angle < scalar::pi<Scalar>()) {
-      cap_ = next;
-    }
+    cap_ = next;
     result.claim = claim();
     update = result;
     return Status::ok;

@@ -161,7 +161,8 @@ class GuaranteedFilter {
     const Ellipsoid<Scalar, 3> set = detail::attitude_of(known_.set);
     const Status status = attitude_bounds(set, constraints_.quadrics.data(), constraints_.count, body, result);
     // Constraints that nothing satisfies, though fusion found no contradiction: no more than the set is claimed then.
-    return status == Status::ok ? status : attitude_bounds(set, constraints_.quadrics.data(), 0, body, result);
+    return status == Status::empty_intersection ? attitude_bounds(set, constraints_.quadrics.data(), 0, body, result)
+                                                : status;
   }
 
   /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.

@@ -79,7 +79,11 @@ class QuotientSearch {
     if (!least_for_multipliers(least)) {
       return Status::unbounded;
     }
-    s = least * scale;
+    least *= scale;
+    if (!scalar::isfinite(least)) {
+      return Status::unbounded;
+    }
+    s = least;
     return Status::ok;
   }
 
