@@ -17,6 +17,7 @@ def time_offset_angles(
     offset: float,
     *,
     gyro: GyroBounds | None = None,
+    bias_known: float | None = None,
     angular_acceleration: float = 0.0,
 ) -> FloatArray:
     """How far a direction in body axes may turn between the time on the stamp and the true one, (18.8).
@@ -31,6 +32,8 @@ def time_offset_angles(
         Bound τ of the difference between stamp and true time, s.
     gyro : GyroBounds, optional
         Error bounds of the measured rates; exact if left out. In gaps the rate is at most its largest one.
+    bias_known : float, optional
+        When the gyro's bias was known, s, from where on it drifts; at the first row if left out.
     angular_acceleration : float
         Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
 
@@ -50,7 +53,8 @@ def time_offset_angles(
     # Between rows: at most the larger of both, but in a gap.
     fastest = np.zeros_like(stamps)
     if gyro is not None:
-        speeds = speeds + gyro.rate_error(speeds)
+        since = stamps - (stamps[0] if bias_known is None else bias_known)
+        speeds = speeds + gyro.rate_error(speeds, np.abs(since) + offset)
         fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
         if np.isfinite(gyro.largest_rate):
             speeds[np.isnan(speeds)] = gyro.largest_rate

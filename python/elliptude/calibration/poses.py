@@ -43,6 +43,7 @@ def pose_of(
     gyro: GyroBounds,
     axes_error: float,
     mean_disturbance: float,
+    bias_known: float,
 ) -> Pose:
     """The pose of a window; the frame is that of its middle.
 
@@ -61,6 +62,8 @@ def pose_of(
     axes_error : float
         How far the sensor's axes may be turned against the gyro's, 2 sin(ψ/2).
     mean_disturbance : float
+    bias_known : float
+        When the gyro's bias was known, s, from where on it drifts.
     """
     steps = np.diff(times)
     weights = np.zeros(len(times))
@@ -72,7 +75,7 @@ def pose_of(
     carried = np.einsum("ji,njk->nik", attitudes[middle], attitudes)
     speeds = np.linalg.norm(rates, axis=1)
     turned = np.abs(_from(middle, running_sum(steps, speeds)))
-    steady = np.abs(_from(middle, running_sum(steps, gyro.steady_error(speeds))))
+    steady = np.abs(_from(middle, running_sum(steps, gyro.steady_error(speeds, times - bias_known))))
     duration = np.abs(times - times[middle])
     # By the gyro, (18.9); by the sensor's axes, (19.3); by the stamps, (18.8). All of it counts to second order only.
     off = (
@@ -111,7 +114,7 @@ def poses_of(
 ) -> list[Pose]:
     """The poses of some windows, without those in which a sample is missing or the gyro has a gap.
 
-    ``mean_disturbance`` is that of a window by its length in seconds.
+    ``mean_disturbance`` is that of a window by its length in seconds. The gyro's bias was known at the first time.
     """
     known = np.isfinite(vectors).all(axis=1) & np.isfinite(rates).all(axis=1) & np.isfinite(turned_by_offset)
     found = []
@@ -119,7 +122,18 @@ def poses_of(
         if rows.stop - rows.start < 2 or not known[rows].all() or gyro.gaps(times[rows], rates[rows]).any():
             continue
         mean = mean_disturbance(float(times[rows][-1] - times[rows][0]))
-        found.append(pose_of(times[rows], vectors[rows], rates[rows], turned_by_offset[rows], gyro, axes_error, mean))
+        found.append(
+            pose_of(
+                times[rows],
+                vectors[rows],
+                rates[rows],
+                turned_by_offset[rows],
+                gyro,
+                axes_error,
+                mean,
+                bias_known=float(times[0]),
+            )
+        )
     return found
 
 

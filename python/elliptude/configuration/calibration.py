@@ -118,6 +118,14 @@ class VectorCalibration(SensorCalibration):
 
     poses: Annotated[int, Field(ge=0)] = 0
 
+    def corrects(self) -> bool:
+        """Whether samples change by it."""
+        return self.corrects_scale() or bool(np.any(self.offset()))
+
+    def offset(self) -> FloatArray:
+        """What is subtracted from a sample, shape (3,), SI units."""
+        raise NotImplementedError
+
     def is_of(self, sensor: Accelerometer | Magnetometer) -> bool:
         """Whether it is of this sensor."""
         return self.columns == sensor.columns
@@ -247,10 +255,12 @@ StatedCalibration: TypeAlias = Annotated[
 def calibrated_bounds(
     found: AccelerometerCalibration | MagnetometerCalibration, stated: VectorSensorBounds
 ) -> VectorSensorBounds | None:
-    """How far a corrected sample may be off; None if an uncorrected one may be less far off as stated.
+    """How far a corrected sample may be off; None if nothing is corrected, or an uncorrected one may be less far off.
 
     An offset alone changes nothing about the scale error, so the smaller one of both holds then.
     """
+    if not found.corrects():
+        return None
     error, averaged = found.left()
     scale = found.scale_error if found.corrects_scale() else min(found.scale_error, stated.scale_error)
     length = _USUAL_LENGTH[found.kind]

@@ -67,6 +67,14 @@ def read_reference(path: str | os.PathLike[str], configuration: Configuration | 
     return Reference(times[known], rotations if turns == "body_to_reference" else rotations.inv())
 
 
+def has_sample_at(reference: Reference, times: FloatArray) -> NDArray[np.bool_]:
+    """Whether the reference has a sample at each time, and is not interpolated there, shape (N,)."""
+    known = reference.times
+    after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
+    nearest = np.minimum(np.abs(known[after] - times), np.abs(known[np.maximum(after - 1, 0)] - times))
+    return np.asarray(nearest <= _SAME_TIME)
+
+
 def attitudes_at(
     reference: Reference, times: FloatArray, rows: NDArray[np.intp], largest_gap: float
 ) -> tuple[NDArray[np.intp], Rotation]:

@@ -1,13 +1,14 @@
 """Another filter's attitudes judged by a run: what is read of both, and the table of what comes out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.tables import Column, Result
-from elliptude.logs.reference_attitudes import Reference, attitudes_at
+from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at
 from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
 from elliptude.monitoring.monitor import QUESTIONS, Heading
 from elliptude.report.run import Run
@@ -101,7 +102,7 @@ def judge(
     quaternions[rows] = attitudes.as_quat(scalar_first=True)
     claims = np.array([_CLAIM_INDEX[word] for word in run.claims], dtype=np.uint8)
     sets = Sets(run.times, run.quaternions, run.shapes, claims)
-    return monitor(
+    found = monitor(
         sets,
         quaternions,
         up=_VERTICAL if has_vertical else None,
@@ -109,6 +110,12 @@ def judge(
         heading=heading,
         limits=limits,
     )
+    # What is interpolated is not the filter's word: it can be off, but it proves nothing against the filter.
+    least = np.where(has_sample_at(estimate, run.times)[:, None], found.least, np.minimum(found.least, 0.0))
+    if run.bounds_from_recording is None:
+        return replace(found, least=least)
+    # Proposals are no guarantee.
+    return replace(found, least=least, claims=np.maximum(found.claims, _CLAIM_INDEX["conditional"]).astype(np.uint8))
 
 
 def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:

@@ -511,3 +511,14 @@ def test_long_recordings_in_blocks(monkeypatch):
 def test_bad_arguments(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_stamp_that_is_off_after_the_gyro_has_drifted():
+    """The gyro shows nothing, and the body turns as its bias has drifted since it was known."""
+    times, drift, offset = np.array([0.0, 499.9, 500.0, 500.1]), 1e-4, 0.01
+    gyro = GyroBounds(noise=0.0, bias=0.0, drift=drift)
+    angles = time_offset_angles(times, np.zeros((4, 3)), offset, gyro=gyro)
+    assert angles[2] >= drift * 500.0 * offset
+    assert angles[2] <= 1.001 * drift * 500.1 * offset
+    later = time_offset_angles(times, np.zeros((4, 3)), offset, gyro=gyro, bias_known=-500.0)
+    assert later[2] >= drift * 1000.0 * offset

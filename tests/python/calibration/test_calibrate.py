@@ -93,7 +93,7 @@ def test_the_true_offsets_are_within_what_is_left(folder):
     assert force["poses"] >= 14
     matrix = np.array(force["matrix"])
     left = np.linalg.norm(matrix @ (FORCE_OFFSET - np.array(force["offset_m_per_s2"])))
-    assert left <= force["averaged_error_m_per_s2"] - 0.02 < 0.5 * 0.2
+    assert left <= force["averaged_error_m_per_s2"] - 0.03 < 0.5 * 0.2
     left = np.linalg.norm(np.array(field["matrix"]) @ (FIELD_OFFSET - np.array(field["offset_ut"])))
     assert left <= field["averaged_error_ut"] - 0.3 < 1.0
 
@@ -139,6 +139,22 @@ def test_a_rule_that_says_more_is_kept(folder):
     assert exact.correction_of(exact.directions[1]) is not None
     assert exact.calibrated_rule().accelerometer == small
     assert exact.calibrated_rule().magnetometer.averaged_error_ut < rule.magnetometer.averaged_error_ut
+
+
+def test_a_calibration_that_corrects_nothing_changes_no_statement(folder):
+    """A rule that is wider than the statements of the calibration has its reasons, such as a sensor that vibrates."""
+    found = tomlkit.parse((folder / "found.toml").read_text()).unwrap()
+    for sensor in found["calibration"]["sensors"]:
+        for name in ("offset_m_per_s2", "offset_ut"):
+            if name in sensor:
+                sensor[name] = [0.0, 0.0, 0.0]
+        sensor["matrix"] = np.eye(3).tolist()
+    (folder / "nothing.toml").write_text(tomlkit.dumps(found))
+    tables = configuration(calibration={"file": str(folder / "nothing.toml")})
+    (folder / "wide.toml").write_text(tomlkit.dumps(tables))
+    stated = read_configuration(folder / "wide.toml")
+    assert stated.corrected_sensors() == []
+    assert stated.calibrated_rule() == stated.rule.rule()
 
 
 def test_sensors_without_a_rule_are_corrected_too(folder):

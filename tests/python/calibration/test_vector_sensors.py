@@ -311,6 +311,17 @@ def test_a_disturbance_that_averages_out_does_not_in_a_frame_that_is_off():
         sensor_set(poses(0.07), SensorStatements(**(NOTHING | {"disturbance": 10.0})))
 
 
+def test_the_gyro_drifts_from_where_its_bias_was_known():
+    """A body that stands still 500 s later: the carried frame turns by the drift."""
+    times = np.append(0.0, 500.0 + np.linspace(0.0, 0.5, 501))
+    vectors, rates = np.tile([0.0, 0.0, 9.8], (502, 1)), np.zeros((502, 3))
+    drift = 1e-4
+    gyro = GyroBounds(noise=0.0, bias=0.0, drift=drift)
+    (pose,) = poses_of([slice(1, 502)], times, vectors, rates, np.zeros(502), gyro, 0.0, lambda _: 0.0)
+    # The mean of |t| over half a second about the middle is an eighth of a second.
+    assert pose.turn == pytest.approx(drift * 500.25 * 0.125, rel=1e-3)
+
+
 def test_noise_that_averages_out_does_not_where_the_scale_is_off():
     """The body turns by half a turn, and the noise with it, so that P - I turns all of it into one direction."""
     times = np.linspace(0.0, 0.5, 1001)

@@ -1,5 +1,6 @@
 """`elliptude monitor`: what it reads, writes, says and refuses; frames, headings, and quaternions that are misread."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -213,6 +214,29 @@ def test_estimates_at_other_times(tmp_path, result):
     done = run(table, "--estimate", late)
     assert done.exit_code == 1
     assert "no row has an estimate at its time; rows are from 0 s to 39.9 s" in " ".join(done.output.split())
+
+
+def test_what_is_interpolated_proves_nothing(result):
+    """Between its samples a filter may have been anywhere."""
+    table, times, centers = result
+    wrong = Rotation.from_rotvec([np.deg2rad(60.0), 0.0, 0.0]) * centers
+    reference = monitored.Reference(times[:300:2], wrong[:300:2])
+    found = monitored.judge(
+        read_run(table)[0], reference, has_vertical=True, heading="same", limits=Limits(), largest_gap=0.21
+    )
+    np.testing.assert_array_equal(found.alarms.proved[:299].any(axis=1), np.arange(299) % 2 == 0)
+    assert (found.bounds[:299, 0] > np.deg2rad(50.0)).all()
+
+
+def test_proposals_prove_nothing(result):
+    table, times, centers = result
+    wrong = monitored.Reference(times, Rotation.from_rotvec([np.deg2rad(60.0), 0.0, 0.0]) * centers)
+    read = read_run(table)[0]
+    for proposed in (None, "log.npz"):
+        run_of = dataclasses.replace(read, bounds_from_recording=proposed)
+        found = monitored.judge(run_of, wrong, has_vertical=True, heading="same", limits=Limits())
+        assert found.alarms.proved.any() == (proposed is None)
+        assert found.alarms.conditional[:380].any(axis=1).all() == (proposed is not None)
 
 
 def test_what_is_refused(tmp_path, result):

@@ -364,7 +364,8 @@ void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
   }
 }
 
-/// Checks a combined set: it must be positive definite, unless the second set is flat or the two have one point in common.
+/// Checks a combined set: it must be positive definite by more than rounding, or a factor of it would be luck, unless the second set
+/// is flat or the two have one point in common.
 /// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
@@ -373,7 +374,9 @@ template <typename Scalar, int N>
     return Status::beyond_domain;
   }
   const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
-  return may_be_flat || cholesky(set.shape, factor) == Status::ok ? Status::ok : Status::beyond_domain;
+  Matrix<Scalar, N> lowered = set.shape;
+  lowered.diagonal() *= Scalar(1) - rounding::share<Scalar>(rounding::cholesky(N));
+  return may_be_flat || cholesky(lowered, factor) == Status::ok ? Status::ok : Status::beyond_domain;
 }
 
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
