@@ -201,9 +201,9 @@ TEST_CASE("attitude bounds: a set alone, in closed form") {
 }
 
 TEST_CASE("attitude bounds: sets thin in tilt and long about a vertical next to a body axis") {
-  for (const double thin : {1e-9, 1e-8, 1e-7, 1e-6, 1e-4}) {
+  for (const long double thin : {1e-9L, 1e-8L, 1e-7L, 1e-6L, 1e-4L}) {
     for (const double slope : {0.3, 1.0, 3.0}) {
-      const Vector3<double> n = Vector3<double>(slope * thin, 0, 1).normalized();
+      const Vector3<double> n = Vector3<double>(slope * static_cast<double>(thin), 0, 1).normalized();
       const Long3 widths(thin, thin, 2);
       const Ellipsoid<double, 3> set{Vector3<double>::Zero(), widths.cwiseAbs2().cast<double>().asDiagonal()};
       AttitudeBounds<double> bounds{};
@@ -211,7 +211,7 @@ TEST_CASE("attitude bounds: sets thin in tilt and long about a vertical next to 
       for (int k = 0; k <= 1000; ++k) {
         const long double t = 3.14159265358979323846L * k / 1000;
         const Long3 gamma(0.999999999L * widths(0) * std::cos(t), 0, 0.999999999L * widths(2) * std::sin(t));
-        CAPTURE(thin);
+        CAPTURE(static_cast<double>(thin));
         CAPTURE(slope);
         CHECK(answers_of(quaternion_of(gamma), n.cast<long double>().normalized()).tilt <=
               static_cast<long double>(bounds.tilt));
