@@ -112,8 +112,9 @@ TEST_CASE("direction cap: nearly opposite centers, caps that nearly touch") {
   double worst = 0;
   for (int trial = 0; trial < 20000; ++trial) {
     const Long3 c1 = random.unit_vector<3>().cast<long double>().normalized();
-    const long double apart = trial % 2 == 0 ? 3.14159265358979323846L - random.log_uniform(1e-12, 0.1)
-                                             : static_cast<long double>(random.uniform(0.1, 3.1));
+    const auto near = static_cast<long double>(random.log_uniform(1e-12, 0.1));
+    const auto any = static_cast<long double>(random.uniform(0.1, 3.1));
+    const long double apart = trial % 2 == 0 ? 3.14159265358979323846L - near : any;
     const Vector3<double> first = c1.cast<double>().normalized();
     const Vector3<double> second = at_angle(c1, random.unit_vector<3>().cast<long double>(), apart).cast<double>();
     const Long3 truth = random.unit_vector<3>().cast<long double>().normalized();
