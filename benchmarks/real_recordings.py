@@ -23,9 +23,12 @@ from elliptude.io import tables
 from elliptude.logs import Log
 from elliptude.simulation import fermi
 from elliptude.typing import FloatArray
+from scipy.spatial.transform import Rotation
 
 TRIALS = ("02", "05", "07", "24", "30")
 BROAD_ANCHOR_S = 4.0
+# °; how far the optical attitude may itself be off.
+TRUTH_ERROR_DEG = 0.5
 FERMI_ANCHOR_S = 1024.0
 # °; what a rate's error within 0.005 °/s integrates to over any window. The data's description gives 0.4 over 1000 s.
 FERMI_INCREMENT_DEG = 0.5
@@ -48,7 +51,11 @@ def broad_configuration(criterion: str = "volume", anchor_s: float | None = BROA
                 {"name": "field", "kind": "magnetometer", "columns": columns("mag"), "unit": "uT"},
             ],
             "estimator": {"mode": "guaranteed", "policy": "drop_measurement", "criterion": criterion},
-            "truth": {"attitude_columns": columns("q_ref", 4), "error_deg": 0.5, "label": "the optical attitude"},
+            "truth": {
+                "attitude_columns": columns("q_ref", 4),
+                "error_deg": TRUTH_ERROR_DEG,
+                "label": "the optical attitude",
+            },
         }
     )
 
@@ -104,27 +111,76 @@ def _broad_lines(folder: Path, criterion: str, anchor_s: float | None) -> list[d
     lines = []
     anchors = "every row" if anchor_s is None else f"{anchor_s:g} s apart"
     print(f"\nBROAD, rule hand_held, criterion {criterion}, anchors {anchors}")
-    print("half-widths about reference x, y (horizontal), z, and the bound of the tilt: means, degrees")
+    print("half-widths of the set about reference x, y (horizontal), z; bounds of tilt and heading: means, degrees")
+    print("inside %: of unconditional rows, the set, and its tilt, heading, and up by itself; claims: unconditional, %")
     print(
-        "trial  inside %  unconditional %  dropped  error °       at rest: x y z   tilt       moving: x y z   tilt   s"
+        "trial  inside: set tilt heading up   claims: set  up  dropped  error °   "
+        "at rest: x y z   tilt heading    moving: x y z   tilt heading   s"
     )
     for trial in TRIALS:
         summary = estimation.summarize(
             estimated := broad(folder, trial, criterion, anchor_s), broad_configuration(criterion, anchor_s)
         )
-        sizes = summary["sizes"]
-        rest, moving = sizes["at_rest"], sizes["moving"]
+        inside = inside_by_question(estimated)
+        shares = [summary["inside_share_of_unconditional_rows"], *inside.values()]
+        claims = [summary[of]["unconditional"] for of in ("claim_share_of_rows", "up_claim_share_of_rows")]
         print(
-            f"{trial:5}  {100.0 * summary['inside_share_of_unconditional_rows']:8.3f}  "
-            f"{100.0 * summary['claim_share_of_rows']['unconditional']:15.2f}  {summary['dropped_measurements']:7}  "
+            f"{trial:5}  {' '.join(f'{100.0 * share:6.2f}' for share in shares)}  "
+            f"{' '.join(f'{100.0 * share:6.2f}' for share in claims)}  {summary['dropped_measurements']:7}  "
             f"{summary['attitude_error_deg']['mean']:7.2f}  "
-            f"{_list(rest['half_width_reference_deg']['mean']):>19}  {rest['tilt_bound_deg']['mean']:5.2f}  "
-            f"{_list(moving['half_width_reference_deg']['mean']):>19}  {moving['tilt_bound_deg']['mean']:5.2f}  "
-            f"{estimated.elapsed:4.1f}",
+            + "  ".join(_sizes(summary["sizes"][part]) for part in ("at_rest", "moving"))
+            + f"  {estimated.elapsed:4.1f}",
             flush=True,
         )
-        lines.append({"trial": trial, "criterion": criterion, "anchor_s": anchor_s} | summary)
+        lines.append({"trial": trial, "criterion": criterion, "anchor_s": anchor_s, "inside": inside} | summary)
     return lines
+
+
+def _sizes(part: dict[str, Any]) -> str:
+    widths = _list(part["half_width_reference_deg"]["mean"])
+    return f"{widths:>18}  {part['tilt_bound_deg']['mean']:5.2f}  {part['heading_bound_deg']['mean']:5.1f}"
+
+
+def inside_by_question(estimated: Estimation) -> dict[str, float]:
+    """Shares of unconditional rows with the truth within the bound of the tilt, of the heading, and of up by itself.
+
+    The optical attitude counts as inside where one within its own error is.
+    """
+    guaranteed, result = estimated.guaranteed, estimated.result
+    assert guaranteed is not None
+    true = guaranteed.log.true_attitudes
+    headings, tilts, ups, up_bounds = result.headings, result.tilt_bounds, result.ups, result.up_bounds
+    assert true is not None
+    assert headings is not None
+    assert tilts is not None
+    assert ups is not None
+    assert up_bounds is not None
+    slack = np.deg2rad(TRUTH_ERROR_DEG)
+    turn = (
+        Rotation.from_matrix(np.where(np.isfinite(true), true, np.eye(3)))
+        * Rotation.from_quat(
+            np.where(np.isfinite(result.quaternions), result.quaternions, (1.0, 0.0, 0.0, 0.0)), scalar_first=True
+        ).inv()
+    )
+    # The twist of the turn from the estimate to the truth about the vertical.
+    _, _, z, w = turn.as_quat(canonical=True).T
+    heading = 2.0 * np.arctan2(z, w)
+    heading -= 2.0 * np.pi * np.round(heading / (2.0 * np.pi))
+    estimated_up = result.attitudes[:, 2]
+
+    def angle(first: FloatArray, second: FloatArray) -> FloatArray:
+        return np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), np.einsum("ni,ni->n", first, second))
+
+    holds = {
+        "tilt": (angle(estimated_up, true[:, 2]) <= tilts + slack, result.claims),
+        "heading": ((heading >= headings[:, 0] - slack) & (heading <= headings[:, 1] + slack), result.claims),
+        "up": (angle(ups, true[:, 2]) <= up_bounds + slack, result.up_claims),
+    }
+    known = np.isfinite(true[:, 0, 0])
+    return {
+        name: float(is_inside[known & (np.array(claims) == "unconditional")].mean())
+        for name, (is_inside, claims) in holds.items()
+    }
 
 
 def _fermi_lines(path: Path) -> list[dict[str, Any]]:
