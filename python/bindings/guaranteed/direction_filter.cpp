@@ -1,7 +1,7 @@
 #include <elliptude/guaranteed/direction_filter.hpp>
 
-#include "guaranteed/anchors.hpp"
 #include "guaranteed/policies.hpp"
+#include "guaranteed/rows.hpp"
 #include "measurement/arguments.hpp"
 #include "module.hpp"
 
@@ -74,11 +74,9 @@ class PythonDirectionFilter {
     Results angles({rows}, {});
     py::array_t<std::uint8_t> claim(rows);
     py::array_t<bool> dropped(rows);
-    DirectionFilter<double> working = filter_;
     std::uint8_t* const claim_data = claim.mutable_data();
     bool* const dropped_data = dropped.mutable_data();
-    Index row = 0;
-    try {
+    run_on_copy(filter_, [&](DirectionFilter<double>& working, Index& row) {
       const py::gil_scoped_release release;
       DirectionFilter<double> anchor = working;
       for (; row < rows; ++row) {
@@ -102,14 +100,7 @@ class PythonDirectionFilter {
         claim_data[row] = static_cast<std::uint8_t>(working.claim());
         dropped_data[row] = update.dropped;
       }
-    } catch (InconsistentSets& error) {
-      filter_ = working;  // as it was predicted to the row: the user may go on from there
-      error.set_row(row);
-      throw;
-    } catch (const py::value_error& error) {
-      throw RowFault(error.what(), row);
-    }
-    filter_ = working;
+    });
     return py::module_::import("elliptude.results").attr("DirectionLog")(found.array(), angles.array(), claim, dropped);
   }
 

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "guaranteed/anchors.hpp"
 #include "guaranteed/policies.hpp"
+#include "guaranteed/rows.hpp"
 #include "sets/ellipsoids.hpp"
 #include "signals.hpp"
 
@@ -567,18 +567,7 @@ py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, 
                                            const Loop& loop) {
   LogRows out(time.item()[0], directions,
               vertical.is_none() ? std::nullopt : std::optional<Vector3<double>>(vertical_of(vertical)));
-  AnyFilter working = filter_;
-  Index row = 0;
-  try {
-    loop(working, out, row);
-  } catch (InconsistentSets& error) {
-    filter_ = working;  // as it was predicted to the row: the user may go on from there
-    error.set_row(row);
-    throw;
-  } catch (const py::value_error& error) {
-    throw RowFault(error.what(), row);
-  }
-  filter_ = working;
+  run_on_copy(filter_, [&](AnyFilter& working, Index& row) { loop(working, out, row); });
   return out.log(time);
 }
 

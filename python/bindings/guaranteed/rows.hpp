@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// From which rows of a log others are predicted.
+/// What both filters need to run over the rows of a log: from which rows others are predicted, and a copy to work with.
 
 #include "arrays.hpp"
 #include "errors.hpp"
@@ -29,5 +29,24 @@ class Anchors {
  private:
   Items rows_;
 };
+
+/// Runs `loop` with a copy of a filter and the index of its row, and takes the copy up at the end. After a contradiction the filter is
+/// as it was predicted to the row, so that the user may go on from there; after any other error as before.
+/// \throws RowFault for a ValueError of a row.
+template <typename Filter, typename Loop>
+void run_on_copy(Filter& filter, const Loop& loop) {
+  Filter working = filter;
+  Index row = 0;
+  try {
+    loop(working, row);
+  } catch (InconsistentSets& error) {
+    filter = working;
+    error.set_row(row);
+    throw;
+  } catch (const py::value_error& error) {
+    throw RowFault(error.what(), row);
+  }
+  filter = working;
+}
 
 }  // namespace elliptude::python
