@@ -53,6 +53,14 @@ def estimate(
             help="Go on although sensors contradict one another, as with a wrong unit or axis; the results say so.",
         ),
     ] = False,
+    best: Annotated[
+        Literal["vqf", "center", "none"] | None,
+        typer.Option(
+            help="The estimate beside the set, in the guaranteed mode; if left out, VQF's where it is installed and "
+            "fits the sensors, else the center.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -65,6 +73,11 @@ def estimate(
     configuration = read_configuration(config)
     if ignore_implausible:
         configuration = configuration.model_copy(update={"implausible": "ignore"})
+    if best is not None:
+        if configuration.estimator.mode != "guaranteed":
+            raise FileError("--best needs estimator.mode = 'guaranteed'")
+        of_estimator = configuration.estimator.model_copy(update={"best": best})
+        configuration = configuration.model_copy(update={"estimator": of_estimator})
     files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
@@ -114,6 +127,25 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
         typer.echo(
             f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
         )
+    if (best := summary.get("best")) is not None:
+        _say_best(best)
+
+
+def _say_best(best: dict[str, Any]) -> None:
+    """Print whose estimate there is beside the sets, how far it may be off, and how far it is."""
+    parts = [f"within {best['bound_deg']['mean']:.3g}"] if best["bound_deg"] else []
+    parts += [
+        f"{what} {best[f'{what}_bound_deg']['mean']:.3g}" for what in ("tilt", "heading") if best[f"{what}_bound_deg"]
+    ]
+    bounds = f": {', '.join(parts)} degrees (mean)" if parts else ""
+    typer.echo(f"  best estimate, {'vqf' if best['from'] == 'vqf' else 'the center of the set'}{bounds}")
+    if best["why_center"] is not None:
+        typer.echo(f"    {best['why_center']}")
+    if best["put_back"]:
+        typer.echo(f"    put back into its set at {best['put_back']} rows")
+    error = best["attitude_error_deg"]
+    if best["from"] == "vqf" and error is not None and error["mean"] is not None:
+        typer.echo(f"    mean error {error['mean']:.3g} degrees")
 
 
 def _say_up(summary: dict[str, Any]) -> None:
@@ -194,6 +226,7 @@ def _estimate_pieces(
         guaranteed=estimator.guaranteed,
         heard=heard,
         bridged=estimator.bridged,
+        best=estimator.best,
     )
     return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
 

@@ -210,8 +210,8 @@ def monitor(
     if sets.shapes.shape != (count, 3, 3) or sets.claims.shape != (count,):
         raise ValueError(f"sets: shapes {sets.shapes.shape} and claims {sets.claims.shape} are not of {count} rows")
     centers, estimated = (
-        _quaternions("sets.quaternions", sets.quaternions, count),
-        _quaternions("attitudes", attitudes, count),
+        as_quaternions("sets.quaternions", sets.quaternions, count),
+        as_quaternions("attitudes", attitudes, count),
     )
     vertical = None if up is None else _unit_vector("up", up)
     questions = _questions(heading, vertical, caps)
@@ -223,7 +223,7 @@ def monitor(
     both = known & there
     numbers = ErrorAngles(*(np.full(count, np.nan) for _ in ErrorAngles._fields))
     if both.any():
-        offsets = _product(centers[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
+        offsets = product(centers[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
         center_up = None if vertical is None else rotation_from_quaternion(centers[both]).swapaxes(1, 2) @ vertical
         found = error_angles(offsets, sets.shapes[both], center_up)
         if center_up is not None and sets.bounds is not None:
@@ -319,7 +319,7 @@ def _narrow_by_caps(
     claims[:, 1] = np.where(stronger, caps.claims, claims[:, 1])
 
 
-def _quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
+def as_quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
     """Unit quaternions (n, 4), NaN where there is no attitude."""
     values = np.asarray(
         attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64
@@ -351,7 +351,7 @@ def _unit_vector(name: str, values: ArrayLike) -> FloatArray:
     return vector / length
 
 
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Products of quaternions (n, 4), scalar first."""
     u, v = a[:, 1:], b[:, 1:]
     first = a[:, :1] * b[:, :1] - np.sum(u * v, axis=1, keepdims=True)
