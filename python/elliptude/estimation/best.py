@@ -4,7 +4,7 @@ The center of a set is a poor estimate where what bounds the truth is lopsided. 
 better one (D. Laidig, T. Seel: VQF, Information Fusion 91, 2023; the extra ``best``). It has no influence on the sets.
 """
 
-import importlib.util
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,8 @@ from elliptude.typing import FloatArray
 _LONGEST_STEP = 10.0
 # Tesla; VQF takes any unit, and is used with this one.
 _MICROTESLA = 1e-6
+# rad/s; VQF takes a gyro's bias for 0.5°/s at first, one standard deviation, and never more than 2°/s.
+_OWN_BIAS = np.deg2rad(1.0)
 # A reference field whose horizontal part is less than this share says nothing about north.
 _LEAST_HORIZONTAL = 1e-6
 
@@ -78,6 +80,8 @@ def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | No
     found = vqf_attitudes(run, configuration)
     is_vqf = np.isfinite(found[:, 0])
     quaternions, moved = put_back(sets, np.where(is_vqf[:, None], found, sets.quaternions))
+    # Of both signs the one that the center has in the table.
+    quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
     return Best(quaternions, is_vqf, moved, monitor(sets, quaternions, up=up, caps=caps))
 
 
@@ -112,7 +116,9 @@ def _why_not_vqf(configuration: Configuration) -> str | None:
         return "vqf needs a gyro and an accelerometer"
     if others:
         return f"vqf would leave out {others[0]!r}"
-    if importlib.util.find_spec("vqf") is None:
+    try:
+        importlib.import_module("vqf")
+    except ImportError:
         return "vqf is not installed: pip install 'elliptude[best]'"
     return None
 
@@ -136,7 +142,7 @@ def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArra
     assert log.rates is not None
     assert rows.up is not None
     assert rows.up_column is not None
-    rates, forces = log.rates - rows.bias, _sensor(run, configuration, Accelerometer)
+    rates, forces = log.rates - _known_bias(run, configuration), _sensor(run, configuration, Accelerometer)
     frames = _frames_of_field(run, configuration)
     fields = None if frames is None else _sensor(run, configuration, Magnetometer) / _MICROTESLA
     quaternions = np.full((len(log.times), 4), np.nan)
@@ -168,6 +174,14 @@ def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArra
             attitudes = found
         quaternions[piece] = attitudes.as_quat(scalar_first=True)
     return quaternions
+
+
+def _known_bias(run: GuaranteedRun, configuration: Configuration) -> FloatArray:
+    """What is subtracted from the rates: a stated bias, or one that a rule found and VQF does not expect."""
+    bias = run.rows.bias
+    if configuration.rule is not None and float(np.linalg.norm(bias)) <= _OWN_BIAS:
+        return np.zeros(3)
+    return bias
 
 
 def _sensor(run: GuaranteedRun, configuration: Configuration, kind: type[Accelerometer | Magnetometer]) -> FloatArray:
