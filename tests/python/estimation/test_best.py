@@ -84,9 +84,10 @@ def made(frame="ENU", *, times=None, field=True, seed=0):
 
 
 def errors(quaternions, log, frame="ENU"):
-    """Total, tilt, and heading about up of the truth from attitudes, rad."""
+    """Total, tilt, and heading about up of the truth from attitudes, rad; whatever it is where there is none."""
     true = Rotation.from_matrix(log.true_attitudes)
-    difference = true * Rotation.from_quat(quaternions, scalar_first=True).inv()
+    known = np.isfinite(quaternions[:, :1])
+    difference = true * Rotation.from_quat(np.where(known, quaternions, [0.0, 1.0, 0.0, 0.0]), scalar_first=True).inv()
     *v, w = difference.as_quat(canonical=True).T
     about = np.array(v).T @ up(frame)
     return difference.magnitude(), 2.0 * np.arccos(np.minimum(np.hypot(w, about), 1.0)), 2.0 * np.arctan2(about, w)
@@ -164,8 +165,7 @@ def test_gaps_missing_samples_and_uneven_stamps():
     assert best.is_vqf[first[0] : 500].all()
     assert best.is_vqf[first[first >= 500][0] :].all()
     rows = assert_holds(found, log)
-    total, _, _ = errors(best.quaternions[rows], dataclasses.replace(log, true_attitudes=log.true_attitudes[rows]))
-    assert np.rad2deg(total).mean() < 2.0
+    assert np.rad2deg(errors(best.quaternions, log)[0][rows]).mean() < 2.0
 
 
 def test_rows_that_say_nothing_new():
@@ -216,9 +216,13 @@ def test_without_vqf_it_is_the_center(monkeypatch, asked):
     assert_holds(found, log)
     assert found.best.why_center == ("vqf is not installed: pip install 'elliptude[best]'" if asked is None else None)
     assert set(found.result.best_from) == {"center"}
-    # About the center, the bounds are those of the run.
-    np.testing.assert_allclose(found.best.errors.headings, found.result.headings, atol=1e-9)
-    np.testing.assert_allclose(found.best.errors.bounds[:, 1], found.result.tilt_bounds, atol=1e-9)
+    # About the center, the bounds are those of the run, or a little sharper by the set itself.
+    headings, expected = found.best.errors.headings, found.result.headings
+    assert (headings[:, 0] >= expected[:, 0] - 1e-9).all()
+    assert (headings[:, 1] <= expected[:, 1] + 1e-9).all()
+    np.testing.assert_allclose(headings, expected, rtol=0.01)
+    assert (found.best.errors.bounds[:, 1] <= found.result.tilt_bounds + 1e-9).all()
+    np.testing.assert_allclose(found.best.errors.bounds[:, 1], found.result.tilt_bounds, rtol=0.01)
     assert (found.best.errors.bounds[:, 0] <= found.result.largest_angles + 1e-6).all()
 
 
