@@ -128,24 +128,7 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
             f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
         )
     if (best := summary.get("best")) is not None:
-        _say_best(best)
-
-
-def _say_best(best: dict[str, Any]) -> None:
-    """Print whose estimate there is beside the sets, how far it may be off, and how far it is."""
-    parts = [f"within {best['bound_deg']['mean']:.3g}"] if best["bound_deg"] else []
-    parts += [
-        f"{what} {best[f'{what}_bound_deg']['mean']:.3g}" for what in ("tilt", "heading") if best[f"{what}_bound_deg"]
-    ]
-    bounds = f": {', '.join(parts)} degrees (mean)" if parts else ""
-    typer.echo(f"  best estimate, {'vqf' if best['from'] == 'vqf' else 'the center of the set'}{bounds}")
-    if best["why_center"] is not None:
-        typer.echo(f"    {best['why_center']}")
-    if best["put_back"]:
-        typer.echo(f"    put back into its set at {best['put_back']} rows")
-    error = best["attitude_error_deg"]
-    if best["from"] == "vqf" and error is not None and error["mean"] is not None:
-        typer.echo(f"    mean error {error['mean']:.3g} degrees")
+        typer.echo(f"  best estimate, {best['in_words']}")
 
 
 def _say_up(summary: dict[str, Any]) -> None:

@@ -302,6 +302,21 @@ def summarize(best: Best | None) -> dict[str, Any] | None:
     }
 
 
+def in_words(summary: dict[str, Any]) -> str:
+    """The figures of `summarize` in one line."""
+    why = "" if summary["why_center"] is None else f" ({summary['why_center']})"
+    whose = "vqf" if summary["from"] == "vqf" else f"the center of the set{why}"
+    named = (("within", "bound_deg"), ("tilt", "tilt_bound_deg"), ("heading", "heading_bound_deg"))
+    bounds = ", ".join(f"{name} {summary[key]['mean']:.3g}" for name, key in named if summary[key] is not None)
+    words = [f"{whose}: {bounds} degrees (mean)" if bounds else whose]
+    if summary["put_back"]:
+        words.append(f"put back into its set at {summary['put_back']} rows")
+    error = summary["attitude_error_deg"]
+    if error is not None and error["mean"] is not None:
+        words.append(f"mean error {error['mean']:.3g} degrees")
+    return "; ".join(words)
+
+
 def columns_of(best: Best | None) -> dict[str, Any]:
     """What the table of results says of the estimate, as fields of `elliptude.io.tables.Result`."""
     if best is None:

@@ -154,6 +154,8 @@ class Summary:
             summary["best"] = best_estimates.summarize(best)
             if best is not None and self._is_compared:
                 summary["best"]["attitude_error_deg"] = {"mean": self._best.mean(), "max": self._best.maximum()}
+            if best is not None:
+                summary["best"]["in_words"] = best_estimates.in_words(summary["best"])
             if self._is_compared:
                 summary |= {
                     "inside_share_of_unconditional_rows": self._inside_unconditional.value(),

@@ -14,6 +14,7 @@ from elliptude.estimation import best as best_estimates
 from elliptude.io import tables
 from elliptude.io.tables import Result
 from elliptude.logs import Log
+from elliptude.report.run import read_run
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -302,7 +303,10 @@ def test_command(files, suffix):
     assert "best estimate, vqf: within " in done.output
     summary = json.loads((out / "summary.json").read_text())
     assert summary["best"]["rows"] == {"vqf": 100, "center": 0}
-    assert f"mean error {summary['best']['attitude_error_deg']['mean']:.3g} degrees" in done.output
+    words = summary["best"]["in_words"]
+    assert f"; mean error {summary['best']['attitude_error_deg']['mean']:.3g} degrees" in words
+    assert f"  best estimate, {words}\n" in done.output
+    assert read_run(out)[0].best == words
     table = Result.read(out / f"results.{suffix}")
     assert table.best_quaternions.shape == (100, 4)
     np.testing.assert_allclose(np.linalg.norm(table.best_quaternions, axis=1), 1.0)
@@ -328,12 +332,13 @@ def test_options_of_the_command(files, monkeypatch):
     inputs = ("estimate", files / "log.npz", "--config", files / "config.toml")
     done = run(*inputs, "--out", files / "center", "--best", "center")
     assert "best estimate, the center of the set: within " in done.output
+    assert done.exit_code == 0
     done = run(*inputs, "--out", files / "none", "--best", "none")
     assert "best estimate" not in done.output
     assert not any(name.startswith("best") for name in tables.column_names(files / "none" / "results.csv", "results"))
     monkeypatch.setitem(sys.modules, "vqf", None)
     done = run(*inputs, "--out", files / "missing")
-    assert "vqf is not installed: pip install 'elliptude[best]'" in done.output
+    assert "the center of the set (vqf is not installed: pip install 'elliptude[best]'): within" in done.output
     done = run(*inputs, "--out", files / "refused", "--best", "vqf")
     assert done.exit_code == 1
     assert "estimator.best = 'vqf': vqf is not installed" in done.output.replace("\n", " ")
