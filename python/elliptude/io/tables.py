@@ -45,6 +45,10 @@ ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), s
 ATTITUDE_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
 HEADINGS = ("heading_from", "heading_to")
 UP = ("up_x", "up_y", "up_z")
+ROLL_PITCH, YAW = (
+    tuple(f"{angle}{end}" for angle in angles for end in ("", "_from", "_to"))
+    for angles in (("roll", "pitch"), ("yaw",))
+)
 ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
 
 
@@ -190,6 +194,9 @@ class Result:
     """How far true up may be from there, rad, shape (N,)."""
     up_claims: Sequence[str] | None = None
     """What that rests on, in the words of ``claims``."""
+    roll_pitch_yaw: FloatArray | None = None
+    """Roll, pitch and yaw of the third reference axis as `ups` has it, and of the attitude: each angle, and between
+    which ones the truth is, rad, shape (N, 9), in the order of the columns; None where up is not known."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -239,6 +246,7 @@ class Result:
             _add(columns, (name,), None if values is None else values[:, None])
         _add(columns, HEADINGS, self.headings)
         _add(columns, UP, self.ups)
+        _add(columns, ROLL_PITCH + YAW, self.roll_pitch_yaw)
         return columns
 
     @classmethod
@@ -270,7 +278,7 @@ class Result:
         further: list[tuple[str, ...]] = [
             (name,) for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names
         ]
-        further += [triple for triple in (HEADINGS, UP) if triple[0] in names]
+        further += [triple for triple in (HEADINGS, UP, ROLL_PITCH, YAW) if triple[0] in names]
         columns = read_columns(
             path,
             numbers=() if guaranteed else of_attitude + of_vector,
@@ -304,6 +312,7 @@ class Result:
             ups=stacked(columns, UP) if UP[0] in names else None,
             up_bounds=columns.get("up_bound"),
             up_claims=tuple(columns["up_claim"]) if "up_claim" in names else None,
+            roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in names else None,
         )
 
 
