@@ -158,6 +158,7 @@ def ahrs(
     gyr_unit: str = "rad/s",
     acc_unit: str = "m/s^2",
     mag_unit: str = "T",
+    implausible: str = "refuse",
 ) -> AhrsResult:
     """Attitudes of an inertial sensor, with bounds that hold if what is stated about it does.
 
@@ -180,6 +181,8 @@ def ahrs(
     gyr_unit : "rad/s" or "deg/s"
     acc_unit : "m/s^2", "g" or "mg"
     mag_unit : "T", "G", "mG", "uT" or "nT"
+    implausible : "refuse" or "ignore"
+        What to do if the sensors contradict one another, as with a wrong unit or axis.
 
     Returns
     -------
@@ -192,5 +195,6 @@ def ahrs(
     """
     # Not imported above: the library needs NumPy alone, and this call far more.
     call = import_module("elliptude.from_arrays.ahrs").ahrs
-    result: AhrsResult = call(time, gyr, acc, mag, statements, {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit})
+    stated_units = {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit}
+    result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible)
     return result

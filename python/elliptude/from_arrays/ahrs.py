@@ -8,6 +8,7 @@ import numpy as np
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation.estimator import estimate
 from elliptude.estimation.guaranteed_result import dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
@@ -35,10 +36,19 @@ _PLAUSIBLE = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's fi
 
 
 def ahrs(
-    time: Any, gyr: Any, acc: Any, mag: Any, statements: str | os.PathLike[str], stated_units: Mapping[str, str]
+    time: Any,
+    gyr: Any,
+    acc: Any,
+    mag: Any,
+    statements: str | os.PathLike[str],
+    stated_units: Mapping[str, str],
+    implausible: str,
 ) -> AhrsResult:
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
+    if implausible not in {"refuse", "ignore"}:
+        raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
+    tables["implausible"] = implausible
     heard = Heard()
     try:
         configuration = _configuration(file, tables, statements)
@@ -47,12 +57,13 @@ def ahrs(
         estimation = estimate(log, configuration)
     except FileError as error:
         raise ValueError(str(error)) from error
+    except InconsistentMeasurement:
+        raise
     except ValueError as error:
-        if statements == "recording" or "rest" not in str(error):
+        if statements != "hand":
             raise
         raise ValueError(
-            f"statements={statements!r}: {error}. With statements='recording' the bounds are proposals from the "
-            "recording, and it need not begin at rest"
+            f"statements='hand': {error}. statements='recording' takes bounds from what the recording itself shows"
         ) from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
@@ -77,7 +88,7 @@ def ahrs(
         are_proposals=configuration.proposed_from is not None,
         heading="from the first row" if run.starts_heading else "from magnetic north",
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
-        notes=(*why_no_set(run, configuration), *([] if heard.up is None else [f"{heard.up}"])),
+        notes=(*heard.ignored, *why_no_set(run, configuration), *([] if heard.up is None else [str(heard.up)])),
         columns={
             name: values if isinstance(values, np.ndarray) else np.array(values)
             for name, values in result.columns().items()

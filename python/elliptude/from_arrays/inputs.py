@@ -46,10 +46,10 @@ def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> F
     if vectors.shape != (count, 3):
         raise ValueError(f"{name}: shape {vectors.shape}, not ({count}, 3): a row for each time, and columns x, y, z")
     _refuse(np.abs(vectors) > _LARGEST, name, vectors, f"more than {_LARGEST:g} in size")
-    missing = np.isnan(vectors)
+    missing: NDArray[np.bool_] = np.isnan(vectors)
     if not may_be_missing:
         _refuse(missing, name, vectors, "but the gyro is needed in every row: leave such rows out of all arrays")
-    _refuse(missing & ~missing.all(axis=1)[:, None], name, vectors, "but other components of that row are numbers")
+    _refuse(missing & ~missing.all(axis=1, keepdims=True), name, vectors, "but other components of that row are numbers")
     if may_be_missing:
         _refuse((vectors == 0.0).all(axis=1), name, vectors, "without a direction: NaN is what was not measured")
     if missing.all():
