@@ -49,7 +49,8 @@ def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> F
     missing: NDArray[np.bool_] = np.isnan(vectors)
     if not may_be_missing:
         _refuse(missing, name, vectors, "but the gyro is needed in every row: leave such rows out of all arrays")
-    _refuse(missing & ~missing.all(axis=1, keepdims=True), name, vectors, "but other components of that row are numbers")
+    rows = np.asarray(missing.all(axis=1, keepdims=True))
+    _refuse(missing & ~rows, name, vectors, "but other components of that row are numbers")
     if may_be_missing:
         _refuse((vectors == 0.0).all(axis=1), name, vectors, "without a direction: NaN is what was not measured")
     if missing.all():

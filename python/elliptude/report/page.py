@@ -149,6 +149,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "summary": _summary_table(summary),
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
+        "angles_hidden": "" if "angles" in plots else "hidden",
+        "angles_note": _angles_note(run),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
@@ -193,6 +195,15 @@ def _text(name: str) -> str:
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def _angles_note(run: Run) -> str:
+    """What roll, pitch and yaw are, and when they say nothing."""
+    count = "from the first row" if run.heading_from_start else "as the reference frame says"
+    return (
+        f"The blue bands hold the truth if the claims do. Yaw counts {count}. Where the body's x axis may be vertical, "
+        "roll and yaw are not defined, and their bands are whole turns."
+    )
 
 
 def _size_note(run: Run) -> str:
