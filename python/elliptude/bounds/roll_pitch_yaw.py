@@ -30,7 +30,7 @@ class Bounded(NamedTuple):
 
 
 def roll_and_pitch(thirds: FloatArray, angles: FloatArray) -> tuple[Bounded, Bounded]:
-    """Roll and pitch if the reference frame's third axis is within an angle of a direction, (18.29), (18.30).
+    """Roll and pitch if the reference frame's third axis is within an angle of a direction, (18.31), (18.32).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def roll_and_pitch(thirds: FloatArray, angles: FloatArray) -> tuple[Bounded, Bou
 def yaw(
     attitudes: FloatArray, tilts: FloatArray, turn_from: FloatArray, turn_to: FloatArray, *, is_up: bool
 ) -> Bounded:
-    """Yaw if the truth is the estimate after a tilt and a turn about the vertical, (18.31), (18.32).
+    """Yaw if the truth is the estimate after a tilt and a turn about the vertical, (18.33), (18.34).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _is_level(elevation: FloatArray, angle: FloatArray) -> NDArray[np.bool_]:
 
 
 def _azimuth_by_tilt(steepness: FloatArray, reach: FloatArray) -> FloatArray:
-    """How far turns about level axes change the azimuth of a vector at most, rad, shape (N,); (18.32).
+    """How far turns about level axes change the azimuth of a vector at most, rad, shape (N,); (18.34).
 
     Parameters
     ----------
