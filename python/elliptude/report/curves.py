@@ -206,9 +206,10 @@ def _angles(run: Run, rows: NDArray[np.intp], angles: FloatArray, label: str) ->
         goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
         cut_time, cut_value, cut_least, cut_most = cut_at_wraps(time, value, least, most)
         # What reaches beyond half a turn comes in again at the other side.
+        thin = {"line": {"color": "rgba(0,114,178,0.35)", "width": 0.5}}  # fast turns would draw the edges over all
         for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
             x, y = _band(cut_time, cut_most + around, cut_least + around)
-            traces.append(_band_trace("where it may be", x, y, is_first=i == 0 and not around) | place)
+            traces.append(_band_trace("where it may be", x, y, is_first=i == 0 and not around) | place | thin)
         line = {"color": _BLUE, "width": 1.5}
         traces.append(_angle_trace("as estimated", cut_time, cut_value, i == 0) | {"line": line} | place)
         if true is not None and run.compared.any():

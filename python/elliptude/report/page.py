@@ -199,9 +199,9 @@ def _text(name: str) -> str:
 
 def _angles_note(run: Run) -> str:
     """What roll, pitch and yaw are, and when they say nothing."""
-    count = "from the first row" if run.heading_from_start else "as the reference frame says"
+    count = "counts from the first row" if run.heading_from_start else "is in the axes of the reference frame"
     return (
-        f"The blue bands hold the truth if the claims do. Yaw counts {count}. Where the body's x axis may be vertical, "
+        f"The blue bands hold the truth if the claims do. Yaw {count}. Where the body's x axis may be vertical, "
         "roll and yaw are not defined, and their bands are whole turns."
     )
 
