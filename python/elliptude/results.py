@@ -17,6 +17,25 @@ from elliptude.typing import AttitudeLike, Chart, FloatArray, SupportsAsMatrix
 _PIECES, _PANEL_WIDTH, _PANEL_HEIGHT = 300, 600, 90
 
 
+def _equal(one: tuple[Any, ...], other: object) -> bool:
+    """Whether two results of one kind have equal arrays; NaN is equal to NaN. Tuples of arrays cannot say so."""
+    if type(other) is not type(one):
+        return False
+    assert isinstance(other, tuple)
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
+
+
+def _span(name: str, times: FloatArray, claims: NDArray[np.uint8] | None = None) -> str:
+    """A log of rows in one line."""
+    said = f"{name}: {len(times)} rows"
+    if len(times):
+        said += f", {times[0]:.6g} to {times[-1]:.6g} s"
+    if claims is None or not len(claims):
+        return f"<{said}>"
+    shares = [f"{claim} {100.0 * float(np.mean(claims == i)):.3g} %" for i, claim in enumerate(CLAIMS)]
+    return f"<{said}; claims: {', '.join(shares)}>"
+
+
 class PrincipalAxes(NamedTuple):
     """The semi-axes of an ellipsoid, longest first."""
 
@@ -120,6 +139,14 @@ class Extent(NamedTuple):
     greatest_uncertainty: FloatArray
     """Unit eigenvector of P to its largest eigenvalue, shape (6,)."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are equal."""
+        return _equal(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        """Whether any number differs."""
+        return not _equal(self, other)
+
 
 class Convergence(NamedTuple):
     """Diagnostics of the paper's convergence theorem, a sufficient condition that most updates cannot meet."""
@@ -149,7 +176,7 @@ class Update(NamedTuple):
     """Diagnostics, if asked for: after two or more directions with an angular velocity."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class FilterLog:
     """The result of a first-order filter for a log of n rows with m directions."""
 
@@ -169,6 +196,10 @@ class FilterLog:
     """Whether each direction and, last, the angular velocity went into the row's update, shape (n, m + 1)."""
     outcomes: NDArray[np.uint8]
     """0 updated, 1 predicted only, 2 refused: the sets did not meet; shape (n,)."""
+
+    def __repr__(self) -> str:
+        """One line: rows."""
+        return _span("FilterLog", self.times)
 
     def since(self, first: int) -> "FilterLog":
         """The rows from one on."""
@@ -273,8 +304,16 @@ class Extents(NamedTuple):
     largest_angles: FloatArray
     """The largest ‖ζ‖ in each set, rad, shape (n,)."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are equal."""
+        return _equal(self, other)
 
-@dataclass(frozen=True, eq=False)
+    def __ne__(self, other: object) -> bool:
+        """Whether any number differs."""
+        return not _equal(self, other)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class GuaranteedLog:
     """The result of a guaranteed filter for a log of n rows with m directions, after each row."""
 
@@ -298,6 +337,10 @@ class GuaranteedLog:
     """How far the constraints are from having no common point, NaN where nothing was measured, shape (n,)."""
     question_bounds: FloatArray | None = None
     """Bounds of tilt, heading from and to, and angle, rad, if a vertical was given, NaN without a set, shape (n, 4)."""
+
+    def __repr__(self) -> str:
+        """One line: rows and claims."""
+        return _span("GuaranteedLog", self.times, self.claims)
 
     @property
     def attitude_bounds(self) -> AttitudeBounds | None:
