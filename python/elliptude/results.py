@@ -421,7 +421,7 @@ class AhrsResult:
     are_proposals: bool
     """Whether they are only what the recording showed: then nothing is guaranteed."""
     heading: str
-    """What yaw counts from: "from magnetic north", or "from the first row" without a magnetometer."""
+    """What yaw counts from: "from magnetic east", or "from the first row" without a magnetometer."""
     dropped: Mapping[str, int]
     """How many measurements of each sensor were left out, as they contradict the others or their own bounds."""
     notes: tuple[str, ...]
@@ -481,7 +481,10 @@ class AhrsResult:
         rows |= {f"claim: {name}": f"{100.0 * share:.4g} % of rows" for name, share in self.claim_shares.items()}
         rows |= {"statements": self.statements + (", proposals: no guarantee" if self.are_proposals else "")}
         rows |= {"yaw": f"counts {self.heading}"}
-        table = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows.items())
+        table = "".join(
+            f'<tr><th style="text-align:left">{escape(name)}</th><td>{escape(value)}</td></tr>'
+            for name, value in rows.items()
+        )
         return f"<div><table>{table}</table>{panels}</div>"
 
     def _means(self) -> dict[str, str]:

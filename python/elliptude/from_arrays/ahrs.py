@@ -86,7 +86,7 @@ def ahrs(
         sets=run.sets,
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
-        heading="from the first row" if run.starts_heading else "from magnetic north",
+        heading="from the first row" if run.starts_heading else "from magnetic east",
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
         notes=(*heard.ignored, *why_no_set(run, configuration), *([] if heard.up is None else [str(heard.up)])),
         columns={

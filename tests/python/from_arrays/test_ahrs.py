@@ -89,7 +89,7 @@ def test_the_numbers_are_those_of_the_commands(tmp_path, recording, statements, 
             assert [word or None for word in found.columns[name]] == [word or None for word in column], name
     assert (found.claims != "none").mean() > 0.9
     assert found.are_proposals == (statements != "hand")
-    assert found.heading == ("from magnetic north" if with_field else "from the first row")
+    assert found.heading == ("from magnetic east" if with_field else "from the first row")
 
 
 def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
