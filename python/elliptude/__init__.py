@@ -192,9 +192,16 @@ def ahrs(
     ------
     TypeError, ValueError
         If an argument is not what it should be, or contradicts the others; the message names it and the place.
+    ModuleNotFoundError
+        If what it needs besides NumPy is not installed.
     """
     # Not imported above: the library needs NumPy alone, and this call far more.
-    call = import_module("elliptude.from_arrays.ahrs").ahrs
+    try:
+        call = import_module("elliptude.from_arrays.ahrs").ahrs
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"elliptude.ahrs needs {error.name}: pip install 'elliptude[cli]'", name=error.name
+        ) from error
     stated_units = {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit}
     result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible)
     return result

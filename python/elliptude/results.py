@@ -472,7 +472,8 @@ class AhrsResult:
         span = f"{self.times[0]:.6g} to {self.times[-1]:.6g} s"
         claims = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in self.claim_shares.items())
         bounds = ", ".join(f"{name} {size}" for name, size in self._means().items())
-        return f"<AhrsResult: {len(self)} rows, {span}; claims: {claims}; mean bounds: {bounds}>"
+        doubt = "; by proposals, no guarantee" if self.are_proposals else ""
+        return f"<AhrsResult: {len(self)} rows, {span}; claims: {claims}; mean bounds: {bounds}{doubt}>"
 
     def _repr_html_(self) -> str:
         """For notebooks: a small plot of roll, pitch and yaw with their bounds, and the mean bounds."""

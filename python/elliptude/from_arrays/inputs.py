@@ -61,6 +61,8 @@ def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> F
 def _array(name: str, values: Any) -> NDArray[Any]:
     if isinstance(values, dict | str | bytes) or values is None:
         raise TypeError(f"{name}: {type(values).__name__}, not an array of numbers")
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     to_numpy = getattr(values, "to_numpy", None)
     try:
         return np.asarray(values if to_numpy is None else to_numpy())

@@ -83,6 +83,9 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         summary["tilt_bound_deg"] = _spread(np.rad2deg(run.tilt_bounds[known]))
     if run.heading_bounds is not None:
         summary["heading_bound_deg"] = _spread(np.rad2deg(run.heading_bounds[known]))
+    if run.roll_pitch_yaw is not None:
+        half_widths = 0.5 * np.rad2deg(run.roll_pitch_yaw[:, 2::3] - run.roll_pitch_yaw[:, 1::3])
+        summary["angle_half_width_deg"] = dict(zip(("roll", "pitch", "yaw"), map(_spread, half_widths.T), strict=True))
     if run.up_bounds is not None:
         summary["up_bound_deg"] = _spread(np.rad2deg(run.up_bounds))
         summary["rows_with_up_alone"] = int(run.up_alone.sum())
@@ -259,6 +262,8 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
     if "heading_bound_deg" in summary:
         lines.append(("bound of the heading", _degrees(summary["heading_bound_deg"])))
+    for name, spread in summary.get("angle_half_width_deg", {}).items():
+        lines.append((f"{name}, half of its band", _degrees(spread)))
     if summary.get("rows_with_up_alone"):
         number = summary["rows_with_up_alone"]
         lines.append(("up alone", f"{number} rows without an attitude; up is known there all the same"))

@@ -144,6 +144,23 @@ def test_without_a_library_for_frames_the_message_names_both(by_hand, monkeypatc
             by_hand.to_frame("polars")
 
 
+def test_what_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "elliptude.from_arrays.ahrs", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'elliptude\[cli\]'"):
+        el.ahrs(**GOOD)
+
+
+def test_what_is_masked_was_not_measured(recording):
+    times, rates, forces, fields, _ = recording
+    mask = np.zeros(fields.shape, dtype=bool)
+    mask[1::2] = True
+    empty = np.where(mask, np.nan, fields)
+    masked, found = (
+        el.ahrs(times, rates, forces, one, mag_unit="uT") for one in (np.ma.array(fields, mask=mask), empty)
+    )
+    np.testing.assert_array_equal(masked.quaternions, found.quaternions)
+
+
 def test_what_people_look_at(by_hand):
     line = repr(by_hand)
     assert "\n" not in line

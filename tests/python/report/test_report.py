@@ -85,6 +85,7 @@ def test_roll_pitch_and_yaw_are_the_first_picture(page, tmp_path):
         "as estimated",
         "optical attitude",
     ]
+    assert '<th scope="row">roll, half of its band</th><td>median 5.73°' in written
     yaw = next(trace for trace in traces if trace["name"] == "as estimated" and trace["yaxis"] == "y3")
     assert yaw["y"][20:25] == [None] * 5
     assert plots["angles"]["layout"]["yaxis"]["range"] == [-180.0, 180.0]
