@@ -1,5 +1,6 @@
 """Roll, pitch and yaw: every truth is between the ends, and some truth is at each; sections 18.10 of the theory."""
 
+import mpmath as mp
 import numpy as np
 import pytest
 from elliptude.bounds.roll_pitch_yaw import Bounded, roll_and_pitch, yaw
@@ -155,3 +156,27 @@ def test_what_is_not_known_has_no_angles():
 def test_a_heading_that_may_be_anything_is_the_whole_circle():
     found = yaw(np.eye(3)[None], np.array([0.1]), np.array([-np.pi]), np.array([np.pi]), is_up=False)
     assert (found.least[0], found.most[0]) == (-np.pi, np.pi)
+
+
+@mp.workdps(40)
+def test_rounding_is_covered_up_to_the_vertical():
+    """In 40 digits, with bodies and bounds that leave little room before the x axis may be vertical."""
+    rng = np.random.default_rng(5)
+    for _ in range(400):
+        room = 10.0 ** rng.uniform(-5.9, 0.0)
+        elevation = rng.choice([rng.uniform(0.0, 0.5 * np.pi - room), 0.5 * np.pi - 2.0 * room])
+        elevation = max(elevation, 0.0)
+        tilt = max(0.5 * np.pi - room - elevation, 0.0) * rng.choice([1.0, rng.random(), 1e-3])
+        cos, sin = np.cos(elevation), np.sin(elevation)
+        attitude = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+        found = yaw(attitude[None], np.array([tilt]), np.zeros(1), np.zeros(1), is_up=True)
+        t, reach = mp.mpf(float(sin)) / mp.mpf(float(cos)), mp.tan(mp.mpf(tilt) / 2)
+        slope, product = t * (1 - 3 * reach**2), reach**2 * (1 + reach**2 + 2 * t**2)
+        x = (mp.sqrt(slope**2 + 8 * product) - slope) / 4
+        y = mp.sqrt(max(reach**2 - x**2, 0))
+        exact = mp.atan2(2 * y * (t + x), 1 - 2 * t * x - x**2 + y**2)
+        assert mp.mpf(float(found.most[0])) >= exact
+        assert found.most[0] - float(exact) < 1e-13 / room
+        roll, _ = roll_and_pitch(attitude[2:], np.array([tilt]))
+        length = mp.sqrt(mp.mpf(float(sin)) ** 2 + mp.mpf(float(cos)) ** 2)
+        assert mp.mpf(float(roll.most[0])) >= mp.asin(min(mp.sin(mp.mpf(tilt)) * length / mp.mpf(float(cos)), 1))

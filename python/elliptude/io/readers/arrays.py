@@ -19,6 +19,10 @@ class ArrayLog:
         """All columns share their rows."""
         return ""
 
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
+
     def stamps(self, stream: str) -> None:
         """Any column may hold the times."""
         return
