@@ -26,6 +26,8 @@ PIECES = 500
 # Width of the names of lanes, px; all plots over time have it, so that their times are below one another.
 _LANES_WIDTH = 110
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
+# On white and on black.
+_LIGHT_BLUE, _MIDDLE_BLUE = "rgba(86,180,233,0.35)", "#2A93D1"
 _DASHES = ("solid", "dash", "dashdot")
 
 
@@ -206,11 +208,11 @@ def _angles(run: Run, rows: NDArray[np.intp], angles: FloatArray, label: str) ->
         goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
         cut_time, cut_value, cut_least, cut_most = cut_at_wraps(time, value, least, most)
         # What reaches beyond half a turn comes in again at the other side.
-        thin = {"line": {"color": "rgba(0,114,178,0.35)", "width": 0.5}}  # fast turns would draw the edges over all
+        thin = {"line": {"color": _LIGHT_BLUE, "width": 0.5}}  # fast turns would draw the edges over all
         for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
             x, y = _band(cut_time, cut_most + around, cut_least + around)
             traces.append(_band_trace("where it may be", x, y, is_first=i == 0 and not around) | place | thin)
-        line = {"color": _BLUE, "width": 1.5}
+        line = {"color": _MIDDLE_BLUE, "width": 1.5}
         traces.append(_angle_trace("as estimated", cut_time, cut_value, i == 0) | {"line": line} | place)
         if true is not None and run.compared.any():
             cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
@@ -252,7 +254,7 @@ def _band_trace(name: str, x: list[float | None], y: list[float | None], *, is_f
         "x": x,
         "y": y,
         "fill": "toself",
-        "fillcolor": "rgba(0,114,178,0.22)",
+        "fillcolor": _LIGHT_BLUE,
         "line": {"color": _BLUE, "width": 1},
         "hoverinfo": "skip",
     }
