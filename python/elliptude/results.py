@@ -425,7 +425,7 @@ class AhrsResult:
     dropped: Mapping[str, int]
     """How many measurements of each sensor were left out, as they contradict the others or their own bounds."""
     notes: tuple[str, ...]
-    """What a reader should know: why there is no set, and which axis was up at rest."""
+    """What a reader should know: why there is no set, gaps in the gyro, and which axis was up at rest."""
     columns: Mapping[str, NDArray[Any]]
     """The table that `elliptude estimate` writes, by its columns' names."""
 

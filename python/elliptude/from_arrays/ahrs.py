@@ -9,6 +9,7 @@ import numpy as np
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.errors import InconsistentMeasurement
+from elliptude.estimation import gaps
 from elliptude.estimation.estimator import estimate
 from elliptude.estimation.guaranteed_result import dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
@@ -88,7 +89,12 @@ def ahrs(
         are_proposals=configuration.proposed_from is not None,
         heading="from the first row" if run.starts_heading else "from magnetic east",
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
-        notes=(*heard.ignored, *why_no_set(run, configuration), *([] if heard.up is None else [str(heard.up)])),
+        notes=(
+            *heard.ignored,
+            *why_no_set(run, configuration),
+            *gaps.summarize(run.gaps, run.rows.gyro)["said"],
+            *([] if heard.up is None else [str(heard.up)]),
+        ),
         columns={
             name: values if isinstance(values, np.ndarray) else np.array(values)
             for name, values in result.columns().items()
