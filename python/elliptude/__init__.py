@@ -9,6 +9,10 @@ Units are SI and radians, quaternions are (qw, qx, qy, qz), directions are rows.
 one item; those before them, if any, are a batch and broadcast as in NumPy.
 """
 
+import os
+from importlib import import_module
+from typing import Any
+
 from elliptude._core import (
     DirectionFilter,
     Ellipsoid,
@@ -57,6 +61,7 @@ from elliptude.errors import InconsistentMeasurement, RowError
 from elliptude.filter import AttitudeFilter
 from elliptude.guaranteed import GuaranteedFilter
 from elliptude.results import (
+    AhrsResult,
     AttitudeBounds,
     Convergence,
     DirectionLog,
@@ -76,6 +81,7 @@ from elliptude.results import (
 )
 
 __all__ = [
+    "AhrsResult",
     "AttitudeBounds",
     "AttitudeFilter",
     "Convergence",
@@ -114,6 +120,7 @@ __all__ = [
     "WahbaSolution",
     "__version__",
     "add_cross_product",
+    "ahrs",
     "cayley",
     "cayley_inverse",
     "exp",
@@ -139,3 +146,62 @@ __all__ = [
     "wahba",
     "wahba_set",
 ]
+
+
+def ahrs(
+    time: Any,
+    gyr: Any,
+    acc: Any,
+    mag: Any = None,
+    *,
+    statements: str | os.PathLike[str] = "hand",
+    gyr_unit: str = "rad/s",
+    acc_unit: str = "m/s^2",
+    mag_unit: str = "T",
+    implausible: str = "refuse",
+) -> AhrsResult:
+    """Attitudes of an inertial sensor, with bounds that hold if what is stated about it does.
+
+    The numbers are those of ``elliptude bounds`` and ``elliptude estimate`` for the same recording. It needs what the
+    command line needs: ``pip install 'elliptude[cli]'``.
+
+    Parameters
+    ----------
+    time : (N,) array_like
+        In s, increasing; or time stamps of dates.
+    gyr, acc : (N, 3) array_like
+        Angular velocity and specific force, body axes; at rest the force points up. Rows of NaN in ``acc`` and ``mag``
+        were not measured. Columns of pandas and Polars are arrays, too.
+    mag : (N, 3) array_like, optional
+        The magnetic field, body axes. Without it yaw counts from the first row.
+    statements : "hand", "recording" or path-like
+        What is stated about the sensors' errors. "hand": the rule for a small sensor in a hand, which begins at rest;
+        the field at that rest is the reference. "recording": what `elliptude bounds` proposes from the recording
+        itself, which is no guarantee. A path: a rule in a TOML file, as `elliptude bounds --rule` writes one.
+    gyr_unit : "rad/s" or "deg/s"
+    acc_unit : "m/s^2", "g" or "mg"
+    mag_unit : "T", "G", "mG", "uT" or "nT"
+    implausible : "refuse" or "ignore"
+        What to do if the sensors contradict one another, as with a wrong unit or axis.
+
+    Returns
+    -------
+    AhrsResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what it should be, or contradicts the others; the message names it and the place.
+    ModuleNotFoundError
+        If what it needs besides NumPy is not installed.
+    """
+    # Not imported above: the library needs NumPy alone, and this call far more.
+    try:
+        call = import_module("elliptude.from_arrays.ahrs").ahrs
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"elliptude.ahrs needs {error.name}: pip install 'elliptude[cli]'", name=error.name
+        ) from error
+    stated_units = {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit}
+    result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible)
+    return result

@@ -43,6 +43,11 @@ class AttitudeFilter(_core.AttitudeFilter, Stored):  # noqa: D101
     __doc__ = _core.AttitudeFilter.__doc__
     FORMAT_VERSION = 1
 
+    def __repr__(self) -> str:
+        """One line: time, mode, and how far the attitude may be off."""
+        size = np.rad2deg(self.ellipsoid.extent().largest_angle)
+        return f"<AttitudeFilter: time {self.time:.6g} s, mode {self.mode!r}, within {size:.3g}°>"
+
     def to_dict(self) -> dict[str, Any]:
         """The whole state of the filter, as numbers, strings, lists and dictionaries.
 

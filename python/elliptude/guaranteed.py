@@ -66,6 +66,12 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
     __doc__ = _core.GuaranteedFilter.__doc__
     FORMAT_VERSION = 1
 
+    def __repr__(self) -> str:
+        """One line: time, claim, and how far the attitude may be off."""
+        known = self.ellipsoid
+        size = "" if known is None else f", within {np.rad2deg(known.extent().largest_angle):.3g}°"
+        return f"<GuaranteedFilter: time {self.time:.6g} s, claim {self.claim!r}{size}>"
+
     def to_dict(self) -> dict[str, Any]:
         """The whole state of the filter, as numbers, strings, lists and dictionaries."""
         return {

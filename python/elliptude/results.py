@@ -1,6 +1,9 @@
 """The results that functions return: named tuples and classes of arrays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
+from importlib import import_module
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -9,6 +12,28 @@ from numpy.typing import NDArray
 from elliptude import _core
 from elliptude._core import Ellipsoid, cayley_inverse, log
 from elliptude.typing import AttitudeLike, Chart, FloatArray, SupportsAsMatrix
+
+# Pieces of rows of a small plot, and its size in px.
+_PIECES, _PANEL_WIDTH, _PANEL_HEIGHT = 300, 600, 90
+
+
+def _equal(one: tuple[Any, ...], other: object) -> bool:
+    """Whether two results of one kind have equal arrays; NaN is equal to NaN. Tuples of arrays cannot say so."""
+    if type(other) is not type(one):
+        return False
+    assert isinstance(other, tuple)
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
+
+
+def _span(name: str, times: FloatArray, claims: NDArray[np.uint8] | None = None) -> str:
+    """A log of rows in one line."""
+    said = f"{name}: {len(times)} rows"
+    if len(times):
+        said += f", {times[0]:.6g} to {times[-1]:.6g} s"
+    if claims is None or not len(claims):
+        return f"<{said}>"
+    shares = [f"{claim} {100.0 * float(np.mean(claims == i)):.3g} %" for i, claim in enumerate(CLAIMS)]
+    return f"<{said}; claims: {', '.join(shares)}>"
 
 
 class PrincipalAxes(NamedTuple):
@@ -114,6 +139,14 @@ class Extent(NamedTuple):
     greatest_uncertainty: FloatArray
     """Unit eigenvector of P to its largest eigenvalue, shape (6,)."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are equal."""
+        return _equal(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        """Whether any number differs."""
+        return not _equal(self, other)
+
 
 class Convergence(NamedTuple):
     """Diagnostics of the paper's convergence theorem, a sufficient condition that most updates cannot meet."""
@@ -143,7 +176,7 @@ class Update(NamedTuple):
     """Diagnostics, if asked for: after two or more directions with an angular velocity."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class FilterLog:
     """The result of a first-order filter for a log of n rows with m directions."""
 
@@ -163,6 +196,10 @@ class FilterLog:
     """Whether each direction and, last, the angular velocity went into the row's update, shape (n, m + 1)."""
     outcomes: NDArray[np.uint8]
     """0 updated, 1 predicted only, 2 refused: the sets did not meet; shape (n,)."""
+
+    def __repr__(self) -> str:
+        """One line: rows."""
+        return _span("FilterLog", self.times)
 
     def since(self, first: int) -> "FilterLog":
         """The rows from one on."""
@@ -267,8 +304,16 @@ class Extents(NamedTuple):
     largest_angles: FloatArray
     """The largest ‖ζ‖ in each set, rad, shape (n,)."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are equal."""
+        return _equal(self, other)
 
-@dataclass(frozen=True, eq=False)
+    def __ne__(self, other: object) -> bool:
+        """Whether any number differs."""
+        return not _equal(self, other)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class GuaranteedLog:
     """The result of a guaranteed filter for a log of n rows with m directions, after each row."""
 
@@ -292,6 +337,10 @@ class GuaranteedLog:
     """How far the constraints are from having no common point, NaN where nothing was measured, shape (n,)."""
     question_bounds: FloatArray | None = None
     """Bounds of tilt, heading from and to, and angle, rad, if a vertical was given, NaN without a set, shape (n, 4)."""
+
+    def __repr__(self) -> str:
+        """One line: rows and claims."""
+        return _span("GuaranteedLog", self.times, self.claims)
 
     @property
     def attitude_bounds(self) -> AttitudeBounds | None:
@@ -328,3 +377,148 @@ class GuaranteedLog:
         """Half-widths along body and reference axes and the largest angles."""
         rows = _core._gibbs_extents(self.attitudes, self.shapes)
         return Extents(rows[:, :6], rows[:, 6:9], rows[:, 9])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AhrsResult:
+    """Attitudes with their bounds, of n rows: what `elliptude.ahrs` returns. NaN where nothing is known.
+
+    C = Rz(yaw) Ry(pitch) Rx(roll) takes body vectors to ENU: east, north, up; north is magnetic north.
+    """
+
+    times: FloatArray
+    """In s, shape (n,)."""
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) of the attitude, the center of its set, shape (n, 4)."""
+    attitudes: FloatArray
+    """The same as matrices, from body to reference axes, shape (n, 3, 3)."""
+    roll_pitch_yaw: FloatArray
+    """Roll and pitch of `ups`, also where no attitude is known, and yaw of the attitude, rad, shape (n, 3)."""
+    least_roll_pitch_yaw: FloatArray
+    """The truth is from here, up to whole turns, rad, shape (n, 3); −π to π: not defined, or anything."""
+    most_roll_pitch_yaw: FloatArray
+    """To here, rad, shape (n, 3)."""
+    claims: NDArray[np.str_]
+    """What attitude, yaw and sets rest on, a word of `elliptude.results.CLAIMS`, shape (n,)."""
+    tilt_bounds: FloatArray
+    """How far the attitude's up may be from true up, rad, shape (n,)."""
+    heading_from: FloatArray
+    """The turn about up from the attitude to the truth is at least this, rad, shape (n,)."""
+    heading_to: FloatArray
+    """And at most this, rad, shape (n,)."""
+    largest_angles: FloatArray
+    """The largest attitude error in each set, rad, shape (n,)."""
+    ups: FloatArray
+    """Up as well as it is known, unit vectors, body axes, shape (n, 3)."""
+    up_bounds: FloatArray
+    """How far true up may be from there, rad, shape (n,)."""
+    up_claims: NDArray[np.str_]
+    """What up, roll and pitch rest on, shape (n,)."""
+    sets: GuaranteedLog
+    """The sets themselves."""
+    statements: str
+    """What the bounds of the sensors' errors come from, as it was given."""
+    are_proposals: bool
+    """Whether they are only what the recording showed: then nothing is guaranteed."""
+    heading: str
+    """What yaw counts from: "from magnetic east", or "from the first row" without a magnetometer."""
+    dropped: Mapping[str, int]
+    """How many measurements of each sensor were left out, as they contradict the others or their own bounds."""
+    notes: tuple[str, ...]
+    """What a reader should know: why there is no set, gaps in the gyro, and which axis was up at rest."""
+    columns: Mapping[str, NDArray[Any]]
+    """The table that `elliptude estimate` writes, by its columns' names."""
+
+    def __len__(self) -> int:
+        """The number of rows."""
+        return len(self.times)
+
+    @property
+    def claim_shares(self) -> dict[str, float]:
+        """The share of rows with each claim of the attitude."""
+        return {claim: float(np.mean(self.claims == claim)) for claim in CLAIMS}
+
+    def contains(self, true_attitudes: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether attitudes (n, 3, 3), from body to the same axes, are in the sets, shape (n,)."""
+        inside: NDArray[np.bool_] = self.sets.forms(true_attitudes) <= 1.0
+        return inside
+
+    def to_frame(self, library: Literal["pandas", "polars"] | None = None) -> Any:
+        """The table that `elliptude estimate` writes as a data frame.
+
+        Parameters
+        ----------
+        library : {"pandas", "polars"}, optional
+            The one that is installed, pandas first, if left out.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If it is not installed.
+        ValueError
+            If it is another one.
+        """
+        if library not in {None, "pandas", "polars"}:
+            raise ValueError(f"library: {library!r}, neither 'pandas' nor 'polars'")
+        for name in (library,) if library is not None else ("pandas", "polars"):
+            try:
+                return import_module(name).DataFrame(dict(self.columns))
+            except ModuleNotFoundError:
+                continue
+        raise ModuleNotFoundError(f"to_frame needs {library or 'pandas or polars'}, which is not installed")
+
+    def __repr__(self) -> str:
+        """One line: rows, claims, mean bounds."""
+        span = f"{self.times[0]:.6g} to {self.times[-1]:.6g} s"
+        claims = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in self.claim_shares.items())
+        bounds = ", ".join(f"{name} {size}" for name, size in self._means().items())
+        doubt = "; by proposals, no guarantee" if self.are_proposals else ""
+        return f"<AhrsResult: {len(self)} rows, {span}; claims: {claims}; mean bounds: {bounds}{doubt}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: a small plot of roll, pitch and yaw with their bounds, and the mean bounds."""
+        panels = "".join(self._panel(i, name) for i, name in enumerate(("roll", "pitch", "yaw")))
+        rows = {f"{name} (mean bound)": size for name, size in self._means().items()}
+        rows |= {f"claim: {name}": f"{100.0 * share:.4g} % of rows" for name, share in self.claim_shares.items()}
+        rows |= {"statements": self.statements + (", proposals: no guarantee" if self.are_proposals else "")}
+        rows |= {"yaw": f"counts {self.heading}"}
+        table = "".join(
+            f'<tr><th style="text-align:left">{escape(name)}</th><td>{escape(value)}</td></tr>'
+            for name, value in rows.items()
+        )
+        return f"<div><table>{table}</table>{panels}</div>"
+
+    def _means(self) -> dict[str, str]:
+        """Mean bounds over rows that have any, in degrees."""
+        heading = np.maximum(-self.heading_from, self.heading_to)
+        bounds = {"up": self.up_bounds, "tilt": self.tilt_bounds, "heading": heading, "angle": self.largest_angles}
+        known = {name: values[np.isfinite(values)] for name, values in bounds.items()}
+        return {
+            name: f"{np.rad2deg(values.mean()):.3g}°" if len(values) else "not known" for name, values in known.items()
+        }
+
+    def _panel(self, i: int, name: str) -> str:
+        """A band between the least and the most of each piece of rows, and the angle, as SVG."""
+        length = -(-len(self) // _PIECES)
+        starts = np.arange(0, len(self), length)
+        least = np.fmin.reduceat(np.rad2deg(self.least_roll_pitch_yaw[:, i]), starts)
+        most = np.fmax.reduceat(np.rad2deg(self.most_roll_pitch_yaw[:, i]), starts)
+        angle = np.rad2deg(self.roll_pitch_yaw[starts, i])
+        low, high = np.nanmin(least, initial=0.0), np.nanmax(most, initial=0.0)
+        across, height = _PANEL_WIDTH / len(starts), _PANEL_HEIGHT / max(high - low, 1.0)
+        known = np.flatnonzero(np.isfinite(least) & np.isfinite(most))
+        bars = "".join(
+            f'<rect x="{across * k:.1f}" y="{height * (high - most[k]):.1f}" width="{across + 0.1:.1f}" '
+            f'height="{max(height * (most[k] - least[k]), 0.5):.1f}"/>'
+            for k in known
+        )
+        dots = "".join(
+            f'<rect x="{across * k:.1f}" y="{height * (high - angle[k]) - 0.6:.1f}" width="{across + 0.1:.1f}" '
+            'height="1.2"/>'
+            for k in np.flatnonzero(np.isfinite(angle))
+        )
+        return (
+            f'<p style="margin:4px 0 0">{name}, {low:.0f}° to {high:.0f}°</p><svg viewBox="0 0 {_PANEL_WIDTH} '
+            f'{_PANEL_HEIGHT}" style="width:100%;max-width:{_PANEL_WIDTH}px" role="img" aria-label="{name} over time">'
+            f'<g fill="#0072B2" fill-opacity="0.3">{bars}</g><g fill="currentColor">{dots}</g></svg>'
+        )

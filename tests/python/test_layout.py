@@ -18,7 +18,7 @@ FLOORS = (
     {"estimation"},
     {"simulation"},
     {"validation", "proposal", "calibration"},
-    {"report"},
+    {"report", "from_arrays"},
     {"cli"},
 )
 """Folders from the ground up. A module imports from its own folder and from floors below."""

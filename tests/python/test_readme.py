@@ -27,30 +27,44 @@ def printed(program: str, capsys: pytest.CaptureFixture[str]) -> tuple[str, floa
     return word, float(angle)
 
 
-def test_the_readme_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    claim, angle = printed(blocks(README, "python", 1)[0], capsys)
+def test_the_readme_programs_run(capsys: pytest.CaptureFixture[str]) -> None:
+    programs = blocks(README, "python", 2)
+    claim, roll = printed(programs[0], capsys)
+    assert claim == "unconditional"
+    assert 0 < roll < 10
+    claim, angle = printed(programs[1], capsys)
     assert claim == "unconditional"
     assert 5 < angle < 15
 
 
+def test_the_one_call_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(blocks(LIBRARY, "python", 5)[0], "one call", "exec"), {})
+    claim, angles = capsys.readouterr().out.split(maxsplit=1)
+    assert claim == "unconditional"
+    roll, pitch, yaw = (float(one) for one in angles.strip("[]\n").split())
+    assert 0 < roll < 10
+    assert 0 < pitch < 10
+    assert 0 < yaw < 40
+
+
 def test_the_guaranteed_program_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    claim, angle = printed(blocks(LIBRARY, "python", 4)[0], capsys)
+    claim, angle = printed(blocks(LIBRARY, "python", 5)[1], capsys)
     assert claim == "unconditional"
     assert 1 < angle < 5
 
 
 def test_the_programs_of_single_questions_run(capsys: pytest.CaptureFixture[str]) -> None:
-    programs = blocks(LIBRARY, "python", 4)
-    exec(compile(programs[1], "bounds", "exec"), {})
+    programs = blocks(LIBRARY, "python", 5)
+    exec(compile(programs[2], "bounds", "exec"), {})
     tilt, least, most = (float(one) for one in capsys.readouterr().out.strip("[]\n").split())
     assert (tilt, least, most) == pytest.approx((2.0, -15.0, 15.0), rel=0.02)  # the cones alone
-    exec(compile(programs[2], "up", "exec"), {})
+    exec(compile(programs[3], "up", "exec"), {})
     said = capsys.readouterr().out
     assert said == "[-0.479  0.     0.878] 2.57 unconditional\n"  # -sin 0.5, cos 0.5; 2 degrees and 0.01 rad
 
 
 def test_the_first_order_program_of_the_library_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    inside, angle = printed(blocks(LIBRARY, "python", 4)[3], capsys)
+    inside, angle = printed(blocks(LIBRARY, "python", 5)[4], capsys)
     assert inside == "True"
     assert 0 < angle < 3
 

@@ -27,7 +27,7 @@ from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
-from elliptude.proposal.starting_configuration import Mode, starting_configuration
+from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NOTE = (
@@ -70,7 +70,7 @@ def bounds(
             show_default=False,
         ),
     ] = None,
-    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = 1.2,
+    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = MARGIN,
     out: Annotated[
         Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
     ] = None,

@@ -24,7 +24,7 @@ from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
 from elliptude.report.run import Run, read_run
 
-_PICTURES = ("bands.png", "size.png", "axes.png")
+_PICTURES = ("angles.png", "bands.png", "size.png", "axes.png")
 
 
 def make_report(
@@ -90,7 +90,7 @@ def make_report(
     summary = page.write_report(run, out, title, label=label)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
-        _write_pictures(run, pictures, title, label)
+        files = [out, *_write_pictures(run, pictures, title, label)]
     if as_json:
         typer.echo(json.dumps(summary | {"report": str(out)}, indent=2, ensure_ascii=False))
         return
@@ -105,16 +105,20 @@ def _title(result: Path) -> str:
     return resolved.name if resolved.is_dir() else f"{resolved.parent.name}/{resolved.name}"
 
 
-def _write_pictures(run: Run, folder: Path, title: str, label: str) -> None:
+def _write_pictures(run: Run, folder: Path, title: str, label: str) -> list[Path]:
+    """The files that were written: one of roll, pitch and yaw only if the table has them."""
     from elliptude.report import figures, run_figures
 
-    drawn = (
-        run_figures.bands_figure(run, title, label=label),
-        run_figures.size_figure(run, title),
-        run_figures.axes_figure(run, title, label=label),
-    )
-    for name, figure in zip(_PICTURES, drawn, strict=True):
+    drawn = {
+        "bands.png": run_figures.bands_figure(run, title, label=label),
+        "size.png": run_figures.size_figure(run, title),
+        "axes.png": run_figures.axes_figure(run, title, label=label),
+    }
+    if run.roll_pitch_yaw is not None:
+        drawn = {"angles.png": run_figures.angles_figure(run, title, label=label)} | drawn
+    for name, figure in drawn.items():
         figures.save(figure, folder / name)
+    return [folder / name for name in drawn]
 
 
 def _in_words(summary: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.bounds.roll_pitch_yaw import roll_and_pitch, yaw
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
@@ -14,11 +15,12 @@ from elliptude.estimation import gaps
 from elliptude.estimation.best import Best
 from elliptude.estimation.containment import compare
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
+from elliptude.estimation.vertical import Vertical
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.io import tables
 from elliptude.io.tables import Column, Result, names_of_chosen
 from elliptude.logs.log import Log
-from elliptude.results import CLAIMS
+from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray
 
 
@@ -94,7 +96,17 @@ def _of_questions(run: GuaranteedRun) -> dict[str, Any]:
         "ups": vertical.directions,
         "up_bounds": vertical.angles,
         "up_claims": [CLAIMS[claim] for claim in vertical.claims],
+        "roll_pitch_yaw": _roll_pitch_yaw(run, vertical, bounds),
     }
+
+
+def _roll_pitch_yaw(run: GuaranteedRun, vertical: Vertical, bounds: AttitudeBounds) -> FloatArray:
+    """Roll and pitch from up, which may be known without an attitude, and yaw: angles with their ends, (N, 9)."""
+    assert run.rows.up is not None
+    is_up = bool(run.rows.up[2] > 0.0)
+    roll, pitch = roll_and_pitch(vertical.directions if is_up else -vertical.directions, vertical.angles)
+    turned = yaw(run.sets.attitudes, vertical.tilt_bounds, bounds.heading_from, bounds.heading_to, is_up=is_up)
+    return np.column_stack([*roll, *pitch, *turned])
 
 
 def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:

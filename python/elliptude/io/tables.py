@@ -47,6 +47,10 @@ HEADINGS = ("heading_from", "heading_to")
 UP = ("up_x", "up_y", "up_z")
 BEST_QUATERNION = ("best_qw", "best_qx", "best_qy", "best_qz")
 BEST_HEADINGS = ("best_heading_from", "best_heading_to")
+ROLL_PITCH, YAW = (
+    tuple(f"{angle}{end}" for angle in angles for end in ("", "_from", "_to"))
+    for angles in (("roll", "pitch"), ("yaw",))
+)
 ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
 _BEST = ("best_bound", "best_tilt_bound", "best_put_back")
 _NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST)
@@ -209,6 +213,9 @@ class Result:
     """Whose estimate it is: "vqf", "center" or "" where there is none."""
     best_put_back: FloatArray | None = None
     """1 where it was outside the unconditional set, and was moved onto its boundary, else 0, shape (N,)."""
+    roll_pitch_yaw: FloatArray | None = None
+    """Roll, pitch and yaw of the third reference axis as `ups` has it, and of the attitude: each angle, and between
+    which ones the truth is, rad, shape (N, 9), in the order of the columns; None where up is not known."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -264,6 +271,7 @@ class Result:
         _add(columns, UP, self.ups)
         _add(columns, BEST_QUATERNION, self.best_quaternions)
         _add(columns, BEST_HEADINGS, self.best_headings)
+        _add(columns, ROLL_PITCH + YAW, self.roll_pitch_yaw)
         return columns
 
     @classmethod
@@ -293,7 +301,7 @@ class Result:
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
         further: list[tuple[str, ...]] = [(name,) for name in _NUMBERS_OF_QUESTIONS if name in names]
-        together = (HEADINGS, UP, BEST_QUATERNION, BEST_HEADINGS)
+        together = (HEADINGS, UP, BEST_QUATERNION, BEST_HEADINGS, ROLL_PITCH, YAW)
         further += [several for several in together if several[0] in names]
         columns = read_columns(
             path,
@@ -335,6 +343,7 @@ class Result:
             best_tilt_claims=tuple(columns["best_tilt_claim"]) if "best_tilt_claim" in names else None,
             best_from=tuple(columns["best_from"]) if "best_from" in names else None,
             best_put_back=columns.get("best_put_back"),
+            roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in names else None,
         )
 
 

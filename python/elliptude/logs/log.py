@@ -5,7 +5,6 @@ sample there is NaN, but for the gyro, whose rate is needed throughout. Everythi
 file of any length needs little memory: `read_pieces`; `read_log` puts the pieces together.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -32,7 +31,7 @@ from elliptude.configuration.sensors import (
 )
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile, require_columns
-from elliptude.io.readers.open import open_log
+from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
 from elliptude.typing import FloatArray
@@ -109,7 +108,7 @@ def log_of(measurements: Measurements) -> Log:
     )
 
 
-def read_log(path: str | os.PathLike[str], configuration: Configuration) -> Log:
+def read_log(path: LogSource, configuration: Configuration) -> Log:
     """Read the log that a configuration describes from a file.
 
     Parameters
@@ -146,7 +145,7 @@ def joined(parts: Sequence[Log]) -> Log:
     return replace(parts[0], **arrays)
 
 
-def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> Iterator[Log]:
+def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
     """`read_log` piece by piece; together the pieces are the log.
 
     A piece is as long as a batch of the file (`elliptude.io.readers`), and no more than a few of them are in memory.
@@ -171,8 +170,8 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
         yield _log(piece, file, configuration, constants)
     if is_empty:
         if all(clock.is_empty for clock in clocks):
-            raise FileError(f"{path}: a header, but no rows below it")
-        raise FileError(f"{path}: no row between the first and the last sample of {_filled(configuration)}")
+            raise FileError(f"{file.path}: a header, but no rows below it")
+        raise FileError(f"{file.path}: no row between the first and the last sample of {_filled(configuration)}")
 
 
 def _filled(configuration: Configuration) -> str:
@@ -214,9 +213,7 @@ def sensor_names(configuration: Configuration) -> list[str]:
     return names + (["true vector"] if truth is not None and truth.vector_columns else [])
 
 
-def read_samples(
-    path: str | os.PathLike[str], configuration: Configuration, names: Sequence[str] | None = None
-) -> list[Samples]:
+def read_samples(path: LogSource, configuration: Configuration, names: Sequence[str] | None = None) -> list[Samples]:
     """Read the measurements of each sensor at its own times, checked and converted as in `read_log`.
 
     Parameters
@@ -251,7 +248,7 @@ def read_samples(
                 take(file, clock, batch, rows, origin, timing)
             rows += len(next(iter(batch.values())).values)
         if not rows:
-            raise FileError(f"{path}: a header, but no rows below it")
+            raise FileError(f"{file.path}: a header, but no rows below it")
         for channel in chain.from_iterable(clock.channels for clock in together):
             times = np.concatenate(channel.times) if channel.times else np.empty(0)
             values = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))

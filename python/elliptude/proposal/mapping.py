@@ -18,6 +18,7 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
+from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.proposals import Recording
@@ -146,7 +147,7 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
     return validate(path, full, Configuration)
 
 
-def read_recording(path: str | os.PathLike[str], configuration: Configuration) -> tuple[Recording, int]:
+def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recording, int]:
     """Read the recording that bounds are proposed from, at the gyro's times.
 
     Measurements at other times are interpolated between their samples, which smooths part of their noise
@@ -168,10 +169,11 @@ def read_recording(path: str | os.PathLike[str], configuration: Configuration) -
     FileError
         If it cannot be read, or is too short.
     """
-    samples = {one.name: one for one in log.read_samples(path, configuration)}
+    file = open_log(path)
+    samples = {one.name: one for one in log.read_samples(file, configuration)}
     gyro = samples["the gyro"]
     if len(gyro.times) < 3:
-        raise FileError(f"{path}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
+        raise FileError(f"{file.path}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
     vectors: dict[str, FloatArray] = {}
     together = np.ones(len(gyro.times), dtype=np.bool_)
     for sensor in configuration.directions:
@@ -181,7 +183,7 @@ def read_recording(path: str | os.PathLike[str], configuration: Configuration) -
             together &= np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
-        reference = reference_attitudes.read_reference(path, configuration)
+        reference = reference_attitudes.read_reference(file.path, configuration)
         gap = _LARGEST_GAP * float(np.median(np.diff(reference.times))) if len(reference.times) > 1 else 0.0
         rows, rotations = reference_attitudes.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
         if configuration.reference_frame not in {None, "J2000"}:

@@ -35,6 +35,10 @@ _SHORTEST_REST = 1.0
 _BIAS_BY_DATASHEET = 5.0
 # s; time between anchors in the guaranteed mode. It changes how large sets are, not whether they hold.
 _ANCHOR_S = 4.0
+# The next recording breaks bounds that one recording showed: what contradicts them is left out and listed.
+_ESTIMATOR = {"mode": "guaranteed", "policy": "drop_measurement", "criterion": "trace"}
+MARGIN = 1.2
+"""The factor for maxima, if nothing else is said."""
 
 
 def starting_configuration(
@@ -82,6 +86,23 @@ def starting_configuration(
     else:
         notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps)
     return _document(full, comments, margin, log, notes)
+
+
+def ruled_configuration(tables: Tables, rule: Tables) -> Tables:
+    """The tables with a rule that says all bounds, so that nothing is proposed; as they are with one in ``tables``.
+
+    Parameters
+    ----------
+    tables : dict
+        As of `starting_configuration`.
+    rule : dict
+        The table ``rule`` of a configuration.
+
+    Returns
+    -------
+    dict
+    """
+    return copy.deepcopy(tables) | {"estimator": dict(_ESTIMATOR), "rule": {"anchor_s": _ANCHOR_S} | rule}
 
 
 # --- first order ------------------------------------------------------------------------------------------------------
@@ -216,8 +237,7 @@ def _guaranteed(
 ) -> list[str]:
     """Put in what is missing; returns the comment at the top of the file."""
     if "estimator" not in full:
-        # The next recording breaks bounds that one recording showed: what contradicts them is left out and listed.
-        full["estimator"] = {"mode": "guaranteed", "policy": "drop_measurement", "criterion": "trace"}
+        full["estimator"] = dict(_ESTIMATOR)
         comments["estimator", "policy"] = "what contradicts the bounds is left out, and listed in dropped.csv"
         comments["estimator", "criterion"] = "sharper headings, and fewer sets lost; no effect on what holds"
     if "rule" in full:

@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.report.figures import HEADING_COLOUR, TILT_COLOUR, error_limit, log_ticks
+from elliptude.report.figures import (
+    HEADING_COLOUR,
+    TILT_COLOUR,
+    cut_at_wraps,
+    error_limit,
+    log_ticks,
+    true_roll_pitch_yaw,
+)
 from elliptude.report.run import DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claims_of_up
 from elliptude.report.thinning import largest_of_each, pieces, prediction_shares, worst_claims
@@ -19,6 +26,8 @@ PIECES = 500
 # Width of the names of lanes, px; all plots over time have it, so that their times are below one another.
 _LANES_WIDTH = 110
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
+# On white and on black.
+_LIGHT_BLUE, _MIDDLE_BLUE = "rgba(86,180,233,0.35)", "#2A93D1"
 _DASHES = ("solid", "dash", "dashdot")
 
 
@@ -27,14 +36,15 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     # The measurements in the list are marked below the size of the set.
     if run.listed is not None:
         spells = [spell for spell in spells if spell.what == "refused"]
-    plots = {
+    plots = {} if run.roll_pitch_yaw is None else {"angles": _angles(run, rows, run.roll_pitch_yaw[rows], label)}
+    plots |= {
         "size": _size(run, rows),
         "bands": _bands(run, rows, label),
     }
     if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
     if "strip" in plots or "yaxis2" in plots["size"]["layout"]:
-        for name in ("size", "bands", "strip"):
+        for name in ("angles", "size", "bands", "strip"):
             if name in plots:
                 plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH
     return plots
@@ -186,19 +196,65 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     return {"data": traces, "layout": layout}
 
 
-def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]:
-    """The band of the error about axis i."""
-    x, y = _band(times, bound)
+def _angles(run: Run, rows: NDArray[np.intp], angles: FloatArray, label: str) -> dict[str, Any]:
+    """Roll, pitch and yaw, a panel each, in bands between the angles that the truth may have."""
+    time = run.times[rows]
+    true = None if run.errors is None else true_roll_pitch_yaw(run.attitudes[rows], run.errors[rows])
+    traces: list[dict[str, Any]] = []
+    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
+    for i, name in enumerate(("roll", "pitch", "yaw")):
+        place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
+        value, least, most = np.rad2deg(angles[:, 3 * i : 3 * i + 3]).T
+        goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
+        cut_time, cut_value, cut_least, cut_most = cut_at_wraps(time, value, least, most)
+        # What reaches beyond half a turn comes in again at the other side.
+        thin = {"line": {"color": _LIGHT_BLUE, "width": 0.5}}  # fast turns would draw the edges over all
+        for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
+            x, y = _band(cut_time, cut_most + around, cut_least + around)
+            traces.append(_band_trace("where it may be", x, y, is_first=i == 0 and not around) | place | thin)
+        line = {"color": _MIDDLE_BLUE, "width": 1.5}
+        traces.append(_angle_trace("as estimated", cut_time, cut_value, i == 0) | {"line": line} | place)
+        if true is not None and run.compared.any():
+            cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
+            inked = {"line": {"width": 1.2}, "meta": "ink"}
+            traces.append(_angle_trace(label, cut[0], cut[1], i == 0) | inked | place)
+        layout[f"yaxis{i + 1}" if i else "yaxis"] = {"title": {"text": f"{name} (deg)"}} | (
+            {"range": [-180.0, 180.0], "dtick": 90} if goes_around else {}
+        )
+    return {"data": traces, "layout": layout}
+
+
+def _angle_trace(name: str, time: FloatArray, angle: FloatArray, is_first: bool) -> dict[str, Any]:
+    """An angle over time, degrees."""
     return {
         "type": "scatter",
         "mode": "lines",
-        "name": "bound",
-        "legendgroup": "bound",
-        "showlegend": i == 0,
+        "name": name,
+        "legendgroup": name,
+        "showlegend": is_first,
+        "x": [float(one) for one in time],
+        "y": _list(angle),
+    }
+
+
+def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]:
+    """The band of the error about axis i."""
+    x, y = _band(times, bound, -bound)
+    return _band_trace("bound", x, y, is_first=i == 0)
+
+
+def _band_trace(name: str, x: list[float | None], y: list[float | None], *, is_first: bool) -> dict[str, Any]:
+    """A band by its outline."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "legendgroup": name,
+        "showlegend": is_first,
         "x": x,
         "y": y,
         "fill": "toself",
-        "fillcolor": "rgba(0,114,178,0.22)",
+        "fillcolor": _LIGHT_BLUE,
         "line": {"color": _BLUE, "width": 1},
         "hoverinfo": "skip",
     }
@@ -233,14 +289,14 @@ def _outside_trace(times: list[float], error: FloatArray, is_first: bool) -> dic
     }
 
 
-def _band(time: FloatArray, bound: FloatArray) -> tuple[list[float | None], list[float | None]]:
-    """The outline from -bound to bound, closed for each piece between gaps."""
-    known = np.flatnonzero(np.isfinite(bound))
+def _band(time: FloatArray, highest: FloatArray, lowest: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    """The outline of a band, closed for each piece between gaps."""
+    known = np.flatnonzero(np.isfinite(highest))
     x: list[float | None] = []
     y: list[float | None] = []
     for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
         around = np.concatenate([piece, piece[::-1], piece[:1]])
-        sides = np.concatenate([bound[piece], -bound[piece[::-1]], bound[piece[:1]]])
+        sides = np.concatenate([highest[piece], lowest[piece[::-1]], highest[piece[:1]]])
         x += [*time[around].tolist(), None]
         y += [*_list(sides), None]
     return x, y

@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
+import elliptude
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.typing import FloatArray
@@ -65,9 +66,11 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     -------
     Figure
     """
-    figure = new_figure(8.4)
+    angles = result.roll_pitch_yaw
+    above = 0 if angles is None else 3  # rows of panels
+    figure = new_figure(8.4 + 1.5 * above)
     figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(4, 2)
+    grid = figure.add_gridspec(above + 4, 2)
     time = result.times
     marks = _marks(result)
     is_bias = result.vector == "bias"
@@ -81,6 +84,12 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     # A bias that is not estimated has nothing to show.
     is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
+    if angles is not None:
+        first = figure.add_subplot(grid[0, :])
+        panels = [first, *(figure.add_subplot(grid[i, :], sharex=first) for i in (1, 2))]
+        draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
+        for panel in panels[:2]:
+            panel.tick_params(labelbottom=False)
     for j, (name, unit, part) in enumerate(columns):
         known = errors is not None and bool(np.isfinite(errors[:, part]).any())
         bounds = np.rad2deg(result.half_widths[:, part])
@@ -90,7 +99,7 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
         if is_alone and j == 1:
             break
         for i in range(3):
-            axes = figure.add_subplot(grid[i, :] if is_alone else grid[i, j], sharex=first)
+            axes = figure.add_subplot(grid[above + i, :] if is_alone else grid[above + i, j], sharex=first)
             first = first or axes
             _shade_gaps(axes, result)
             axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
@@ -103,10 +112,10 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
             axes.tick_params(labelbottom=is_alone and i == 2)
             if i == 0:
                 axes.set_title(heading, fontsize=9.5)
-    below = figure.add_subplot(grid[3, 0], sharex=first)
+    below = figure.add_subplot(grid[above + 3, 0], sharex=first)
     _shade_gaps(below, result)
     _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
-    size = figure.add_subplot(grid[3, 1], sharex=first)
+    size = figure.add_subplot(grid[above + 3, 1], sharex=first)
     _shade_gaps(size, result)
     _draw_size(size, result, **marks)
     for axes in (below, size):
@@ -114,15 +123,85 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     assert first is not None
     if len(time) > 1:  # also where nothing is known
         first.set_xlim(float(time[0]), float(time[-1]))
-    entries = dict(zip(*reversed(first.get_legend_handles_labels()), strict=True))
-    if result.headings is not None:
-        of_size = dict(zip(*reversed(size.get_legend_handles_labels()), strict=True))
-        entries |= {label: handle for label, handle in of_size.items() if label not in (*entries, "error")}
+    entries: dict[str, Any] = {}
+    for axes in figure.axes if result.headings is not None else [first]:
+        of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+        entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
     columns_of_legend = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
     figure.legend(
         list(entries.values()), list(entries), loc="outside lower center", ncols=columns_of_legend, frameon=False
     )
     return figure
+
+
+def _true_angles(result: Result) -> FloatArray | None:
+    """Roll, pitch and yaw of the truth, rad, shape (N, 3); None without one."""
+    if result.errors is None:
+        return None
+    return true_roll_pitch_yaw(result.attitudes, result.errors[:, :3])
+
+
+def true_roll_pitch_yaw(attitudes: FloatArray, errors: FloatArray) -> FloatArray:
+    """Roll, pitch and yaw of C exp(S(ζ)), rad, shape (N, 3); NaN where ζ is not known."""
+    angles = np.full(errors.shape, np.nan)
+    known = np.isfinite(errors).all(axis=1) & np.isfinite(attitudes[:, 0, 0])
+    c = attitudes[known] @ elliptude.exp(errors[known])
+    angles[known, 0] = np.arctan2(c[:, 2, 1], c[:, 2, 2])
+    angles[known, 1] = np.arctan2(-c[:, 2, 0], np.hypot(c[:, 2, 1], c[:, 2, 2]))
+    angles[known, 2] = np.arctan2(c[:, 1, 0], c[:, 0, 0])
+    return angles
+
+
+def draw_roll_pitch_yaw(
+    panels: Sequence[Axes], time: FloatArray, angles: FloatArray, true: FloatArray | None, label: str
+) -> None:
+    """Roll, pitch and yaw, a panel each, in bands between the angles that the truth may have.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        Three.
+    time : (N,) array
+        s.
+    angles : (N, 9) array
+        As `elliptude.io.tables.Result.roll_pitch_yaw`, rad.
+    true : (N, 3) array, optional
+        rad.
+    label : str
+        What ``true`` is.
+    """
+    for i, (panel, name) in enumerate(zip(panels, ("roll", "pitch", "yaw"), strict=True)):
+        value, least, most = np.rad2deg(angles[:, 3 * i : 3 * i + 3]).T
+        goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
+        broken = cut_at_wraps(time, value, least, most)
+        # What reaches beyond half a turn comes in again at the other side.
+        for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
+            panel.fill_between(
+                broken[0],
+                broken[2] + around,
+                broken[3] + around,
+                color=BLUE,
+                alpha=0.22,
+                linewidth=0,
+                label="" if around else "where it may be",
+            )
+        panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated")
+        if true is not None and np.isfinite(true[:, i]).any():
+            cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
+            panel.plot(cut[0], cut[1], color=BLACK, linewidth=0.8, label=label)
+        if goes_around:
+            panel.set_ylim(-180.0, 180.0)
+            panel.set_yticks(range(-180, 181, 90))
+        panel.grid(axis="y", linewidth=0.3)
+        panel.set_ylabel(f"{name} (deg)")
+    panels[0].set_title("roll, pitch and yaw, and where the truth may be", fontsize=9.5)
+
+
+def cut_at_wraps(time: FloatArray, value: FloatArray, *others: FloatArray) -> list[FloatArray]:
+    """Curves with a NaN between rows where an angle (deg) jumps from one end of the circle to the other."""
+    jumps = np.flatnonzero(np.abs(np.diff(value)) > 180.0) + 1
+    cut = [np.insert(curve, jumps, np.nan) for curve in (value, *others)]
+    return [np.insert(time, jumps, time[jumps]), *cut]
 
 
 def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:

@@ -85,6 +85,9 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         summary["tilt_bound_deg"] = _spread(np.rad2deg(run.tilt_bounds[known]))
     if run.heading_bounds is not None:
         summary["heading_bound_deg"] = _spread(np.rad2deg(run.heading_bounds[known]))
+    if run.roll_pitch_yaw is not None:
+        half_widths = 0.5 * np.rad2deg(run.roll_pitch_yaw[:, 2::3] - run.roll_pitch_yaw[:, 1::3])
+        summary["angle_half_width_deg"] = dict(zip(("roll", "pitch", "yaw"), map(_spread, half_widths.T), strict=True))
     if run.up_bounds is not None:
         summary["up_bound_deg"] = _spread(np.rad2deg(run.up_bounds))
         summary["rows_with_up_alone"] = int(run.up_alone.sum())
@@ -151,6 +154,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "summary": _summary_table(summary),
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
+        "angles_hidden": "" if "angles" in plots else "hidden",
+        "angles_note": _angles_note(run),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
@@ -195,6 +200,15 @@ def _text(name: str) -> str:
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def _angles_note(run: Run) -> str:
+    """What roll, pitch and yaw are, and when they say nothing."""
+    count = "counts from the first row" if run.heading_from_start else "is in the axes of the reference frame"
+    return (
+        f"The blue bands hold the truth if the claims do. Yaw {count}. Where the body's x axis may be vertical, "
+        "roll and yaw are not defined, and their bands are whole turns."
+    )
 
 
 def _size_note(run: Run) -> str:
@@ -250,6 +264,8 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
     if "heading_bound_deg" in summary:
         lines.append(("bound of the heading", _degrees(summary["heading_bound_deg"])))
+    for name, spread in summary.get("angle_half_width_deg", {}).items():
+        lines.append((f"{name}, half of its band", _degrees(spread)))
     if summary.get("rows_with_up_alone"):
         number = summary["rows_with_up_alone"]
         lines.append(("up alone", f"{number} rows without an attitude; up is known there all the same"))

@@ -10,6 +10,8 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
     ``exponential`` (if left out) or ``gibbs``: the coordinates of the attitude error whose shape P is.
 ``prediction_used``, ``tilt_bound``, ``heading_from``, ``heading_to``, ``up_bound``, ``up_claim``
     Whether the prediction went into the row's set; how far up and heading of the estimate may be off, and up alone.
+``roll``, ``roll_from``, ``roll_to``, ``pitch``, ..., ``yaw``, ``yaw_from``, ``yaw_to``
+    These angles, and between which ones the truth is.
 
 In the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
@@ -34,7 +36,9 @@ from elliptude.io.tables import (
     ATTITUDE_SHAPE,
     HEADINGS,
     QUATERNION,
+    ROLL_PITCH,
     UP,
+    YAW,
     attitudes_from_quaternions,
     column_names,
     read_columns,
@@ -143,6 +147,8 @@ class Run:
     """How far up may be off, rad, shape (N,); also where no attitude is known."""
     up_claims: tuple[str, ...] | None = None
     """What that rests on, in the words of ``claims``."""
+    roll_pitch_yaw: FloatArray | None = None
+    """Roll, pitch and yaw, each with the angles between which the truth is, rad, shape (N, 9)."""
     listed: DroppedMeasurements | None = None
     """Every measurement that was left out by itself; None without a list."""
     void: tuple[str, ...] = ()
@@ -337,13 +343,14 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
-    with_headings, with_up = HEADINGS[0] in names, UP[0] in names
+    with_headings, with_up, with_yaw = (one[0] in names for one in (HEADINGS, UP, YAW))
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
         + [HEADINGS] * with_headings
         + [UP] * with_up
+        + [ROLL_PITCH, YAW] * with_yaw
         + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
@@ -383,6 +390,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         ups=stacked(columns, UP) if with_up else None,
         up_bounds=columns.get("up_bound"),
         up_claims=up_claims,
+        roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if with_yaw else None,
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
         void=summary.void,
         heading_from_start=summary.heading_from_start,

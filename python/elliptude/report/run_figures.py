@@ -26,9 +26,11 @@ from elliptude.report.figures import (
     ORANGE,
     TILT_COLOUR,
     begin_above,
+    draw_roll_pitch_yaw,
     error_limit,
     new_figure,
     plain_log_axis,
+    true_roll_pitch_yaw,
 )
 from elliptude.report.run import Run
 from elliptude.report.thinning import chosen_rows, pieces, prediction_shares, worst_claims
@@ -47,6 +49,30 @@ _MOST_STRIP_PIECES = 400
 # Where the sphere is seen from, in reference axes.
 _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 25.0
 _MERIDIANS, _RINGS = 240, 10
+
+
+def angles_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
+    """Roll, pitch and yaw, each between the angles that the truth may have.
+
+    Parameters
+    ----------
+    run : Run
+        With these angles.
+    title : str
+    label : str
+        What the estimates are compared with.
+
+    Returns
+    -------
+    Figure
+    """
+    assert run.roll_pitch_yaw is not None
+    rows = chosen_rows(run, _MOST_PIECES)
+    figure, panels, strip = _over_time(run, title, 3, 6.4)
+    true = None if run.errors is None else true_roll_pitch_yaw(run.attitudes[rows], run.errors[rows])
+    draw_roll_pitch_yaw(panels, run.times[rows], run.roll_pitch_yaw[rows], true, label)
+    _finish(figure, run, strip, *panels[0].get_legend_handles_labels())
+    return figure
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:

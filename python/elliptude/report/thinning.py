@@ -132,8 +132,8 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     """Rows to draw instead of all: every extreme stays, each row as it is.
 
     From each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
-    the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, and the first one
-    without a set.
+    the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, those of the
+    largest and the smallest roll, pitch and yaw, and the first one without a set.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     Returns
     -------
     (K,) array
-        Increasing, K at most 11 times ``most``.
+        Increasing, K at most 17 times ``most``.
     """
     count = len(run.times)
     if count <= most:
@@ -155,6 +155,9 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
             ratios = np.abs(run.errors) / run.half_widths
     scores = [run.largest_angles, -run.largest_angles, *ratios.T]
     scores += [score for score in (run.forms, run.tilt_bounds, run.heading_bounds, run.up_bounds) if score is not None]
+    if run.roll_pitch_yaw is not None:
+        values = run.roll_pitch_yaw[:, ::3].T
+        scores += [*values, *-values]
     scores = [np.where(np.isnan(score), -np.inf, score) for score in scores]
     some, is_gap = pieces(count, most), ~run.known
     bins = np.arange(count) // some[0].stop

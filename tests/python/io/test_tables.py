@@ -43,7 +43,7 @@ def measurements(rng, count=7, rate=True, truth=True):
     )
 
 
-def results(rng, vector="rate", truth=True, count=5):
+def results(rng, vector="rate", truth=True, count=5, **more):
     shapes = rng.standard_normal((count, 6, 6))
     shapes = shapes @ shapes.transpose(0, 2, 1)
     return tables.Result(
@@ -60,6 +60,7 @@ def results(rng, vector="rate", truth=True, count=5):
         margins=np.array([0.1, np.nan, -0.5, 0.25, 1.0]),
         errors=rng.standard_normal((count, 6)) if truth else None,
         forms=np.array([0.1, np.nan, 2.0, 0.5, 1.0]) if truth else None,
+        **more,
     )
 
 
@@ -87,6 +88,23 @@ def test_results_come_back(tmp_path, rng, suffix, options):
     written = results(rng, **options)
     written.write(tmp_path / f"results.{suffix}")
     assert_same_bits(written, tables.Result.read(tmp_path / f"results.{suffix}"))
+
+
+def test_roll_pitch_and_yaw_come_back_also_without_an_attitude(tmp_path, rng):
+    angles = rng.standard_normal((5, 9))
+    angles[2, 6:] = angles[3] = np.nan
+    written = results(rng, roll_pitch_yaw=angles)
+    written.write(tmp_path / "results.csv")
+    assert_same_bits(written, tables.Result.read(tmp_path / "results.csv"))
+    names = tables.column_names(tmp_path / "results.csv", "results")
+    first = names.index("roll")
+    assert names[first : first + 9] == (
+        *("roll", "roll_from", "roll_to", "pitch", "pitch_from", "pitch_to"),
+        *("yaw", "yaw_from", "yaw_to"),
+    )
+    np.testing.assert_array_equal(
+        tables.read_columns(tmp_path / "results.csv", optional=[("yaw_to",)])["yaw_to"], angles[:, 8]
+    )
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault

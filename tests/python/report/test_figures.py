@@ -11,6 +11,7 @@ from elliptude.io.files import FileError
 from elliptude.report import figures
 from elliptude.simulation import fermi, scenarios
 from elliptude.simulation.configured import configuration_tables
+from scipy.spatial.transform import Rotation
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,52 @@ def test_estimate_figure(tmp_path, results, change):
     assert picture.shape[1] == 1080
     assert picture[..., :3].std() > 0.05
     assert [file.name for file in tmp_path.iterdir()] == ["figure.png"]
+
+
+def with_angles(results):
+    """Results whose roll goes around, with bands of 0.2 rad; nothing is known of yaw in a row."""
+    angles = np.zeros((len(results.times), 9))
+    angles[:, 0] = (np.linspace(0.0, 9.0, len(results.times)) + np.pi) % (2.0 * np.pi) - np.pi
+    for i in range(3):
+        angles[:, 3 * i + 1], angles[:, 3 * i + 2] = angles[:, 3 * i] - 0.2, angles[:, 3 * i] + 0.2
+    angles[5, 6:] = np.nan
+    return dataclasses.replace(results, roll_pitch_yaw=angles)
+
+
+def test_roll_pitch_and_yaw_come_first(tmp_path, results):
+    figure = figures.estimate_figure(with_angles(results), "Pendulum")
+    assert len(figure.axes) == 11
+    assert [panel.get_ylabel() for panel in figure.axes[:3]] == ["roll (deg)", "pitch (deg)", "yaw (deg)"]
+    roll, pitch, _ = figure.axes[:3]
+    assert roll.get_ylim() == (-180.0, 180.0)
+    assert len(roll.collections) == 3  # what goes beyond half a turn comes in at the other side
+    assert len(pitch.collections) == 1
+    estimated, true = roll.lines
+    assert np.nanmax(np.abs(np.diff(estimated.get_ydata()))) < 180.0
+    assert np.isnan(estimated.get_ydata()).sum() == 1  # from half a turn to minus half a turn
+    assert np.isfinite(true.get_ydata()).sum() == len(results.times)
+    assert {"where it may be", "as estimated", "truth"} <= {text.get_text() for text in figure.legends[0].get_texts()}
+    figures.save(figure, tmp_path / "figure.png")
+    assert matplotlib.image.imread(tmp_path / "figure.png").shape[1] == 1080
+
+
+def test_angles_of_the_truth_are_those_of_the_aerospace_sequence():
+    rng = np.random.default_rng(3)
+    attitudes, errors = Rotation.random(20, rng=rng), rng.uniform(-0.5, 0.5, (20, 3))
+    errors[4] = np.nan
+    angles = figures.true_roll_pitch_yaw(attitudes.as_matrix(), errors)
+    assert np.isnan(angles[4]).all()
+    known = np.arange(20) != 4
+    true = attitudes[known] * Rotation.from_rotvec(errors[known])
+    np.testing.assert_allclose(angles[known], true.as_euler("ZYX")[:, ::-1], atol=1e-12)
+
+
+def test_curves_are_cut_where_an_angle_goes_around():
+    time, value, band = np.arange(4.0), np.array([170.0, 179.0, -179.0, -170.0]), np.arange(4.0)
+    cut = figures.cut_at_wraps(time, value, band)
+    np.testing.assert_array_equal(cut[0], [0.0, 1.0, 2.0, 2.0, 3.0])
+    np.testing.assert_array_equal(cut[1], [170.0, 179.0, np.nan, -179.0, -170.0])
+    np.testing.assert_array_equal(cut[2], [0.0, 1.0, np.nan, 2.0, 3.0])
 
 
 def test_bands_and_errors_are_those_of_the_results(results):

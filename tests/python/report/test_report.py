@@ -13,7 +13,7 @@ from elliptude.report import curves, sphere
 from elliptude.report import page as report
 from elliptude.report.run import DroppedMeasurements
 from scipy.spatial.transform import Rotation
-from test_run_figures import full_run
+from test_run_figures import angled, full_run
 from test_runs import DROPPED, make_run, table_columns, write, write_guaranteed
 from typer.testing import CliRunner
 
@@ -68,6 +68,28 @@ def test_no_patch_cuts_through_the_globe():
     numbers = np.frombuffer(base64.b64decode(frames["patches"]), "<i2").reshape(3, -1)
     assert (numbers == -32768).all(axis=1).tolist() == [False, True, False]
     assert ["too large" in label for label in frames["labels"]] == [False, True, False]
+
+
+def test_roll_pitch_and_yaw_are_the_first_picture(page, tmp_path):
+    assert 'id="h-angles"' in page
+    assert "angles" not in data_of(page)["plots"]
+    assert re.search(r'aria-labelledby="h-angles" hidden', page)
+    report.write_report(angled(full_run()), tmp_path / "report.html", "Angles", label="optical attitude")
+    written = (tmp_path / "report.html").read_text(encoding="utf-8")
+    plots = data_of(written)["plots"]
+    assert next(iter(plots)) == "angles"
+    assert written.index('id="h-angles"') < written.index('id="h-sphere"')
+    traces = plots["angles"]["data"]
+    assert [trace["name"] for trace in traces if trace["showlegend"]] == [
+        "where it may be",
+        "as estimated",
+        "optical attitude",
+    ]
+    assert '<th scope="row">roll, half of its band</th><td>median 5.73°' in written
+    yaw = next(trace for trace in traces if trace["name"] == "as estimated" and trace["yaxis"] == "y3")
+    assert yaw["y"][20:25] == [None] * 5
+    assert plots["angles"]["layout"]["yaxis"]["range"] == [-180.0, 180.0]
+    assert "range" not in plots["angles"]["layout"]["yaxis2"]
 
 
 def test_bands_have_gaps(page):

@@ -46,6 +46,30 @@ def test_bands(tmp_path):
     assert matplotlib.image.imread(tmp_path / "bands.png").shape[1] == 1080
 
 
+def angled(run):
+    """The run with roll, pitch and yaw within 0.1 rad; anything in a row, nothing where no attitude is known."""
+    values = np.column_stack([np.linspace(-4.0, 4.0, 50), np.linspace(-1.0, 1.0, 50), np.linspace(0.0, 3.0, 50)])
+    values = (values + np.pi) % (2.0 * np.pi) - np.pi
+    angles = np.stack([values, values - 0.1, values + 0.1], axis=2).reshape(50, 9)
+    angles[10, [1, 2]] = [-np.pi, np.pi]
+    angles[20:25, 6:] = np.nan
+    return dataclasses.replace(run, roll_pitch_yaw=angles)
+
+
+def test_angles(tmp_path):
+    figure = run_figures.angles_figure(angled(full_run()), "Run", label="optical attitude")
+    *panels, strip = figure.axes
+    assert [panel.get_ylabel() for panel in panels] == ["roll (deg)", "pitch (deg)", "yaw (deg)"]
+    assert panels[0].get_ylim() == (-180.0, 180.0)
+    assert [len(panel.collections) for panel in panels] == [3, 1, 1]
+    assert strip.get_xlabel() == "time (s)"
+    assert {"where it may be", "as estimated", "optical attitude", "claim: none"} <= set(legend_of(figure))
+    # The band of yaw has a gap where no attitude is known.
+    assert len(panels[2].collections[0].get_paths()) == 2
+    figures.save(figure, tmp_path / "angles.png")
+    assert matplotlib.image.imread(tmp_path / "angles.png").shape[1] == 1080
+
+
 def test_a_run_without_anything_else_has_no_strip():
     figure = run_figures.bands_figure(make_run(), "Run")
     assert len(figure.axes) == 3

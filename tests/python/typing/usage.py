@@ -52,6 +52,16 @@ def sets_of_attitudes() -> None:
     found.margin = np.float64(0.5)  # type: ignore[misc]
 
 
+def attitudes_from_arrays(samples: Floats) -> None:
+    found = elliptude.ahrs(samples[0], samples[1:4].T, samples[4:7].T, statements="recording", acc_unit="g")
+    assert_type(found, elliptude.AhrsResult)
+    assert_type(found.most_roll_pitch_yaw, Floats)
+    assert_type(found.claim_shares, dict[str, float])
+    assert_type(len(found), int)
+    elliptude.ahrs(samples[0], samples[1:4].T)  # type: ignore[call-arg]
+    found.to_frame("excel")  # type: ignore[arg-type]
+
+
 class Spring:
     """A potential of one's own."""
 

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import TypeAlias
 
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
@@ -11,13 +12,17 @@ from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
 from elliptude.io.readers.ulog import UlogFile
 
+LogSource: TypeAlias = str | os.PathLike[str] | LogFile
+"""A log: the path of a file, or what is open already, such as arrays in memory."""
 
-def open_log(path: str | os.PathLike[str]) -> LogFile:
+
+def open_log(path: LogSource) -> LogFile:
     """Open a file in the format that its name ends in.
 
     Parameters
     ----------
-    path : path-like
+    path : path-like or LogFile
+        What is open already stays as it is. Of a file:
         ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; anything else is
         CSV, which may be compressed (``.gz``, ``.bz2``, ``.zst``).
 
@@ -30,6 +35,8 @@ def open_log(path: str | os.PathLike[str]) -> LogFile:
     FileError
         If there is no such file, it is of another format, or what reads the format is not installed.
     """
+    if not isinstance(path, str | os.PathLike):
+        return path
     path = Path(path)
     if path.is_dir() and (path / "metadata.yaml").is_file():
         return BagFile(path)

@@ -1,0 +1,1 @@
+"""Attitudes with their bounds from arrays in memory, by what the commands use."""

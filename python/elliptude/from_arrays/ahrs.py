@@ -1,0 +1,175 @@
+"""One call from arrays to attitudes with their bounds: `elliptude bounds` and `elliptude estimate`, without files."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from elliptude import units
+from elliptude.configuration.configuration import Configuration
+from elliptude.errors import InconsistentMeasurement
+from elliptude.estimation import gaps
+from elliptude.estimation.estimator import estimate
+from elliptude.estimation.guaranteed_result import dropped_columns
+from elliptude.estimation.why_no_set import why_no_set
+from elliptude.from_arrays.inputs import times_of, vectors_of
+from elliptude.io.files import FileError
+from elliptude.io.readers.arrays import ArrayLog
+from elliptude.io.toml import validate
+from elliptude.logs import log as logs
+from elliptude.logs.plausibility import Heard, plausible_pieces
+from elliptude.proposal import mapping, proposals
+from elliptude.proposal.mapping import Tables
+from elliptude.proposal.starting_configuration import MARGIN, ruled_configuration, starting_configuration
+from elliptude.results import AhrsResult
+from elliptude.typing import FloatArray
+
+_NAME = "the arrays"
+_KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
+_UNITS: Mapping[str, Mapping[Any, float]] = {
+    "gyr": units.ANGULAR_VELOCITY,
+    "acc": units.ACCELERATION,
+    "mag": units.FIELD,
+}
+# Medians in SI units beyond these show that the unit is not what is stated.
+_PLAUSIBLE = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
+
+
+def ahrs(
+    time: Any,
+    gyr: Any,
+    acc: Any,
+    mag: Any,
+    statements: str | os.PathLike[str],
+    stated_units: Mapping[str, str],
+    implausible: str,
+) -> AhrsResult:
+    """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
+    if implausible not in {"refuse", "ignore"}:
+        raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
+    file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
+    tables["implausible"] = implausible
+    heard = Heard()
+    try:
+        configuration = _configuration(file, tables, statements)
+        pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
+        log = logs.joined(list(pieces))
+        estimation = estimate(log, configuration)
+    except FileError as error:
+        raise ValueError(str(error)) from error
+    except InconsistentMeasurement:
+        raise
+    except ValueError as error:
+        if statements != "hand":
+            raise
+        raise ValueError(
+            f"statements='hand': {error}. statements='recording' takes bounds from what the recording itself shows"
+        ) from error
+    assert estimation.guaranteed is not None
+    run, result = estimation.guaranteed, estimation.result
+    dropped = dropped_columns(run)
+    return AhrsResult(
+        times=result.times,
+        quaternions=result.quaternions,
+        attitudes=run.sets.attitudes,
+        roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 0),
+        least_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 1),
+        most_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 2),
+        claims=_texts(result.claims),
+        tilt_bounds=_known(result.tilt_bounds),
+        heading_from=_known(result.headings)[:, 0],
+        heading_to=_known(result.headings)[:, 1],
+        largest_angles=result.largest_angles,
+        ups=_known(result.ups),
+        up_bounds=_known(result.up_bounds),
+        up_claims=_texts(result.up_claims),
+        sets=run.sets,
+        statements=str(statements),
+        are_proposals=configuration.proposed_from is not None,
+        heading="from the first row" if run.starts_heading else "from magnetic east",
+        dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
+        notes=(
+            *heard.ignored,
+            *why_no_set(run, configuration),
+            *gaps.summarize(run.gaps, run.rows.gyro)["said"],
+            *([] if heard.up is None else [str(heard.up)]),
+        ),
+        columns={
+            name: values if isinstance(values, np.ndarray) else np.array(values)
+            for name, values in result.columns().items()
+        },
+    )
+
+
+def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, str]) -> tuple[ArrayLog, Tables]:
+    """The arrays as a log, and which of its columns are which sensors."""
+    times = times_of(time)
+    columns: dict[str, FloatArray] = {"time[:]": times}
+    named: dict[str, tuple[list[str], str]] = {}
+    for name, values in sensors.items():
+        known, unit = _UNITS[name], stated[name]
+        if unit not in known:
+            raise ValueError(f"{name}_unit: {unit!r} is none of {', '.join(known)}")
+        if values is None and name == "mag":
+            continue
+        vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
+        if name in _PLAUSIBLE:
+            _require_plausible(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
+        axes = [f"{name}[:, {i}]" for i in range(3)]
+        columns |= dict(zip(axes, vectors.T, strict=True))
+        named[_KINDS[name]] = axes, unit
+    return ArrayLog(columns, _NAME), mapping.of_sensors("time[:]", "s", named)
+
+
+def _require_plausible(name: str, unit: str, length: float) -> None:
+    """Raise ValueError if a sensor's median length shows that its unit is not what is stated."""
+    known = _UNITS[name]
+    least, most, what = _PLAUSIBLE[name]
+    if least <= known[unit] * length <= most:
+        return
+    fitting = [repr(other) for other, size in known.items() if least <= size * length <= most]
+    remedy = f"; the unit may be {name}_unit={' or '.join(fitting)}" if fitting else ""
+    raise ValueError(
+        f"{name}: its median length is {length:.3g} {unit}, not {what}, "
+        f"{least / known[unit]:.3g} to {most / known[unit]:.3g} {unit}{remedy}"
+    )
+
+
+def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike[str]) -> Configuration:
+    """What `elliptude bounds` would write for the recording; or with a rule that says all bounds."""
+    if statements != "recording":
+        rule = {"kind": "hand_held"} if statements == "hand" else {"kind": "file", "file": os.fspath(statements)}
+        ruled = validate(file.path, ruled_configuration(tables, rule), Configuration)
+        assert ruled.rule is not None
+        ruled.rule.rule()  # a file that is no rule is better found before the work
+        return ruled
+    configuration = mapping.configuration_of(tables, file.path)
+    recording, origin = mapping.read_recording(file, configuration)
+    for _ in plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME):
+        pass  # it raises what is wrong before anything is proposed from it
+    document = starting_configuration(
+        tables,
+        proposals.propose(recording),
+        MARGIN,
+        mode="guaranteed",
+        log=_NAME,
+        origin=origin,
+        shared_stamps=recording.shared_stamps,
+    )
+    return validate(file.path, document.unwrap(), Configuration)
+
+
+def _of_three(angles: FloatArray | None, end: int) -> FloatArray:
+    """Roll, pitch and yaw, or one end of each, shape (N, 3)."""
+    return _known(angles)[:, end::3]
+
+
+def _known(values: FloatArray | None) -> FloatArray:
+    assert values is not None  # an accelerometer shows up
+    return values
+
+
+def _texts(words: Any) -> Any:
+    assert words is not None
+    return np.array(words)

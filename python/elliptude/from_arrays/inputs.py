@@ -1,0 +1,91 @@
+"""Checks of the arrays that a user gives: NumPy's, lists, and columns of pandas or Polars. Messages name the place."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.typing import FloatArray
+
+# In the unit that is stated; no sensor shows more.
+_LARGEST = 1e9
+
+
+def times_of(time: Any) -> FloatArray:
+    """Times in s, shape (N,); time stamps of dates are counted from the first one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no times that increase; the message has the first place.
+    """
+    found = _array("time", time)
+    if found.ndim != 1 or len(found) < 3:
+        raise ValueError(f"time: shape {found.shape}, not (N,) with N at least 3")
+    if found.dtype.kind in "mM":
+        _refuse(np.asarray(np.isnat(found)), "time", found, "not a time")
+        found = (found - found[0]) / np.timedelta64(1, "ns") * 1e-9
+    times = _numbers("time", found)
+    _refuse(~np.isfinite(times), "time", times, "not finite")
+    back = np.diff(times, prepend=-np.inf) <= 0.0
+    if back.any():
+        k = int(np.argmax(back))
+        before = f"time[{k - 1}], {times[k - 1]:.17g}"
+        raise ValueError(f"time[{k}] is {times[k]:.17g}, not after {before}: times must increase")
+    return times
+
+
+def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> FloatArray:
+    """A sensor's vectors, shape (N, 3); a row of NaN was not measured.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no such vectors; the message has the first place.
+    """
+    vectors = _numbers(name, _array(name, values))
+    if vectors.shape != (count, 3):
+        raise ValueError(f"{name}: shape {vectors.shape}, not ({count}, 3): a row for each time, and columns x, y, z")
+    _refuse(np.abs(vectors) > _LARGEST, name, vectors, f"more than {_LARGEST:g} in size")
+    missing: NDArray[np.bool_] = np.isnan(vectors)
+    if not may_be_missing:
+        _refuse(missing, name, vectors, "but the gyro is needed in every row: leave such rows out of all arrays")
+    rows = np.asarray(missing.all(axis=1, keepdims=True))
+    _refuse(missing & ~rows, name, vectors, "but other components of that row are numbers")
+    if may_be_missing:
+        _refuse((vectors == 0.0).all(axis=1), name, vectors, "without a direction: NaN is what was not measured")
+    if missing.all():
+        raise ValueError(f"{name}: no row has numbers")
+    return vectors
+
+
+def _array(name: str, values: Any) -> NDArray[Any]:
+    if isinstance(values, dict | str | bytes) or values is None:
+        raise TypeError(f"{name}: {type(values).__name__}, not an array of numbers")
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
+    to_numpy = getattr(values, "to_numpy", None)
+    try:
+        return np.asarray(values if to_numpy is None else to_numpy())
+    except ValueError as error:  # rows of different lengths
+        raise TypeError(f"{name}: not an array of numbers: {error}") from error
+
+
+def _numbers(name: str, found: NDArray[Any]) -> FloatArray:
+    if found.dtype == object:
+        try:
+            return np.array([np.nan if one is None else float(one) for one in found.ravel()]).reshape(found.shape)
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"{name}: not an array of numbers: {error}") from error
+    if found.dtype.kind not in "iuf":
+        raise TypeError(f"{name}: an array of {found.dtype}, not of numbers")
+    return found.astype(np.float64)
+
+
+def _refuse(bad: NDArray[np.bool_], name: str, values: NDArray[Any], fault: str) -> None:
+    """Raise ValueError for the first place that is bad."""
+    if bad.any():
+        place = tuple(int(i) for i in np.argwhere(bad)[0])
+        at = values[place]
+        shown = f"{at:.6g}" if at.ndim == 0 and at.dtype.kind == "f" else str(at)
+        raise ValueError(f"{name}[{', '.join(map(str, place))}] is {shown}, {fault}")

@@ -1,0 +1,245 @@
+"""`elliptude.ahrs`: the numbers of the command line, from arrays; bad input; what people look at."""
+
+import importlib.util
+import re
+import sys
+
+import elliptude as el
+import numpy as np
+import pytest
+from elliptude import cli
+from elliptude.io.tables import Result
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+HAND = 'kind = "hand_held"\nanchor_s = 4.0\n'
+
+
+def run(*arguments):
+    done = CliRunner().invoke(cli.make_app(), [str(argument) for argument in arguments])
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def made(count=1200, rate=100.0, resting=300, seed=1):
+    """A sensor that rests and is then turned: times, rad/s, m/s², µT, and its attitudes in ENU."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(count) / rate
+    moving = np.clip((np.arange(count) - resting) / 50.0, 0.0, 1.0)[:, None]
+    rates = moving * np.column_stack([0.4 * np.sin(times), 0.5 * np.cos(0.7 * times), 0.3 * np.sin(0.3 * times)])
+    attitudes = [np.eye(3)]
+    for k in range(1, count):
+        attitudes.append(attitudes[-1] @ el.exp(0.5 * (rates[k - 1] + rates[k]) / rate))
+    attitudes = np.array(attitudes)
+    forces = np.einsum("nji,j->ni", attitudes, [0.0, 0.0, 9.81]) + rng.uniform(-0.02, 0.02, (count, 3))
+    fields = np.einsum("nji,j->ni", attitudes, [0.0, 20.0, -40.0]) + rng.uniform(-0.1, 0.1, (count, 3))
+    return times, rates + rng.uniform(-1e-3, 1e-3, (count, 3)), forces, fields, attitudes
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return made()
+
+
+@pytest.fixture(scope="module")
+def by_hand(recording):
+    times, rates, forces, fields, _ = recording
+    return el.ahrs(times, rates, forces, fields, mag_unit="uT")
+
+
+def write(path, times, rates, forces, fields=None):
+    head = [
+        "Time (s)",
+        *(f"Gyroscope {axis} (rad/s)" for axis in "XYZ"),
+        *(f"Accelerometer {axis} (m/s^2)" for axis in "XYZ"),
+    ]
+    columns = [times, *rates.T, *forces.T]
+    if fields is not None:
+        head += [f"Magnetometer {axis} (uT)" for axis in "XYZ"]
+        columns += [*fields.T]
+    rows = [
+        ",".join("" if np.isnan(value) else repr(float(value)) for value in row) for row in zip(*columns, strict=True)
+    ]
+    path.write_text("\n".join([",".join(head), *rows]) + "\n")
+
+
+@pytest.mark.parametrize("statements", ["hand", "recording", "file"])
+@pytest.mark.parametrize("with_field", [True, False], ids=["field", "no field"])
+def test_the_numbers_are_those_of_the_commands(tmp_path, recording, statements, with_field):
+    times, rates, forces, fields, _ = recording
+    fields = fields if with_field else None
+    log, config, rule = tmp_path / "log.csv", tmp_path / "config.toml", tmp_path / "rule.toml"
+    write(log, times, rates, forces, fields)
+    run("bounds", log, "--out", config, "--rule", rule)
+    if statements != "recording":
+        # What was proposed, up to its rule; then the rule that is stated.
+        text = config.read_text().split("\n[rule]\n")[0].replace('bounds_from_recording = "log.csv"', "#")
+        stated = HAND if statements == "hand" else f'kind = "file"\nfile = "{rule}"\nanchor_s = 4.0\n'
+        config.write_text(f"{text}\n[rule]\n{stated}")
+    run("estimate", log, "--config", config, "--out", tmp_path / "result")
+    expected = Result.read(tmp_path / "result" / "results.csv").columns()
+    found = el.ahrs(
+        times, rates, forces, fields, statements=rule if statements == "file" else statements, mag_unit="uT"
+    )
+    assert set(found.columns) == set(expected)
+    for name, column in expected.items():
+        if isinstance(column, np.ndarray) and column.dtype.kind == "f":
+            np.testing.assert_array_equal(found.columns[name], column, err_msg=name)
+        else:
+            assert [word or None for word in found.columns[name]] == [word or None for word in column], name
+    assert (found.claims != "none").mean() > 0.9
+    assert found.are_proposals == (statements != "hand")
+    assert found.heading == ("from magnetic east" if with_field else "from the first row")
+
+
+def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
+    attitudes = recording[-1]
+    assert len(by_hand) == len(attitudes)
+    assert (by_hand.claims == "unconditional").all()
+    assert by_hand.contains(attitudes).all()
+    true = Rotation.from_matrix(attitudes).as_euler("ZYX")[:, ::-1]
+    middle = 0.5 * (by_hand.least_roll_pitch_yaw + by_hand.most_roll_pitch_yaw)
+    half = 0.5 * (by_hand.most_roll_pitch_yaw - by_hand.least_roll_pitch_yaw)
+    away = np.abs((true - middle + np.pi) % (2 * np.pi) - np.pi)
+    assert (away <= half).all()
+    assert (half.mean(axis=0) < np.deg2rad([30, 30, 90])).all()
+    # And in the resting part the values are those of a sensor that lies flat, its y axis to the north.
+    assert np.abs(by_hand.roll_pitch_yaw[:250]).max() < 0.02
+    np.testing.assert_allclose(by_hand.attitudes[:250], np.tile(np.eye(3), (250, 1, 1)), atol=0.02)
+
+
+def test_units_and_kinds_of_arrays_do_not_matter(recording, by_hand):
+    times, rates, forces, fields, _ = recording
+    other = el.ahrs(
+        list(times), np.rad2deg(rates), forces / 9.80665, fields * 1e-6, gyr_unit="deg/s", acc_unit="g", mag_unit="T"
+    )
+    np.testing.assert_allclose(other.quaternions, by_hand.quaternions, atol=1e-9)
+    np.testing.assert_allclose(other.up_bounds, by_hand.up_bounds, atol=1e-9)
+
+
+def test_frames_go_in_and_come_out(recording, by_hand):
+    pandas = pytest.importorskip("pandas")
+    times, rates, forces, fields, _ = recording
+    frame = pandas.DataFrame(np.column_stack([times, rates, forces, fields]), columns=list("tabcdefghi"))
+    found = el.ahrs(frame["t"], frame[list("abc")], frame[list("def")], frame[list("ghi")], mag_unit="uT")
+    np.testing.assert_array_equal(found.quaternions, by_hand.quaternions)
+    made = found.to_frame()
+    assert list(made.columns) == list(found.columns)
+    np.testing.assert_array_equal(made["roll_from"], found.least_roll_pitch_yaw[:, 0])
+    assert set(made["claim"]) == {"unconditional"}
+    stamps = pandas.to_datetime(1_700_000_000.0 + times, unit="s")
+    dated = el.ahrs(stamps, rates, forces, fields, mag_unit="uT")
+    np.testing.assert_allclose(dated.times, times, atol=1e-6)
+    with pytest.raises(ValueError, match="library: 'excel', neither 'pandas' nor 'polars'"):
+        found.to_frame("excel")
+
+
+def test_without_a_library_for_frames_the_message_names_both(by_hand, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(ModuleNotFoundError, match="pandas or polars"):
+        by_hand.to_frame()
+    if importlib.util.find_spec("polars") is None:
+        with pytest.raises(ModuleNotFoundError, match="polars"):
+            by_hand.to_frame("polars")
+
+
+def test_what_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "elliptude.from_arrays.ahrs", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'elliptude\[cli\]'"):
+        el.ahrs(**GOOD)
+
+
+def test_what_is_masked_was_not_measured(recording):
+    times, rates, forces, fields, _ = recording
+    mask = np.zeros(fields.shape, dtype=bool)
+    mask[1::2] = True
+    empty = np.where(mask, np.nan, fields)
+    masked, found = (
+        el.ahrs(times, rates, forces, one, mag_unit="uT") for one in (np.ma.array(fields, mask=mask), empty)
+    )
+    np.testing.assert_array_equal(masked.quaternions, found.quaternions)
+
+
+def test_what_people_look_at(by_hand):
+    line = repr(by_hand)
+    assert "\n" not in line
+    assert len(line) < 250
+    assert re.search(r"1200 rows, 0 to 11.99 s; claims: unconditional 100 %", line)
+    page = by_hand._repr_html_()
+    assert page.count("<svg") == 3
+    assert "nan" not in page
+    assert len(page) < 200_000
+
+
+def test_a_sensor_that_is_slower_has_empty_rows(recording):
+    times, rates, forces, fields, _ = recording
+    slow = fields.copy()
+    slow[1::2] = np.nan
+    found = el.ahrs(times, rates, forces, slow, mag_unit="uT")
+    assert len(found) == len(times)
+
+
+def changed(values, place, value):
+    values = np.array(values, dtype=float)
+    values[place] = value
+    return values
+
+
+TIMES, RATES, FORCES, FIELDS, _ = made(count=300)
+GOOD = {"time": TIMES, "gyr": RATES, "acc": FORCES, "mag": FIELDS, "mag_unit": "uT"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"time": TIMES[:-1]}, r"gyr: shape \(300, 3\), not \(299, 3\)"),
+        ({"time": TIMES[:, None]}, r"time: shape \(300, 1\), not \(N,\)"),
+        ({"time": changed(TIMES, 7, 0.0)}, r"time\[7\] is 0, not after time\[6\]"),
+        ({"time": changed(TIMES, 7, np.nan)}, r"time\[7\] is nan, not finite"),
+        ({"time": "now"}, "time: str, not an array"),
+        ({"gyr": RATES[:, :2]}, r"gyr: shape \(300, 2\), not \(300, 3\)"),
+        ({"gyr": changed(RATES, (5, 1), np.nan)}, r"gyr\[5, 1\] is nan, but the gyro is needed in every row"),
+        ({"gyr": changed(RATES, (5, 1), np.inf)}, r"gyr\[5, 1\] is inf, more than 1e\+09"),
+        ({"gyr": None}, "gyr: NoneType, not an array"),
+        ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09"),
+        ({"acc": changed(FORCES, (5, 1), np.nan)}, r"acc\[5, 1\] is nan, but other components"),
+        ({"acc": changed(FORCES, 5, 0.0)}, r"acc\[5\] is .*without a direction"),
+        ({"acc": FORCES / 9.80665}, r"acc: its median length is 1 m/s\^2, not gravity, .*acc_unit='g'"),
+        ({"acc": np.full((300, 3), np.nan)}, "acc: no row has numbers"),
+        ({"acc": np.full((300, 3), "a")}, "acc: an array of <U1, not of numbers"),
+        ({"mag_unit": "T"}, r"mag: its median length is 44.* T, not the Earth's field, .*mag_unit='uT'"),
+        ({"mag_unit": "tesla"}, "mag_unit: 'tesla' is none of T, G, mG, uT, nT"),
+        ({"gyr_unit": "rpm"}, "gyr_unit: 'rpm' is none of rad/s, deg/s"),
+        ({"gyr": [[1.0], [1.0, 2.0]]}, "gyr: not an array of numbers"),
+        ({"statements": "/no/such/rule.toml"}, "/no/such/rule.toml"),
+    ],
+)
+def test_bad_input_is_named(changes, said):
+    arguments = GOOD | changes
+    with pytest.raises((ValueError, TypeError), match=said) as caught:
+        el.ahrs(**arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_implausible_is_told_and_can_be_ignored(recording):
+    times, rates, forces, fields, _ = recording
+    turned = forces[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    with pytest.raises(ValueError, match="axes"):
+        el.ahrs(times, rates, turned, fields, mag_unit="uT", statements="recording")
+    found = el.ahrs(times, rates, turned, fields, mag_unit="uT", statements="recording", implausible="ignore")
+    assert any("axes" in note for note in found.notes)
+    with pytest.raises(ValueError, match="implausible: 'maybe', neither 'refuse' nor 'ignore'"):
+        el.ahrs(times, rates, turned, fields, mag_unit="uT", implausible="maybe")
+
+
+def test_a_recording_without_a_rest_needs_other_statements(recording):
+    moving = [values[400:] for values in recording[:4]]
+    with pytest.raises(ValueError, match=r"statements='hand': the recording starts with a rest of .* s; .*'recording'"):
+        el.ahrs(*moving, mag_unit="uT")
+
+
+def test_a_wrong_unit_of_the_gyro_is_told(recording):
+    times, rates, forces, fields, _ = recording
+    with pytest.raises(ValueError, match=r"degrees|radians"):
+        el.ahrs(times, np.rad2deg(rates), forces, fields, mag_unit="uT")
