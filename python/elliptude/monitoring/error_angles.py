@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elliptude.monitoring import arcs
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -34,6 +35,10 @@ class ErrorAngles(NamedTuple):
     """0 if an attitude of the set has this up."""
     least_heading: FloatArray
     """0 if an attitude of the set has this heading."""
+    heading_from: FloatArray
+    """The turn about up from the attitude to the truth: at least this, modulo 2π; NaN without up."""
+    heading_to: FloatArray
+    """And at most this; the middle of both is from −π to π."""
 
 
 def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None = None) -> ErrorAngles:
@@ -53,7 +58,7 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
     ErrorAngles
     """
     count = len(offsets)
-    angles = ErrorAngles(*(np.full(count, np.nan) for _ in range(6)))
+    angles = ErrorAngles(*(np.full(count, np.nan) for _ in ErrorAngles._fields))
     known = np.isfinite(offsets).all(axis=1) & np.isfinite(shapes).all(axis=(1, 2))
     if up is not None:
         known &= np.isfinite(up).all(axis=1)
@@ -77,6 +82,7 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
     half_width += ANGLE_ROUNDING / np.maximum(np.sqrt(1.0 - tilt), ANGLE_ROUNDING**2)
     angles.heading[known] = np.minimum(np.abs(middle) + half_width, np.pi)
     angles.least_heading[known] = np.maximum(np.abs(middle) - half_width, 0.0)
+    angles.heading_from[known], angles.heading_to[known] = arcs.arc(middle, half_width).T
     return angles
 
 

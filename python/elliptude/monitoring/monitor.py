@@ -1,14 +1,16 @@
 """How far another filter's attitude can be off at each row, where it is proved wrong, and where beyond a limit."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude._core import is_rotation, quaternion_from_rotation, rotation_from_quaternion
+from elliptude.monitoring import arcs
 from elliptude.monitoring.error_angles import ANGLE_ROUNDING, ErrorAngles, error_angles
-from elliptude.results import CLAIMS, GuaranteedLog
+from elliptude.monitoring.from_center import from_center
+from elliptude.results import CLAIMS, AttitudeBounds, GuaranteedLog
 from elliptude.typing import AttitudeLike, FloatArray, SupportsAsMatrix
 
 Heading: TypeAlias = Literal["same", "free"]
@@ -19,6 +21,8 @@ QUESTIONS = ("total", "tilt", "heading")
 _UNCONDITIONAL, _NONE = CLAIMS.index("unconditional"), CLAIMS.index("none")
 # How far a quaternion may be from length 1.
 _LENGTH_TOLERANCE = 0.01
+# How far two vectors that are the same may be apart by rounding.
+_SAME_VECTOR = 8.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +37,30 @@ class Sets:
     """P of the attitude's Gibbs vector, rad², shape (n, 3, 3)."""
     claims: NDArray[np.uint8]
     """What the sets rest on, an index of `elliptude.results.CLAIMS`, shape (n,)."""
+    bounds: AttitudeBounds | None = None
+    """Of the tilt and heading of the centers, which say more than the sets; arrays of shape (n,)."""
+    vertical: FloatArray | None = None
+    """The vertical in reference axes that these are of, shape (3,)."""
 
     @classmethod
-    def of(cls, log: GuaranteedLog) -> Self:
-        """The sets that a guaranteed filter's ``run`` returned: their projections on the attitude."""
+    def of(cls, log: GuaranteedLog, vertical: ArrayLike | None = None) -> Self:
+        """The sets that a guaranteed filter's ``run`` returned: their projections on the attitude.
+
+        Parameters
+        ----------
+        log : GuaranteedLog
+        vertical : (3,) array_like, optional
+            The one that ``run`` was given. With it the log's bounds of tilt and heading count, too.
+        """
         quaternions = np.full((len(log.times), 4), np.nan)
         known = np.isfinite(log.attitudes[:, 0, 0])
         quaternions[known] = quaternion_from_rotation(log.attitudes[known])
-        return cls(log.times, quaternions, log.shapes[:, :3, :3], log.claims)
+        sets = cls(log.times, quaternions, log.shapes[:, :3, :3], log.claims)
+        if vertical is None:
+            return sets
+        if log.attitude_bounds is None:
+            raise ValueError("vertical: the log has no bounds of tilt and heading; run was not given one")
+        return replace(sets, bounds=log.attitude_bounds, vertical=_unit_vector("vertical", vertical))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +116,8 @@ class Monitored:
     """How far they are off at least, rad, shape (n, 3): above 0 the attitude is not what the set allows."""
     claims: NDArray[np.uint8]
     """What each number rests on, an index of `elliptude.results.CLAIMS`, shape (n, 3)."""
+    headings: FloatArray
+    """The turn about up from the attitude to the truth: at least and at most, rad, modulo 2π, shape (n, 2)."""
     questions: tuple[str, ...]
     """Those of `QUESTIONS` that were judged."""
     limits: Limits
@@ -199,22 +221,63 @@ def monitor(
             raise ValueError(f"limit of {question}: it is not judged, because {why}")
     known, there = np.isfinite(estimated[:, 0]), np.isfinite(centers[:, 0]) & (sets.claims < _NONE)
     both = known & there
-    numbers = ErrorAngles(*(np.full(count, np.nan) for _ in range(6)))
+    numbers = ErrorAngles(*(np.full(count, np.nan) for _ in ErrorAngles._fields))
     if both.any():
-        center_up = None if vertical is None else rotation_from_quaternion(centers[both]).swapaxes(1, 2) @ vertical
         offsets = _product(centers[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
-        for whole, some in zip(numbers, error_angles(offsets, sets.shapes[both], center_up), strict=True):
+        center_up = None if vertical is None else rotation_from_quaternion(centers[both]).swapaxes(1, 2) @ vertical
+        found = error_angles(offsets, sets.shapes[both], center_up)
+        if center_up is not None and sets.bounds is not None:
+            found = _narrowed(found, offsets, center_up, _bounds_about(sets, vertical, both))
+        for whole, some in zip(numbers, found, strict=True):
             whole[both] = some
     bounds = np.column_stack([numbers.total, numbers.tilt, numbers.heading])
     least = np.column_stack([numbers.least_total, numbers.least_tilt, numbers.least_heading])
+    headings = np.column_stack([numbers.heading_from, numbers.heading_to])
     claims = np.where(np.isfinite(bounds), sets.claims[:, None], _NONE).astype(np.uint8)
     if caps is not None:
         assert vertical is not None
         _narrow_by_caps(bounds, least, claims, caps, estimated, vertical)
+    if vertical is not None:
+        # What rests on a stronger claim holds under a weaker one.
+        bounds[:, 0] = np.minimum(bounds[:, 0], _whole_by_parts(bounds[:, 1], bounds[:, 2]))
+        least[:, 0] = np.maximum(least[:, 0], np.maximum(least[:, 1], least[:, 2]))
     if heading == "free":
-        bounds[:, [0, 2]] = least[:, [0, 2]] = np.nan
+        bounds[:, [0, 2]] = least[:, [0, 2]] = headings[:] = np.nan
         claims[:, [0, 2]] = _NONE
-    return Monitored(sets.times, known, bounds, least, claims, questions, limits)
+    return Monitored(sets.times, known, bounds, least, claims, headings, questions, limits)
+
+
+def _bounds_about(sets: Sets, up: FloatArray | None, rows: NDArray[np.bool_]) -> AttitudeBounds:
+    """Bounds of the centers of some rows about up, which may be the other end of the vertical that they are about."""
+    if sets.bounds is None or sets.vertical is None or up is None:
+        raise ValueError("sets: bounds of tilt and heading without the vertical that they are of")
+    tilt, heading_from, heading_to, angle = (np.asarray(values)[rows] for values in sets.bounds)
+    if (np.abs(up - sets.vertical) <= _SAME_VECTOR).all():
+        return AttitudeBounds(tilt, heading_from, heading_to, angle)
+    if (np.abs(up + sets.vertical) <= _SAME_VECTOR).all():
+        return AttitudeBounds(tilt, -heading_to, -heading_from, angle)
+    raise ValueError(f"up: {up.tolist()} is not the vertical {sets.vertical.tolist()} that the sets' bounds are of")
+
+
+def _narrowed(found: ErrorAngles, offsets: FloatArray, up: FloatArray, bounds: AttitudeBounds) -> ErrorAngles:
+    """What the set says, and what bounds of the center's tilt and heading do: both hold, (18.29) and (18.30)."""
+    seen = from_center(offsets, up, bounds)
+    headings = arcs.common(np.column_stack([found.heading_from, found.heading_to]), seen.headings)
+    return found._replace(
+        tilt=np.fmin(found.tilt, seen.tilt),
+        least_tilt=np.fmax(found.least_tilt, seen.least_tilt),
+        heading=arcs.largest(headings),
+        least_heading=arcs.least(headings),
+        heading_from=headings[:, 0],
+        heading_to=headings[:, 1],
+    )
+
+
+def _whole_by_parts(tilt: FloatArray, heading: FloatArray) -> FloatArray:
+    """The largest angle by those of tilt and heading, (18.26), in sines so that small ones keep their digits."""
+    of_tilt, of_heading = np.sin(0.5 * tilt) ** 2, np.sin(0.5 * heading) ** 2
+    share = np.minimum((1.0 + ANGLE_ROUNDING) * (of_tilt + of_heading * np.cos(0.5 * tilt) ** 2), 1.0)
+    return np.asarray(np.minimum(2.0 * np.arcsin(np.sqrt(share)) + ANGLE_ROUNDING, np.pi))
 
 
 def _questions(heading: Heading, up: FloatArray | None, caps: UpCaps | None) -> tuple[str, ...]:
@@ -236,7 +299,7 @@ def _narrow_by_caps(
     estimated: FloatArray,
     up: FloatArray,
 ) -> None:
-    """What caps about up say of the tilt, and with it of the whole attitude, (18.25) and (18.26)."""
+    """What caps about up say of the tilt, (18.25)."""
     count = len(bounds)
     if caps.directions.shape != (count, 3) or caps.angles.shape != (count,) or caps.claims.shape != (count,):
         raise ValueError(f"caps must have directions ({count}, 3), angles ({count},) and claims ({count},)")
@@ -254,11 +317,6 @@ def _narrow_by_caps(
     bounds[:, 1] = np.where(stronger, largest, np.where(equal, np.fmin(bounds[:, 1], largest), bounds[:, 1]))
     least[:, 1] = np.where(stronger, smallest, np.where(equal, np.fmax(least[:, 1], smallest), least[:, 1]))
     claims[:, 1] = np.where(stronger, caps.claims, claims[:, 1])
-    # The tilt's claim is now at least as strong as the set's.
-    product = np.cos(0.5 * bounds[:, 1]) * np.cos(0.5 * bounds[:, 2])
-    by_parts = np.minimum(2.0 * np.arccos(np.maximum(product - ANGLE_ROUNDING, 0.0)), np.pi)
-    bounds[:, 0] = np.minimum(bounds[:, 0], by_parts)
-    least[:, 0] = np.maximum(least[:, 0], least[:, 1])
 
 
 def _quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:

@@ -12,7 +12,7 @@ from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_samp
 from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
 from elliptude.monitoring.monitor import QUESTIONS, Heading
 from elliptude.report.run import Run
-from elliptude.results import CLAIMS
+from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray
 
 # The vertical of ENU, NWU and NED, up or down.
@@ -52,6 +52,7 @@ def run_of(result: Result, *, heading_from_start: bool, bounds_from_recording: s
         ups=result.ups,
         up_bounds=result.up_bounds,
         up_claims=None if result.up_claims is None else tuple(result.up_claims),
+        headings=result.headings,
         heading_from_start=heading_from_start,
         bounds_from_recording=bounds_from_recording,
     )
@@ -102,6 +103,10 @@ def judge(
     quaternions[rows] = attitudes.as_quat(scalar_first=True)
     claims = np.array([_CLAIM_INDEX[word] for word in run.claims], dtype=np.uint8)
     sets = Sets(run.times, run.quaternions, run.shapes, claims)
+    if has_vertical and run.tilt_bounds is not None and run.headings is not None and run.ups is not None:
+        upward = _upward(run.ups, _verticals(run))
+        bounds = AttitudeBounds(run.tilt_bounds, run.headings[:, 0], run.headings[:, 1], np.full(len(claims), np.pi))
+        sets = replace(sets, bounds=bounds, vertical=upward * np.array(_VERTICAL))
     found = monitor(
         sets,
         quaternions,
@@ -120,16 +125,25 @@ def judge(
 
 def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:
     """Where true up is by the table, also where no attitude is known; by ``tilt_bound`` if it has no columns of up."""
+    directions = _verticals(run)
+    if run.ups is not None and run.up_bounds is not None and run.up_claims is not None and run.known.any():
+        of_up = np.array([_CLAIM_INDEX[word or "none"] for word in run.up_claims], dtype=np.uint8)
+        return UpCaps(_upward(run.ups, directions) * run.ups, run.up_bounds, of_up)
+    return None if run.tilt_bounds is None else UpCaps(directions, run.tilt_bounds, claims)
+
+
+def _verticals(run: Run) -> FloatArray:
+    """The third reference axis in the body axes of the estimates, shape (N, 3); NaN without one."""
     known = np.isfinite(run.quaternions[:, 0])
     directions = np.full((len(known), 3), np.nan)
     if known.any():
         directions[known] = Rotation.from_quat(run.quaternions[known], scalar_first=True).inv().apply(_VERTICAL)
-    if run.ups is not None and run.up_bounds is not None and run.up_claims is not None and known.any():
-        # The third axis is up or down, as the estimates show.
-        upward = np.sign(np.nansum(np.einsum("ni,ni->n", run.ups, directions)))
-        of_up = np.array([_CLAIM_INDEX[word or "none"] for word in run.up_claims], dtype=np.uint8)
-        return UpCaps(upward * run.ups, run.up_bounds, of_up)
-    return None if run.tilt_bounds is None else UpCaps(directions, run.tilt_bounds, claims)
+    return directions
+
+
+def _upward(ups: FloatArray, directions: FloatArray) -> float:
+    """1 if the third reference axis is up, −1 if it is down, as the estimates show."""
+    return 1.0 if np.nansum(np.einsum("ni,ni->n", ups, directions)) >= 0.0 else -1.0
 
 
 def columns(monitored: Monitored) -> dict[str, Column]:

@@ -44,7 +44,7 @@ def one(rng, *, smallest=-4.0, largest=0.7, reach=1.0):
 
 def bounds(half, q0, up):
     found = error_angles(q0[None], 4.0 * (half @ half.T)[None], up[None])
-    return np.array(found)[:3, 0], np.array(found)[3:, 0]
+    return np.array(found)[:3, 0], np.array(found)[3:6, 0]
 
 
 def searched(half, q0, up, which, sign, starts):
@@ -245,7 +245,7 @@ def test_extreme_sets():
             assert np.isfinite(found).all()
             assert found[0] > 3.0
     tiny = np.array(error_angles(q0, 1e-300 * np.eye(3)[None], up))[:, 0]
-    np.testing.assert_allclose(tiny[:3], tiny[3:], atol=1e-6)
+    np.testing.assert_allclose(tiny[:3], tiny[3:6], atol=1e-6)
     endless = np.array(error_angles(q0, np.full((1, 3, 3), np.inf), up))
     assert np.isnan(endless).all()
 
