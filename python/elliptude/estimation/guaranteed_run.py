@@ -16,7 +16,7 @@ from elliptude.estimation.direction_rows import Contradiction, DirectionRows, di
 from elliptude.estimation.gaps import Gap
 from elliptude.estimation.vertical import Turns, Vertical, followed, vertical_of
 from elliptude.logs.log import Log, interval_rates
-from elliptude.results import CLAIMS, GuaranteedLog
+from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray
 
 CONDITIONAL = CLAIMS.index("conditional")
@@ -66,6 +66,8 @@ class GuaranteedRun:
     rows: DirectionRows
     vertical: Vertical | None
     """Up in body axes with its bound and claim, also where no attitude is known; None if nothing says where up is."""
+    caps: DirectionLog | None
+    """Up by its measured direction and the gyro alone, if that was followed."""
     starts_heading: bool
     """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
@@ -123,18 +125,25 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims = guaranteed.claims.copy()
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
+    caps = followed(configuration, rows, turns)
     return GuaranteedRun(
         log=measured,
         given=given,
         start=start,
         sets=guaranteed,
         rows=rows,
-        vertical=vertical_of(guaranteed, followed(configuration, rows, turns), rows.up),
+        vertical=vertical_of(guaranteed, caps, rows.up),
+        caps=caps,
         starts_heading=starts_heading,
-        gaps=()
-        if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None
-        else gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, guaranteed),
+        gaps=gaps_between(log, configuration, rows, guaranteed),
     )
+
+
+def gaps_between(log: Log, configuration: Configuration, rows: DirectionRows, found: GuaranteedLog) -> tuple[Gap, ...]:
+    """What sets of a log lost in the gaps of its gyro."""
+    if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None:
+        return ()
+    return gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, found)
 
 
 def _anchor_duration(configuration: Configuration) -> float | None:
@@ -195,7 +204,8 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
     """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
-    up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
+    assert run.start is not None
+    up, estimated = run.rows.directions[0, 0], run.start.attitude
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
     sine = float(np.linalg.norm(axis))
@@ -371,8 +381,8 @@ def run_filter(
         vector_bound=given.vector_bound,
         estimate_vector=given.estimates_vector,
     )
-    arguments = given.measured | {"sensors": given.sensors or None, "vertical": vertical}
+    arguments: dict[str, Any] = given.measured | {"sensors": given.sensors or None, "vertical": vertical}
     if given.turns is None:
-        return attitude_filter.run(given.times, **given.motion, **arguments)
+        return attitude_filter.run(given.times, **(arguments | given.motion))
     turns = given.turns
     return attitude_filter.run_turns(given.times, turns.vectors, turns.angles, anchors=turns.anchors, **arguments)

@@ -1,6 +1,6 @@
 """Ellipsoids about what two sets of states have in common: theory, section 20.3.
 
-Shapes are of the Gibbs chart. Everything is done for all rows at once, and what rounding may do is added to each result.
+Shapes are of the Gibbs chart. All rows are done at once. What rounding may do is added to each result.
 """
 
 from dataclasses import dataclass
@@ -88,7 +88,8 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
 def log_sizes(shapes: FloatArray, weight: FloatArray | None = None) -> FloatArray:
     """What is minimised of shapes (n, k, k): log det P, or k log tr WP; NaN where a shape is."""
     if weight is None:
-        return np.asarray(np.linalg.slogdet(shapes)[1])
+        known = np.isfinite(shapes).all(axis=(1, 2))
+        return np.where(known, np.linalg.slogdet(np.where(known[:, None, None], shapes, 0.0))[1], np.nan)
     return np.asarray(shapes.shape[-1] * np.log(np.einsum("ij,nji->n", weight, shapes)))
 
 
@@ -169,7 +170,7 @@ def _with_box(shapes: FloatArray, half_widths: FloatArray) -> FloatArray:
 def _intersections(
     one: FloatArray, centers: FloatArray, other: FloatArray, conditions: FloatArray, weight: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Centers and shapes of ellipsoids about {yᵀ P⁻¹ y ≤ 1} and others about centers, and which have nothing in common."""
+    """Ellipsoids about what {yᵀ P⁻¹ y ≤ 1} and others have in common: centers, shapes; and where that is nothing."""
     k = one.shape[-1]
     if not len(one):
         return centers, other, np.zeros(0, dtype=np.bool_)

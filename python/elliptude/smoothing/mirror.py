@@ -1,7 +1,7 @@
 """A pass of the guaranteed filter backward in time, as a pass over a mirrored log: theory, section 20.1.
 
-With the time s = −t attitudes stay as they are and angular velocities change their sign. What else changes its sign or its
-row is said here, and nowhere else.
+With the time s = −t attitudes stay as they are and angular velocities change their sign. What else changes its sign or
+its row is said here, and nowhere else.
 """
 
 from dataclasses import dataclass, replace
@@ -76,7 +76,9 @@ def mirrored(run: GuaranteedRun, configuration: Configuration) -> Mirrored:
             measured=measured,
             turns=None if given.turns is None else turns,
         ),
-        rows=replace(rows, directions=rows.directions[::-1], references=rows.references[::-1], angles=rows.angles[::-1]),
+        rows=replace(
+            rows, directions=rows.directions[::-1], references=rows.references[::-1], angles=rows.angles[::-1]
+        ),
         turns=turns,
     )
 
@@ -147,7 +149,9 @@ def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:
     if isinstance(potential, elliptude.GravityGradient):
         return elliptude.GravityGradient(potential.body, potential.orbit_rate, potential.orbit @ _BACKWARD_ORBIT)
     if isinstance(potential, elliptude.SumPotential):
-        return elliptude.SumPotential([mirrored_potential(one) for one in potential.potentials])  # type: ignore[arg-type]
+        parts = [one for one in potential.potentials if isinstance(one, elliptude.Potential)]
+        if len(parts) == len(potential.potentials):
+            return elliptude.SumPotential([mirrored_potential(one) for one in parts])
     raise ValueError(
         f"smoothing goes backward in time, and {type(potential).__name__} does not say what its torque is then; FreeBody, "
         "UniformGravity, GravityGradient and their sums do"
