@@ -72,13 +72,13 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
     centers, shapes = _seen_from(one, other)
     scales = np.sqrt(np.diagonal(one.shapes, axis1=1, axis2=2))
     conditions = np.linalg.cond(one.shapes / (scales[:, :, None] * scales[:, None, :])) if len(rows) else np.empty(0)
-    usable = np.isfinite(shapes).all(axis=(1, 2)) & (conditions <= _LARGEST_CONDITION)
+    usable: NDArray[np.bool_] = np.isfinite(shapes).all(axis=(1, 2)) & np.less_equal(conditions, _LARGEST_CONDITION)
     rows, one = rows[usable], one.take(np.flatnonzero(usable))
     middles, shapes, empty = _intersections(one.shapes, centers[usable], shapes[usable], conditions[usable], weight)
     meet[rows] = ~empty
     attitudes, shapes = _recentred(one.attitudes, middles, shapes)
     vectors = one.vectors + middles[:, 3:]
-    shapes = _with_slip(shapes, np.abs(one.vectors).max(axis=1, initial=0.0) + np.abs(middles).max(axis=1, initial=0.0))
+    shapes = _with_slip(shapes, middles, _largest(one.vectors) + _largest(middles[:, 3:]))
     found = ~empty & np.isfinite(shapes).all(axis=(1, 2))
     for whole, some in zip((sets.attitudes, sets.vectors, sets.shapes), (attitudes, vectors, shapes), strict=True):
         whole[rows[found]] = some[found]
@@ -101,8 +101,8 @@ def _seen_from(one: StateSets, other: StateSets) -> tuple[FloatArray, FloatArray
     b = np.eye(3) - hat(g) + g[:, :, None] * g[:, None, :]
     shapes = _stretched(b, e, other.shapes)
     offsets = other.vectors - one.vectors
-    size = np.abs(other.vectors).max(axis=1, initial=0.0) + np.abs(one.vectors).max(axis=1, initial=0.0)
-    return np.concatenate([-2.0 * g, offsets], axis=1), _with_slip(shapes, size)
+    centers = np.concatenate([-2.0 * g, offsets], axis=1)
+    return centers, _with_slip(shapes, centers, _largest(other.vectors) + _largest(one.vectors))
 
 
 def _recentred(attitudes: FloatArray, centers: FloatArray, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -151,10 +151,16 @@ def _with_rounding(shapes: FloatArray, sizes: FloatArray) -> FloatArray:
     return covered
 
 
-def _with_slip(shapes: FloatArray, sizes: FloatArray) -> FloatArray:
+def _largest(vectors: FloatArray) -> FloatArray:
+    """The largest entry of each row, without its sign."""
+    return np.asarray(np.abs(vectors).max(axis=1, initial=0.0))
+
+
+def _with_slip(shapes: FloatArray, centers: FloatArray, sizes: FloatArray) -> FloatArray:
     """Shapes about centers that are off by rounding: an attitude by some ε, numbers of these sizes by ε of them."""
     k = shapes.shape[-1]
-    reach = 1.0 + np.trace(shapes[:, :3, :3], axis1=1, axis2=2)
+    # By (17.8) a turn moves γ by as much as it turns, and more where γ is large.
+    reach = 1.0 + np.trace(shapes[:, :3, :3], axis1=1, axis2=2) + np.sum(centers[:, :3] ** 2, axis=1)
     slips = 64.0 * _EPSILON * np.where(np.arange(k) < 3, reach[:, None], sizes[:, None])
     return _with_box(shapes, slips)
 
@@ -196,11 +202,13 @@ def _intersections(
 
     def size(share: FloatArray) -> FloatArray:
         level, inverses, _ = combined(share)
-        # An empty intersection has the least size of all.
-        level = np.maximum(level, np.finfo(np.float64).tiny)
+        # An empty intersection is smaller than any other, and the lower the level, the clearer is the proof.
+        empty, positive = level / (1.0 + np.abs(level)) - 1e9, np.maximum(level, np.finfo(np.float64).tiny)
         if weights is None:
-            return np.asarray(k * np.log(level) + np.sum(np.log(inverses), axis=1))
-        return np.asarray(np.log(level) + np.log(np.sum(weights * inverses, axis=1)))
+            sizes = k * np.log(positive) + np.sum(np.log(inverses), axis=1)
+        else:
+            sizes = np.log(positive) + np.log(np.sum(weights * inverses, axis=1))
+        return np.where(level > 0.0, sizes, empty)
 
     shares = np.linspace(0.0, 1.0, _FIRST_SHARES)
     found = np.argmin([size(np.full(len(one), share)) for share in shares], axis=0)
@@ -210,6 +218,8 @@ def _intersections(
         goes_left = size(left) <= size(right)
         low, high = np.where(goes_left, low, left), np.where(goes_left, right, high)
     level, inverses, middles = combined(0.5 * (low + high))
-    shapes = (whole * (np.maximum(level, 0.0)[:, None] * inverses)[:, None, :]) @ whole.swapaxes(1, 2)
-    shapes = _with_rounding((1.0 + _ROOM) * shapes, np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)))
+    shapes = (whole * ((np.maximum(level, 0.0) + _ROOM)[:, None] * inverses)[:, None, :]) @ whole.swapaxes(1, 2)
+    shapes = _with_rounding(shapes, np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)))
+    scales = np.sqrt(np.diagonal(one, axis1=1, axis2=2))
+    shapes = _with_box(shapes, k * _PRODUCT * scales * (1.0 + np.linalg.norm(middles, axis=1))[:, None])
     return np.einsum("nij,nj->ni", whole, middles), shapes, np.asarray(level < -_ROOM)

@@ -153,8 +153,8 @@ def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:
         if len(parts) == len(potential.potentials):
             return elliptude.SumPotential([mirrored_potential(one) for one in parts])
     raise ValueError(
-        f"smoothing goes backward in time, and {type(potential).__name__} does not say what its torque is then; FreeBody, "
-        "UniformGravity, GravityGradient and their sums do"
+        f"smoothing goes backward in time, and {type(potential).__name__} does not say what its torque is then; "
+        "FreeBody, UniformGravity, GravityGradient and their sums do"
     )
 
 
