@@ -55,7 +55,9 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
     """
     forward, backward = passes.forward.sets, passes.backward
     up = passes.forward.rows.up
-    caps, caps_apart = common_caps(passes.forward.caps, passes.caps)
+    caps, caps_apart = passes.forward.caps, np.zeros(len(forward.claims), dtype=np.bool_)
+    if caps is not None and passes.caps is not None:
+        caps, caps_apart = common_caps(caps, passes.caps)
     equal = (forward.claims == backward.claims) & (forward.claims < _NONE)
     fused, meet = _fused(forward, backward, equal, configuration)
     apart = equal & ~meet & (forward.claims == _UNCONDITIONAL)
@@ -211,22 +213,20 @@ def _chosen_vertical(
     )
 
 
-def common_caps(one: DirectionLog | None, other: DirectionLog | None) -> tuple[DirectionLog | None, NDArray[np.bool_]]:
-    """Caps about what two caps have in common, and rows where they prove that a statement is wrong.
+def common_caps(one: DirectionLog, other: DirectionLog) -> tuple[DirectionLog, NDArray[np.bool_]]:
+    """Caps about what two caps have in common, (18.28), and rows where they prove that a statement is wrong.
 
     Parameters
     ----------
-    one, other : DirectionLog, optional
+    one, other : DirectionLog
         Of the same rows. Of unequal claims the stronger counts alone; where caps have nothing in common, the first.
 
     Returns
     -------
-    caps : DirectionLog or None
+    caps : DirectionLog
     apart : (n,) array of bool
         Where both claim to hold without a condition, and have nothing in common.
     """
-    if one is None or other is None:
-        return one, np.zeros(0, dtype=np.bool_)
     takes_other = other.claims < one.claims
     directions = np.where(takes_other[:, None], other.directions, one.directions)
     angles = np.where(takes_other, other.angles, one.angles)

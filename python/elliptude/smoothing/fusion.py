@@ -64,22 +64,26 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
     -------
     Common
     """
-    count, k = first.shapes.shape[:2]
+    count = len(first.shapes)
     sets = StateSets(*(np.full(part.shape, np.nan) for part in (first.attitudes, first.vectors, first.shapes)))
     meet = np.ones(count, dtype=np.bool_)
     rows = np.flatnonzero(np.isfinite(first.shapes).all(axis=(1, 2)) & np.isfinite(second.shapes).all(axis=(1, 2)))
     one, other = first.take(rows), second.take(rows)
     centers, shapes = _seen_from(one, other)
     scales = np.sqrt(np.diagonal(one.shapes, axis1=1, axis2=2))
-    conditions = np.linalg.cond(one.shapes / (scales[:, :, None] * scales[:, None, :])) if len(rows) else np.empty(0)
-    usable: NDArray[np.bool_] = np.isfinite(shapes).all(axis=(1, 2)) & np.less_equal(conditions, _LARGEST_CONDITION)
-    rows, one = rows[usable], one.take(np.flatnonzero(usable))
+    conditions: FloatArray = (
+        np.atleast_1d(np.linalg.cond(one.shapes / (scales[:, :, None] * scales[:, None, :])))
+        if len(rows)
+        else np.empty(0)
+    )
+    usable = np.flatnonzero(np.isfinite(shapes).all(axis=(1, 2)) & (conditions <= _LARGEST_CONDITION))
+    rows, one = rows[usable], one.take(usable)
     middles, shapes, empty = _intersections(one.shapes, centers[usable], shapes[usable], conditions[usable], weight)
     meet[rows] = ~empty
     attitudes, shapes = _recentred(one.attitudes, middles, shapes)
     vectors = one.vectors + middles[:, 3:]
     shapes = _with_slip(shapes, middles, _largest(one.vectors) + _largest(middles[:, 3:]))
-    found = ~empty & np.isfinite(shapes).all(axis=(1, 2))
+    found = np.flatnonzero(~empty & np.isfinite(shapes).all(axis=(1, 2)))
     for whole, some in zip((sets.attitudes, sets.vectors, sets.shapes), (attitudes, vectors, shapes), strict=True):
         whole[rows[found]] = some[found]
     return Common(sets, meet)
@@ -88,7 +92,7 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
 def log_sizes(shapes: FloatArray, weight: FloatArray | None = None) -> FloatArray:
     """What is minimised of shapes (n, k, k): log det P, or k log tr WP; NaN where a shape is."""
     if weight is None:
-        known = np.isfinite(shapes).all(axis=(1, 2))
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(shapes).all(axis=(1, 2)))
         return np.where(known, np.linalg.slogdet(np.where(known[:, None, None], shapes, 0.0))[1], np.nan)
     return np.asarray(shapes.shape[-1] * np.log(np.einsum("ij,nji->n", weight, shapes)))
 

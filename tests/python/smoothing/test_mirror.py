@@ -1,4 +1,4 @@
-"""Passes backward in time against truths that were integrated forward by code of its own: a wrong sign or row is seen."""
+"""Passes backward in time against truths that other code integrated forward: a wrong sign or row is seen."""
 
 import dataclasses
 
