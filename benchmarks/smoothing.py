@@ -3,7 +3,7 @@
     python benchmarks/smoothing.py --datasets ../shared/datasets
     python benchmarks/smoothing.py --logs 200 --pairs 1000000
 
-BROAD by the rule `hand_held` as it stands. The made logs have errors at their bounds, about axes that change or stay, as
+BROAD by the rule `hand_held` as it stands. The made logs have errors at their bounds, about axes that change or stay as
 in `questions.py`; a pair is two sets with a common state at the edge of one, the other or both.
 """
 
@@ -33,7 +33,7 @@ def recordings(folder: Path, criterion: str) -> None:
         f"\nBROAD, rule hand_held, criterion {criterion}; inside: share of unconditional rows; bounds: moving, means, °"
     )
     print(
-        "trial  inside: set tilt heading up   heading: forward smoothed share   tilt: forward smoothed   up: f. s.   wider"
+        "trial  inside: set tilt heading up; heading: forward smoothed share; tilt: both; up: both; rows that are wider"
     )
     for trial in TRIALS:
         (path,) = folder.glob(f"{trial}_*.npz")
@@ -129,7 +129,7 @@ def judge(log: questions.Log, random: np.random.Generator, criterion: Any) -> tu
 
 
 def pairs(count: int, k: int, random: np.random.Generator) -> tuple[int, int, float]:
-    """How many pairs of sets have a common set, how many of these are without the common state, and the largest form."""
+    """How many pairs have a common set, how many of these lack the common state, and the largest form."""
     truth = Rotation.random(count, rng=random).as_matrix()
     vectors = random.standard_normal((count, k - 3))
     sets = []

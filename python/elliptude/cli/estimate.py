@@ -118,7 +118,7 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
     else:
         typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
     if "smoothing" in summary:
-        for line in smoothing.said(summary["smoothing"]):
+        for line in summary["smoothing"]["said"]:
             typer.echo(f"  {line}")
     _say_up(summary)
     for line in summary["gaps"]["said"]:

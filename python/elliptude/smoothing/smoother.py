@@ -158,7 +158,7 @@ def figures(run: GuaranteedRun) -> dict[str, Any]:
         return None if sets.attitude_bounds is None else np.asarray(sets.attitude_bounds.heading)
 
     before, after = forward.vertical, run.vertical
-    return {
+    result: dict[str, Any] = {
         "tilt_bound_deg": None if before is None or after is None else compared(before.tilt_bounds, after.tilt_bounds),
         "heading_bound_deg": compared(heading(forward.sets), heading(run.sets)),
         "up_bound_deg": None if before is None or after is None else compared(before.angles, after.angles),
@@ -169,9 +169,10 @@ def figures(run: GuaranteedRun) -> dict[str, Any]:
         },
         "disagreeing_rows": len(run.disagreements),
     }
+    return result | {"said": _said(result)}
 
 
-def said(figures_of: dict[str, Any]) -> list[str]:
+def _said(figures_of: dict[str, Any]) -> list[str]:
     """Figures of a smoothed run in words."""
     names = {
         "heading_bound_deg": "heading",
