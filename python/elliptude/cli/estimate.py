@@ -63,6 +63,14 @@ def estimate(
             help="Go on although sensors contradict one another, as with a wrong unit or axis; the results say so.",
         ),
     ] = False,
+    best: Annotated[
+        Literal["vqf", "center", "none"] | None,
+        typer.Option(
+            help="The estimate beside the set, in the guaranteed mode; if left out, VQF's where it is installed and "
+            "fits the sensors, else the center.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -80,6 +88,11 @@ def estimate(
             smoothing.require_guaranteed(configuration)
         except ValueError as error:
             raise FileError(f"{config}: {error}") from error
+    if best is not None:
+        if configuration.estimator.mode != "guaranteed":
+            raise FileError("--best needs estimator.mode = 'guaranteed'")
+        of_estimator = configuration.estimator.model_copy(update={"best": best})
+        configuration = configuration.model_copy(update={"estimator": of_estimator})
     files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
@@ -132,6 +145,8 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
         typer.echo(
             f"  against {summary['compared_with']}: mean error {error:.3g} degrees, inside at {inside:.4g} % of rows"
         )
+    if (best := summary.get("best")) is not None:
+        typer.echo(f"  best estimate, {best['in_words']}")
 
 
 def _say_up(summary: dict[str, Any]) -> None:
@@ -212,6 +227,7 @@ def _estimate_pieces(
         guaranteed=estimator.guaranteed,
         heard=heard,
         bridged=estimator.bridged,
+        best=estimator.best,
     )
     if smooth:
         assert estimator.guaranteed is not None

@@ -34,6 +34,8 @@ class Estimator(Model):
     policy: Literal["raise", "drop_measurement", "restart", "relaxed"] = "raise"
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
     regain_after: Annotated[int, Field(ge=1)] = 10
+    # The estimate beside the set. If left out: VQF's where it is installed and fits the sensors, else the center.
+    best: Literal["vqf", "center", "none"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -41,7 +43,7 @@ class Estimator(Model):
         if not isinstance(table, dict):
             return table
         guaranteed = table.get("mode") == "guaranteed"
-        others = ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after")
+        others = ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after", "best")
         for key in others:
             if key in table:
                 raise ValueError(

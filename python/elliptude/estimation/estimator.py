@@ -17,6 +17,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import guaranteed_result
+from elliptude.estimation.best import Best, best_estimate
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun, run_guaranteed
@@ -46,6 +47,8 @@ class Estimation:
     """The run of the guaranteed filter, in that mode."""
     bridged: Bridged | None = None
     """Gaps of the gyro, in the modes of first order."""
+    best: Best | None = None
+    """The estimate beside the sets, in the guaranteed mode."""
 
 
 def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> Estimation:
@@ -78,6 +81,7 @@ def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = ru
         elapsed=estimator.elapsed,
         guaranteed=estimator.guaranteed,
         bridged=estimator.bridged,
+        best=estimator.best,
     )
 
 
@@ -99,6 +103,8 @@ class PieceEstimator:
         self.vector_is_compared = False
         """As in `Estimation`, for the rows so far."""
         self.guaranteed: GuaranteedRun | None = None
+        """As in `Estimation`, after the last row."""
+        self.best: Best | None = None
         """As in `Estimation`, after the last row."""
         self.bridged = Bridged(configuration)
         """Gaps of the gyro so far, in the modes of first order."""
@@ -137,7 +143,8 @@ class PieceEstimator:
         begin = time.perf_counter()
         with _placed(log):
             self.guaranteed = self._run_guaranteed(log, self._configuration)
-        result = guaranteed_result.result_of(self.guaranteed, self._configuration)
+        self.best = best_estimate(self.guaranteed, self._configuration)
+        result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best)
         self.elapsed += time.perf_counter() - begin
         self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
         return result
@@ -320,4 +327,5 @@ def summarize(estimation: Estimation, configuration: Configuration) -> dict[str,
         elapsed=estimation.elapsed,
         guaranteed=estimation.guaranteed,
         bridged=estimation.bridged,
+        best=estimation.best,
     )

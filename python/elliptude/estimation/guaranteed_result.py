@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
+from elliptude.estimation import best as best_estimates
 from elliptude.estimation import gaps
+from elliptude.estimation.best import Best
 from elliptude.estimation.containment import compare
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
 from elliptude.estimation.why_no_set import why_no_set
@@ -20,13 +22,15 @@ from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 
 
-def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
+def result_of(run: GuaranteedRun, configuration: Configuration, best: Best | None = None) -> Result:
     """The table of results, compared with the truth in the log.
 
     Parameters
     ----------
     run : GuaranteedRun
     configuration : Configuration
+    best : Best, optional
+        The estimate beside the sets.
 
     Returns
     -------
@@ -75,6 +79,7 @@ def result_of(run: GuaranteedRun, configuration: Configuration) -> Result:
         prediction_used=np.where(np.isfinite(guaranteed.shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
         dropped=names_of_chosen(names, there & dropped),
         **_of_questions(run),
+        **best_estimates.columns_of(best),
     )
 
 

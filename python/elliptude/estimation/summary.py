@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.estimation import best as best_estimates
 from elliptude.estimation import guaranteed_result
+from elliptude.estimation.best import Best
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.io import tables
@@ -41,6 +44,7 @@ class Summary:
         self._inside_rows = _Share()
         self._inside_unconditional = _Share()
         self._largest_form = -np.inf
+        self._best = _Mean()
 
     @property
     def inside_share(self) -> float | None:
@@ -68,6 +72,8 @@ class Summary:
         self._inside_updates.add(result.forms[rows])
         self._inside_rows.add(result.forms)
         self._largest_form = float(np.fmax.reduce(result.forms, initial=self._largest_form))
+        if result.best_quaternions is not None:
+            self._best.add(np.rad2deg(_best_errors(result)[has_set]))
         if result.claims is not None:
             self._inside_unconditional.add(result.forms[np.array(result.claims) == "unconditional"])
 
@@ -80,6 +86,7 @@ class Summary:
         guaranteed: GuaranteedRun | None = None,
         bridged: Bridged | None = None,
         heard: Heard | None = None,
+        best: Best | None = None,
     ) -> dict[str, Any]:
         """The figures for ``summary.json``; None for what is not known.
 
@@ -96,6 +103,8 @@ class Summary:
             Gaps of the gyro, in the modes of first order.
         heard : Heard, optional
             What a check of the log found.
+        best : Best, optional
+            The estimate beside the sets, in the guaranteed mode.
 
         Returns
         -------
@@ -142,12 +151,33 @@ class Summary:
             summary["gaps"] = bridged.summarize()
         if guaranteed is not None:
             summary |= guaranteed_result.summarize(guaranteed, configuration)
+            summary["best"] = best_estimates.summarize(best)
+            if best is not None and self._is_compared:
+                summary["best"]["attitude_error_deg"] = {"mean": self._best.mean(), "max": self._best.maximum()}
+            if best is not None:
+                summary["best"]["in_words"] = best_estimates.in_words(summary["best"])
             if self._is_compared:
                 summary |= {
                     "inside_share_of_unconditional_rows": self._inside_unconditional.value(),
                     "compared_unconditional_rows": self._inside_unconditional.known,
                 }
         return summary
+
+
+def _best_errors(result: Result) -> FloatArray:
+    """How far the best estimate is from the truth, rad, NaN where either is not known, shape (N,)."""
+    assert result.errors is not None
+    assert result.best_quaternions is not None
+    angles = np.full(len(result.times), np.nan)
+    turns = result.errors[:, :3]
+    known = np.isfinite(turns).all(axis=1) & np.isfinite(result.best_quaternions[:, 0])
+    if known.any():
+        center, best = (
+            Rotation.from_quat(quaternions[known], scalar_first=True)
+            for quaternions in (result.quaternions, result.best_quaternions)
+        )
+        angles[known] = (best.inv() * center * Rotation.from_rotvec(turns[known])).magnitude()
+    return angles
 
 
 class _Mean:

@@ -45,7 +45,12 @@ ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), s
 ATTITUDE_HALF_WIDTHS = ("half_width_rx", "half_width_ry", "half_width_rz")
 HEADINGS = ("heading_from", "heading_to")
 UP = ("up_x", "up_y", "up_z")
+BEST_QUATERNION = ("best_qw", "best_qx", "best_qy", "best_qz")
+BEST_HEADINGS = ("best_heading_from", "best_heading_to")
 ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
+_BEST = ("best_bound", "best_tilt_bound", "best_put_back")
+_NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST)
+_TEXTS_OF_QUESTIONS = ("claim", "dropped", "chart", "up_claim", "best_tilt_claim", "best_from")
 
 
 # --- what the tables hold ---------------------------------------------------------------------------------------------
@@ -190,6 +195,20 @@ class Result:
     """How far true up may be from there, rad, shape (N,)."""
     up_claims: Sequence[str] | None = None
     """What that rests on, in the words of ``claims``."""
+    best_quaternions: FloatArray | None = None
+    """(qw, qx, qy, qz) of the best estimate, which need not be the center of the set, shape (N, 4)."""
+    best_bounds: FloatArray | None = None
+    """How far it may be off, rad, shape (N,)."""
+    best_tilt_bounds: FloatArray | None = None
+    """Bound of the angle between its up and true up, rad, shape (N,)."""
+    best_headings: FloatArray | None = None
+    """The turn about the vertical from it to the truth, at least and at most, rad, modulo 2π, shape (N, 2)."""
+    best_tilt_claims: Sequence[str] | None = None
+    """What its bound of the tilt rests on, in the words of ``claims``, which are for the others."""
+    best_from: Sequence[str] | None = None
+    """Whose estimate it is: "vqf", "center" or "" where there is none."""
+    best_put_back: FloatArray | None = None
+    """1 where it was outside the unconditional set, and was moved onto its boundary, else 0, shape (N,)."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -230,15 +249,21 @@ class Result:
         _add(columns, ("form",), None if self.forms is None else self.forms[:, None])
         charts = None if self.chart == "exponential" else [self.chart] * len(self.times)
         texts = {"claim": self.claims, "dropped": self.dropped, "chart": charts, "up_claim": self.up_claims}
+        texts |= {"best_tilt_claim": self.best_tilt_claims, "best_from": self.best_from}
         columns |= {name: values for name, values in texts.items() if values is not None}
         for name, values in (
             ("prediction_used", self.prediction_used),
             ("tilt_bound", self.tilt_bounds),
             ("up_bound", self.up_bounds),
+            ("best_bound", self.best_bounds),
+            ("best_tilt_bound", self.best_tilt_bounds),
+            ("best_put_back", self.best_put_back),
         ):
             _add(columns, (name,), None if values is None else values[:, None])
         _add(columns, HEADINGS, self.headings)
         _add(columns, UP, self.ups)
+        _add(columns, BEST_QUATERNION, self.best_quaternions)
+        _add(columns, BEST_HEADINGS, self.best_headings)
         return columns
 
     @classmethod
@@ -267,10 +292,9 @@ class Result:
         of_vector = (*_VECTORS[vector], *(name for name in _SHAPE if name not in ATTITUDE_SHAPE), *half_widths[3:])
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
-        further: list[tuple[str, ...]] = [
-            (name,) for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names
-        ]
-        further += [triple for triple in (HEADINGS, UP) if triple[0] in names]
+        further: list[tuple[str, ...]] = [(name,) for name in _NUMBERS_OF_QUESTIONS if name in names]
+        together = (HEADINGS, UP, BEST_QUATERNION, BEST_HEADINGS)
+        further += [several for several in together if several[0] in names]
         columns = read_columns(
             path,
             numbers=() if guaranteed else of_attitude + of_vector,
@@ -279,7 +303,7 @@ class Result:
             + [errors[:3], errors[3:]] * with_errors
             + further
             + [of_attitude, of_vector] * guaranteed,
-            texts=("used", "refused", *(name for name in ("claim", "dropped", "chart", "up_claim") if name in names)),
+            texts=("used", "refused", *(name for name in _TEXTS_OF_QUESTIONS if name in names)),
         )
         return cls(
             times=columns["time_s"],
@@ -304,6 +328,13 @@ class Result:
             ups=stacked(columns, UP) if UP[0] in names else None,
             up_bounds=columns.get("up_bound"),
             up_claims=tuple(columns["up_claim"]) if "up_claim" in names else None,
+            best_quaternions=stacked(columns, BEST_QUATERNION) if BEST_QUATERNION[0] in names else None,
+            best_bounds=columns.get("best_bound"),
+            best_tilt_bounds=columns.get("best_tilt_bound"),
+            best_headings=stacked(columns, BEST_HEADINGS) if BEST_HEADINGS[0] in names else None,
+            best_tilt_claims=tuple(columns["best_tilt_claim"]) if "best_tilt_claim" in names else None,
+            best_from=tuple(columns["best_from"]) if "best_from" in names else None,
+            best_put_back=columns.get("best_put_back"),
         )
 
 

@@ -21,6 +21,8 @@ QUESTIONS = ("total", "tilt", "heading")
 _UNCONDITIONAL, _NONE = CLAIMS.index("unconditional"), CLAIMS.index("none")
 # How far a quaternion may be from length 1.
 _LENGTH_TOLERANCE = 0.01
+# Rows whose matrices are in memory at once.
+_AT_ONCE = 100_000
 # How far two vectors that are the same may be apart by rounding.
 _SAME_VECTOR = 8.0 * float(np.finfo(np.float64).eps)
 
@@ -210,8 +212,8 @@ def monitor(
     if sets.shapes.shape != (count, 3, 3) or sets.claims.shape != (count,):
         raise ValueError(f"sets: shapes {sets.shapes.shape} and claims {sets.claims.shape} are not of {count} rows")
     centers, estimated = (
-        _quaternions("sets.quaternions", sets.quaternions, count),
-        _quaternions("attitudes", attitudes, count),
+        as_quaternions("sets.quaternions", sets.quaternions, count),
+        as_quaternions("attitudes", attitudes, count),
     )
     vertical = None if up is None else _unit_vector("up", up)
     questions = _questions(heading, vertical, caps)
@@ -222,14 +224,14 @@ def monitor(
     known, there = np.isfinite(estimated[:, 0]), np.isfinite(centers[:, 0]) & (sets.claims < _NONE)
     both = known & there
     numbers = ErrorAngles(*(np.full(count, np.nan) for _ in ErrorAngles._fields))
-    if both.any():
-        offsets = _product(centers[both] * [1.0, -1.0, -1.0, -1.0], estimated[both])
-        center_up = None if vertical is None else rotation_from_quaternion(centers[both]).swapaxes(1, 2) @ vertical
-        found = error_angles(offsets, sets.shapes[both], center_up)
+    for rows in np.array_split(np.flatnonzero(both), 1 + int(both.sum()) // _AT_ONCE):
+        offsets = product(centers[rows] * [1.0, -1.0, -1.0, -1.0], estimated[rows])
+        center_up = None if vertical is None else rotation_from_quaternion(centers[rows]).swapaxes(1, 2) @ vertical
+        found = error_angles(offsets, sets.shapes[rows], center_up)
         if center_up is not None and sets.bounds is not None:
-            found = _narrowed(found, offsets, center_up, _bounds_about(sets, vertical, both))
+            found = _narrowed(found, offsets, center_up, _bounds_about(sets, vertical, rows))
         for whole, some in zip(numbers, found, strict=True):
-            whole[both] = some
+            whole[rows] = some
     bounds = np.column_stack([numbers.total, numbers.tilt, numbers.heading])
     least = np.column_stack([numbers.least_total, numbers.least_tilt, numbers.least_heading])
     headings = np.column_stack([numbers.heading_from, numbers.heading_to])
@@ -247,7 +249,7 @@ def monitor(
     return Monitored(sets.times, known, bounds, least, claims, headings, questions, limits)
 
 
-def _bounds_about(sets: Sets, up: FloatArray | None, rows: NDArray[np.bool_]) -> AttitudeBounds:
+def _bounds_about(sets: Sets, up: FloatArray | None, rows: NDArray[np.intp]) -> AttitudeBounds:
     """Bounds of the centers of some rows about up, which may be the other end of the vertical that they are about."""
     if sets.bounds is None or sets.vertical is None or up is None:
         raise ValueError("sets: bounds of tilt and heading without the vertical that they are of")
@@ -319,7 +321,7 @@ def _narrow_by_caps(
     claims[:, 1] = np.where(stronger, caps.claims, claims[:, 1])
 
 
-def _quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
+def as_quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
     """Unit quaternions (n, 4), NaN where there is no attitude."""
     values = np.asarray(
         attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64
@@ -351,7 +353,7 @@ def _unit_vector(name: str, values: ArrayLike) -> FloatArray:
     return vector / length
 
 
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Products of quaternions (n, 4), scalar first."""
     u, v = a[:, 1:], b[:, 1:]
     first = a[:, :1] * b[:, :1] - np.sum(u * v, axis=1, keepdims=True)

@@ -78,6 +78,8 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         summary["implausible"] = list(run.implausible)
     if run.up_at_rest is not None:
         summary["up_at_rest"] = run.up_at_rest
+    if run.best is not None:
+        summary["best"] = run.best
     if run.void:
         summary["left_out_from_beginning_to_end"] = list(run.void)
     if run.tilt_bounds is not None:
@@ -253,6 +255,8 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         number = summary["rows_with_up_alone"]
         lines.append(("up alone", f"{number} rows without an attitude; up is known there all the same"))
         lines.append(("bound of up, all rows", _degrees(summary["up_bound_deg"])))
+    if "best" in summary:
+        lines.append(("best estimate", summary["best"]))
     if "prediction_used_rows" in summary and summary["rows_with_a_set"]:
         number = summary["prediction_used_rows"]
         share = _share(number, summary["rows_with_a_set"])

@@ -159,6 +159,8 @@ class Run:
     """The recording that the bounds are proposals from; None if they have reasons."""
     up_at_rest: str | None = None
     """Which body axis was up at rest, in words."""
+    best: str | None = None
+    """Whose the best estimate beside the sets is, and how far it may be off, in words; None without one."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -391,6 +393,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         implausible=summary.implausible,
         bounds_from_recording=summary.bounds_from_recording,
         up_at_rest=summary.up_at_rest,
+        best=summary.best,
     )
     return run, summary.label
 
@@ -416,6 +419,7 @@ class _Summary(NamedTuple):
     implausible: tuple[str, ...] = ()
     bounds_from_recording: str | None = None
     up_at_rest: str | None = None
+    best: str | None = None
     smoothing: tuple[str, ...] = ()
 
 
@@ -429,6 +433,7 @@ def _read_summary(path: Path) -> _Summary:
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
+    best = read.get("best")
     implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
@@ -439,6 +444,7 @@ def _read_summary(path: Path) -> _Summary:
         tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
         recording if isinstance(recording, str) else None,
         str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
+        str(best["in_words"]) if isinstance(best, dict) and "in_words" in best else None,
         smoothing,
     )
 

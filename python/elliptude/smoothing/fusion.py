@@ -20,6 +20,7 @@ _LARGEST_E = 0.9
 _LARGEST_CONDITION = 1e8
 # How much a shape grows where a small ellipsoid is added to it, theory 20.3.
 _ROOM = 1e-7
+_ROWS_AT_ONCE = 20000
 # The share is sought among so many, then by so many steps of the golden section.
 _FIRST_SHARES, _STEPS = 9, 24
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -64,10 +65,24 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
     -------
     Common
     """
-    count = len(first.shapes)
     sets = StateSets(*(np.full(part.shape, np.nan) for part in (first.attitudes, first.vectors, first.shapes)))
-    meet = np.ones(count, dtype=np.bool_)
+    meet = np.ones(len(first.shapes), dtype=np.bool_)
     rows = np.flatnonzero(np.isfinite(first.shapes).all(axis=(1, 2)) & np.isfinite(second.shapes).all(axis=(1, 2)))
+    # Piece by piece, so that a long log needs little memory.
+    for begin in range(0, len(rows), _ROWS_AT_ONCE):
+        _fuse(first, second, weight, rows[begin : begin + _ROWS_AT_ONCE], sets, meet)
+    return Common(sets, meet)
+
+
+def _fuse(
+    first: StateSets,
+    second: StateSets,
+    weight: FloatArray | None,
+    rows: NDArray[np.intp],
+    sets: StateSets,
+    meet: NDArray[np.bool_],
+) -> None:
+    """Put into some rows of ``sets`` and ``meet`` what the pairs there have in common."""
     one, other = first.take(rows), second.take(rows)
     centers, shapes = _seen_from(one, other)
     scales = np.sqrt(np.diagonal(one.shapes, axis1=1, axis2=2))
@@ -86,7 +101,6 @@ def common(first: StateSets, second: StateSets, weight: FloatArray | None = None
     found = np.flatnonzero(~empty & np.isfinite(shapes).all(axis=(1, 2)))
     for whole, some in zip((sets.attitudes, sets.vectors, sets.shapes), (attitudes, vectors, shapes), strict=True):
         whole[rows[found]] = some[found]
-    return Common(sets, meet)
 
 
 def log_sizes(shapes: FloatArray, weight: FloatArray | None = None) -> FloatArray:

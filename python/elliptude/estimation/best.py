@@ -1,0 +1,335 @@
+"""The best estimate beside the set: an attitude near the truth, and how far it may be off by the guaranteed run.
+
+The center of a set is a poor estimate where what bounds the truth is lopsided. VQF, a filter that is kept well, is a
+better one (D. Laidig, T. Seel: VQF, Information Fusion 91, 2023; the extra ``best``). It has no influence on the sets.
+"""
+
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.estimation.guaranteed_run import GuaranteedRun
+from elliptude.monitoring import Monitored, Sets, UpCaps, monitor, put_back
+from elliptude.results import CLAIMS, AttitudeBounds
+from elliptude.typing import FloatArray
+
+# VQF begins anew after a gap of the gyro of more than this many of its median steps; within one, rates are
+# interpolated.
+_LONGEST_STEP = 10.0
+# Tesla; VQF takes any unit, and is used with this one.
+_MICROTESLA = 1e-6
+# rad/s; VQF takes a gyro's bias for 0.5°/s at first, one standard deviation, and never more than 2°/s.
+_OWN_BIAS = np.deg2rad(1.0)
+# A reference field whose horizontal part is less than this share says nothing about north.
+_LEAST_HORIZONTAL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """An estimate at each of N rows, and how far it may be off."""
+
+    quaternions: FloatArray
+    """(qw, qx, qy, qz) from body to reference axes, NaN where there is none, shape (N, 4)."""
+    is_vqf: NDArray[np.bool_]
+    """Whether it is VQF's; else it is the center of the set, shape (N,)."""
+    put_back: NDArray[np.bool_]
+    """Whether it was outside an unconditional set, and was moved onto its boundary, shape (N,)."""
+    errors: Monitored
+    """Bounds of its errors: total, tilt, heading; with claims."""
+    why_center: str | None = None
+    """Why VQF is not used, if it would be the default."""
+
+
+def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | None:
+    """An estimate as good as a filter without guarantee, and its bounds: theory, section 18.10.
+
+    Parameters
+    ----------
+    run : GuaranteedRun
+    configuration : Configuration
+        The one of the run; its ``estimator.best`` says which estimate.
+
+    Returns
+    -------
+    Best or None
+        None if the configuration asks for none.
+
+    Raises
+    ------
+    ValueError
+        If the configuration asks for VQF, and that cannot be.
+    """
+    wanted = configuration.estimator.best
+    if wanted == "none":
+        return None
+    sets, caps, up = sets_of(run)
+    why = "estimator.best is 'center'" if wanted == "center" else _why_not_vqf(configuration)
+    if wanted == "vqf" and why is not None:
+        raise ValueError(f"estimator.best = 'vqf': {why}")
+    if why is not None:
+        errors = monitor(sets, sets.quaternions, up=up, caps=caps)
+        nowhere = np.zeros(len(sets.times), dtype=np.bool_)
+        return Best(sets.quaternions, nowhere, nowhere, errors, None if wanted == "center" else why)
+    found = vqf_attitudes(run, configuration)
+    is_vqf = np.isfinite(found[:, 0])
+    quaternions, moved = put_back(sets, np.where(is_vqf[:, None], found, sets.quaternions))
+    # Of both signs the one that the center has in the table.
+    quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
+    return Best(quaternions, is_vqf, moved, monitor(sets, quaternions, up=up, caps=caps))
+
+
+def sets_of(run: GuaranteedRun) -> tuple[Sets, UpCaps | None, FloatArray | None]:
+    """A run's sets with all that it knows of tilt, heading and up, as `elliptude.monitoring.monitor` takes them.
+
+    Parameters
+    ----------
+    run : GuaranteedRun
+
+    Returns
+    -------
+    sets : Sets
+    caps : UpCaps or None
+    up : (3,) array or None
+        In reference axes.
+    """
+    vertical, up, of_center = run.vertical, run.rows.up, run.sets.attitude_bounds
+    sets = Sets.of(run.sets)
+    if vertical is None or up is None or of_center is None:
+        return sets, None, None
+    # The tilt of the center is known by both, the sets and the vertical.
+    bounds = AttitudeBounds(vertical.tilt_bounds, of_center.heading_from, of_center.heading_to, of_center.angle)
+    sets = Sets(sets.times, sets.quaternions, sets.shapes, sets.claims, bounds, up)
+    return sets, UpCaps(vertical.directions, vertical.angles, vertical.claims), up
+
+
+def _why_not_vqf(configuration: Configuration) -> str | None:
+    """What is missing for VQF; None if nothing is."""
+    others = [one.name for one in configuration.directions if not isinstance(one, Accelerometer | Magnetometer)]
+    if not isinstance(configuration.flow, GyroFlow) or configuration.accelerometer is None:
+        return "vqf needs a gyro and an accelerometer"
+    if others:
+        return f"vqf would leave out {others[0]!r}"
+    try:
+        importlib.import_module("vqf")
+    except ImportError:
+        return "vqf is not installed: pip install 'elliptude[best]'"
+    return None
+
+
+def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArray:
+    """What VQF makes of the log as the run sees it, row by row from the rows before alone.
+
+    Parameters
+    ----------
+    run : GuaranteedRun
+    configuration : Configuration
+        With a gyro and an accelerometer.
+
+    Returns
+    -------
+    (N, 4) array
+        (qw, qx, qy, qz) from body to reference axes; NaN before the first row with all sensors, after gaps of the
+        gyro likewise, where there is no rate, and where the heading counts from nothing known.
+    """
+    log, rows = run.log, run.rows
+    assert log.rates is not None
+    assert rows.up is not None
+    assert rows.up_column is not None
+    rates, forces = log.rates - _known_bias(run, configuration), _sensor(run, configuration, Accelerometer)
+    frames = _frames_of_field(run, configuration)
+    fields = None if frames is None else _sensor(run, configuration, Magnetometer) / _MICROTESLA
+    quaternions = np.full((len(log.times), 4), np.nan)
+    known = np.flatnonzero(np.isfinite(rates).all(axis=1))
+    if len(known) < 2:
+        return quaternions
+    steps = np.diff(log.times[known])
+    step = float(np.median(steps))
+    for piece in np.split(known, np.flatnonzero(steps > _LONGEST_STEP * step) + 1):
+        all_there = np.isfinite(forces[piece]).all(axis=1)
+        if fields is not None:
+            all_there &= np.isfinite(fields[piece]).all(axis=1)
+        piece = piece[int(np.argmax(all_there)) :] if all_there.any() else piece[:0]
+        if not len(piece):
+            continue
+        in_earth = _filtered(
+            log.times[piece], step, rates[piece], forces[piece], None if fields is None else fields[piece]
+        )
+        usable = np.isfinite(in_earth).all(axis=1) & (np.linalg.norm(in_earth, axis=1) > 0.5)
+        piece, earth = piece[usable], Rotation.from_quat(in_earth[usable], scalar_first=True)
+        if not len(piece):
+            continue
+        if frames is not None:
+            attitudes = Rotation.from_matrix(frames[piece]) * earth
+        else:
+            found = _with_heading_of_center(earth, piece, run)
+            if found is None:
+                continue
+            attitudes = found
+        quaternions[piece] = attitudes.as_quat(scalar_first=True)
+    return quaternions
+
+
+def _known_bias(run: GuaranteedRun, configuration: Configuration) -> FloatArray:
+    """What is subtracted from the rates: a stated bias, or one that a rule found and VQF does not expect."""
+    bias = run.rows.bias
+    if configuration.rule is not None and float(np.linalg.norm(bias)) <= _OWN_BIAS:
+        return np.zeros(3)
+    return bias
+
+
+def _sensor(run: GuaranteedRun, configuration: Configuration, kind: type[Accelerometer | Magnetometer]) -> FloatArray:
+    """The vectors of the first sensor of a kind, in the log's unit, shape (N, 3)."""
+    column = next(i for i, one in enumerate(configuration.directions) if isinstance(one, kind))
+    return run.log.directions[:, column]
+
+
+def _frames_of_field(run: GuaranteedRun, configuration: Configuration) -> FloatArray | None:
+    """What takes axes east, magnetic north, up to reference axes, (N, 3, 3); None if no field determines the heading.
+
+    The field's reference says where magnetic north is, and with it the declination.
+    """
+    rows = run.rows
+    assert rows.up is not None
+    names = [one.name for one in configuration.directions if isinstance(one, Magnetometer)]
+    if not names or names[0] not in rows.names:
+        return None
+    column = rows.names.index(names[0])
+    if not (rows.angles[:, column] < np.pi).any():
+        return None
+    field = rows.references[:, column]
+    north = field - np.outer(field @ rows.up, rows.up)
+    lengths = np.linalg.norm(north, axis=1)
+    if not (lengths > _LEAST_HORIZONTAL * np.linalg.norm(field, axis=1)).all():
+        return None
+    north = north / lengths[:, None]
+    return np.stack([np.cross(north, rows.up), north, np.broadcast_to(rows.up, north.shape)], axis=2)
+
+
+def _filtered(
+    times: FloatArray, step: float, rates: FloatArray, forces: FloatArray, fields: FloatArray | None
+) -> FloatArray:
+    """VQF's quaternions at samples of a gyro, NaN where it has none, shape (n, 4).
+
+    It takes regular samples. A step of another length turns by as much as its rate does in that time; where samples
+    are missing, rates are interpolated. It leaves out accelerations and fields that are zero.
+    """
+    from vqf import VQF
+
+    spans = np.diff(times, prepend=times[0] - step)
+    parts = np.maximum(np.round(spans / step), 1.0).astype(np.intp)
+    ends = np.cumsum(parts) - 1
+    # Where in time each sample is, in samples of the log.
+    rows = np.arange(len(times))
+    at = np.interp(np.arange(ends[-1] + 1), ends, rows)
+    samples = np.column_stack([np.interp(at, rows, column) for column in rates.T])
+    samples *= np.repeat(spans / (parts * step), parts)[:, None]
+
+    def placed(values: FloatArray) -> FloatArray:
+        whole = np.zeros((len(samples), 3))
+        there = np.isfinite(values).all(axis=1)
+        whole[ends[there]] = values[there]
+        return whole
+
+    def period(values: FloatArray) -> float:
+        there = times[np.isfinite(values).all(axis=1)]
+        return float(np.median(np.diff(there))) if len(there) > 1 else step
+
+    # What is not given is the gyro's.
+    settings: dict[str, Any] = {"accTs": period(forces)}
+    arguments = [samples, placed(forces)]
+    if fields is not None:
+        settings["magTs"] = period(fields)
+        arguments.append(placed(fields))
+    found = VQF(step, **settings).updateBatch(*(np.ascontiguousarray(values) for values in arguments))
+    quaternions: FloatArray = found["quat6D" if fields is None else "quat9D"][ends]
+    return quaternions
+
+
+def _with_heading_of_center(earth: Rotation, piece: NDArray[np.intp], run: GuaranteedRun) -> Rotation | None:
+    """Attitudes whose own heading counts from nothing, turned so that the first center differs by a tilt alone.
+
+    None if there is no center, so that nothing says how the heading counts.
+    """
+    up = run.rows.up
+    assert up is not None
+    there = np.flatnonzero(np.isfinite(run.sets.attitudes[piece, 0, 0]))
+    if not len(there):
+        return None
+    # Any frame whose third axis is up, then the turn about up that is missing.
+    level = Rotation.align_vectors(up[None], [[0.0, 0.0, 1.0]])[0] * earth
+    center = Rotation.from_matrix(run.sets.attitudes[piece[there[0]]])
+    x, y, z, w = (center * level[int(there[0])].inv()).as_quat()
+    return Rotation.from_rotvec(2.0 * np.arctan2(np.array([x, y, z]) @ up, w) * up) * level
+
+
+def summarize(best: Best | None) -> dict[str, Any] | None:
+    """Figures of the estimate for ``summary.json``, degrees; None without an estimate.
+
+    Parameters
+    ----------
+    best : Best, optional
+
+    Returns
+    -------
+    dict or None
+    """
+    if best is None:
+        return None
+    there = np.isfinite(best.quaternions[:, 0])
+
+    def figures(values: FloatArray) -> dict[str, float] | None:
+        known = np.rad2deg(values[np.isfinite(values)])
+        if not len(known):
+            return None
+        return {"mean": float(known.mean()), "median": float(np.median(known)), "max": float(known.max())}
+
+    return {
+        "from": "vqf" if best.is_vqf.any() else "center",
+        "why_center": best.why_center,
+        "rows": {"vqf": int(best.is_vqf.sum()), "center": int((there & ~best.is_vqf).sum())},
+        "put_back": int(best.put_back.sum()),
+        "bound_deg": figures(best.errors.bounds[:, 0]),
+        "tilt_bound_deg": figures(best.errors.bounds[:, 1]),
+        "heading_bound_deg": figures(best.errors.bounds[:, 2]),
+        "attitude_error_deg": None,
+    }
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    """The figures of `summarize` in one line."""
+    why = "" if summary["why_center"] is None else f" ({summary['why_center']})"
+    whose = "vqf" if summary["from"] == "vqf" else f"the center of the set{why}"
+    named = (("within", "bound_deg"), ("tilt", "tilt_bound_deg"), ("heading", "heading_bound_deg"))
+    bounds = ", ".join(f"{name} {summary[key]['mean']:.3g}" for name, key in named if summary[key] is not None)
+    words = [f"{whose}: {bounds} degrees (mean)" if bounds else whose]
+    if summary["put_back"]:
+        words.append(f"put back into its set at {summary['put_back']} rows")
+    error = summary["attitude_error_deg"]
+    if error is not None and error["mean"] is not None:
+        words.append(f"mean error {error['mean']:.3g} degrees")
+    return "; ".join(words)
+
+
+def columns_of(best: Best | None) -> dict[str, Any]:
+    """What the table of results says of the estimate, as fields of `elliptude.io.tables.Result`."""
+    if best is None:
+        return {}
+    there = np.isfinite(best.quaternions[:, 0])
+    errors = best.errors
+    has_up = len(errors.questions) > 1
+    return {
+        "best_quaternions": best.quaternions,
+        "best_bounds": errors.bounds[:, 0],
+        "best_from": np.where(there, np.where(best.is_vqf, "vqf", "center"), "").tolist(),
+        "best_put_back": np.where(there, best.put_back.astype(np.float64), np.nan),
+        "best_tilt_bounds": errors.bounds[:, 1] if has_up else None,
+        "best_headings": errors.headings if has_up else None,
+        "best_tilt_claims": [CLAIMS[claim] for claim in errors.claims[:, 1]] if has_up else None,
+    }
