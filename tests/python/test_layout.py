@@ -16,7 +16,7 @@ FLOORS = (
     {"configuration"},
     {"logs"},
     {"estimation"},
-    {"simulation"},
+    {"simulation", "smoothing"},
     {"validation", "proposal", "calibration"},
     {"report", "from_arrays"},
     {"cli"},

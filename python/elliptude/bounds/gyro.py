@@ -205,7 +205,9 @@ class GyroBounds:
             raise ValueError(f"duration must be positive, not {duration}")
         return float(self._noise_angle(duration, turned, duration)) / duration
 
-    def anchored_turns(self, times: ArrayLike, angular_velocities: ArrayLike, duration: float) -> "AnchoredTurns":
+    def anchored_turns(
+        self, times: ArrayLike, angular_velocities: ArrayLike, duration: float, elapsed: ArrayLike | None = None
+    ) -> "AnchoredTurns":
         """Predictions that span a window, so that the increment bound helps, (18.12).
 
         Every row is reached from an anchor, the last one before it of rows about ``duration`` apart. Over a gap the row
@@ -214,11 +216,13 @@ class GyroBounds:
         Parameters
         ----------
         times : (N,) array
-            s, increasing; the bias was known at the first.
+            s, increasing.
         angular_velocities : (N, 3) array
             Measured, the known bias subtracted, rad/s; NaN where nothing was.
         duration : float
             Between anchors, s.
+        elapsed : (N,) array, optional
+            Time between each row and when the bias was known, s; that was at the first row if left out.
 
         Returns
         -------
@@ -228,6 +232,9 @@ class GyroBounds:
         rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
         if not 0.0 < duration < np.inf:
             raise ValueError(f"duration must be positive and finite, not {duration}")
+        since = stamps - stamps[0] if elapsed is None else np.asarray(elapsed, dtype=np.float64)
+        if since.shape != stamps.shape or not (since >= 0.0).all():
+            raise ValueError(f"elapsed must be at least 0 at each of the {len(stamps)} rows")
         anchors = np.zeros(len(stamps), dtype=np.intp)
         mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
         angles = np.zeros(len(stamps))
@@ -250,15 +257,15 @@ class GyroBounds:
             spans = stamps[piece] - stamps[anchor]
             with np.errstate(over="ignore", invalid="ignore"):
                 speeds = np.linalg.norm(rates[piece], axis=1)
-                elapsed, turned = stamps[piece] - stamps[0], running_integral(spans, speeds)
-                errors = running_integral(spans, self.steady_error(speeds, elapsed))
+                known_for, turned = since[piece], running_integral(spans, speeds)
+                errors = running_integral(spans, self.steady_error(speeds, known_for))
                 errors += self._noise_angle(spans, turned, spans)
                 quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
                 turns = rotation_vectors(quaternions)
                 by_matrix = running_integral(
                     spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])
                 )
-                errors = np.minimum(errors, self._angle_with_one_matrix(spans, elapsed, turned, by_matrix))
+                errors = np.minimum(errors, self._angle_with_one_matrix(spans, known_for, turned, by_matrix))
             # If this overflows, the turn may be any.
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0

@@ -14,11 +14,13 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
+from elliptude import smoothing
 from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
+from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.files import FileError
@@ -28,6 +30,7 @@ from elliptude.logs import plausibility
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
+from elliptude.smoothing.smoother import smoothed_run
 
 _DROPPED = "dropped.csv"
 
@@ -45,6 +48,13 @@ def estimate(
         Path | None,
         typer.Option(help="Also write the report, as `elliptude report` does: HTML.", show_default=False),
     ] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth",
+            help="Use the whole recording for each row, what comes after it, too; for the guaranteed mode.",
+        ),
+    ] = False,
     format: Annotated[Literal["csv", "parquet"], typer.Option(help="Format of the table.")] = "csv",  # noqa: A002
     ignore_implausible: Annotated[
         bool,
@@ -73,6 +83,11 @@ def estimate(
     configuration = read_configuration(config)
     if ignore_implausible:
         configuration = configuration.model_copy(update={"implausible": "ignore"})
+    if smooth:
+        try:
+            smoothing.require_guaranteed(configuration)
+        except ValueError as error:
+            raise FileError(f"{config}: {error}") from error
     if best is not None:
         if configuration.estimator.mode != "guaranteed":
             raise FileError("--best needs estimator.mode = 'guaranteed'")
@@ -91,7 +106,7 @@ def estimate(
         files.append(report)
     refuse_to_replace(files, force)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = _estimate_pieces(log, configuration, out, files[0].name, progress)
+        summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth)
         if report is not None:
             run, label = read_run(out)
             html_report.write_report(run, report, log.name, label=label)
@@ -115,6 +130,9 @@ def _say(log: Path, summary: dict[str, Any]) -> None:
         _say_of_guaranteed(log, summary)
     else:
         typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+    if "smoothing" in summary:
+        for line in summary["smoothing"]["said"]:
+            typer.echo(f"  {line}")
     _say_up(summary)
     for line in summary["gaps"]["said"]:
         typer.echo(f"  {line}")
@@ -176,13 +194,13 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _estimate_pieces(
-    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress
+    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
     heard = plausibility.Heard()
     pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
-    estimator = PieceEstimator(configuration)
+    estimator = PieceEstimator(configuration, smoothed_run if smooth else run_guaranteed)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
@@ -211,6 +229,9 @@ def _estimate_pieces(
         bridged=estimator.bridged,
         best=estimator.best,
     )
+    if smooth:
+        assert estimator.guaranteed is not None
+        figures_of["smoothing"] = smoothing.figures(estimator.guaranteed)
     return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
 
 

@@ -4,10 +4,10 @@ The estimator sees only the measurements. The truth in the log is compared with 
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ from elliptude.logs import log as logs
 from elliptude.logs.log import Log, interval_rates
 from elliptude.results import FilterLog
 
+Guaranteed: TypeAlias = Callable[[Log, Configuration], GuaranteedRun]
+"""What makes a run in the guaranteed mode."""
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 
 
@@ -49,13 +51,15 @@ class Estimation:
     """The estimate beside the sets, in the guaranteed mode."""
 
 
-def estimate(log: Log, configuration: Configuration) -> Estimation:
+def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> Estimation:
     """Run the filter over a log.
 
     Parameters
     ----------
     log : Log
     configuration : Configuration
+    guaranteed : callable
+        What makes the run in the guaranteed mode.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def estimate(log: Log, configuration: Configuration) -> Estimation:
         If no row can be the start, the log does not fit the filter, or the set or what it is compared with is not
         finite.
     """
-    estimator = PieceEstimator(configuration)
+    estimator = PieceEstimator(configuration, guaranteed)
     (result,) = estimator.run([log])
     return Estimation(
         result=result,
@@ -89,8 +93,9 @@ class PieceEstimator:
     follow from the whole log.
     """
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> None:
         self._configuration = configuration
+        self._run_guaranteed = guaranteed
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
@@ -137,7 +142,7 @@ class PieceEstimator:
         """The results of all rows, in the guaranteed mode."""
         begin = time.perf_counter()
         with _placed(log):
-            self.guaranteed = run_guaranteed(log, self._configuration)
+            self.guaranteed = self._run_guaranteed(log, self._configuration)
         self.best = best_estimate(self.guaranteed, self._configuration)
         result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best)
         self.elapsed += time.perf_counter() - begin

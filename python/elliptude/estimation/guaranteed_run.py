@@ -16,7 +16,7 @@ from elliptude.estimation.direction_rows import Contradiction, DirectionRows, di
 from elliptude.estimation.gaps import Gap
 from elliptude.estimation.vertical import Turns, Vertical, followed, vertical_of
 from elliptude.logs.log import Log, interval_rates
-from elliptude.results import CLAIMS, GuaranteedLog
+from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray
 
 CONDITIONAL = CLAIMS.index("conditional")
@@ -32,16 +32,42 @@ _ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
+class FilterInput:
+    """What a pass of the guaranteed filter over N rows is given: when, how the body moves, what was measured."""
+
+    times: FloatArray
+    """s, shape (N,)."""
+    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow
+    motion: dict[str, FloatArray]
+    """Row by row, shape (N, 3) each: `gyro` acts from its row on, `control_torque` and `wheel_momentum` until it."""
+    measured: dict[str, Any]
+    """Arguments of `GuaranteedFilter.run` that are measurements."""
+    sensors: tuple[str, ...]
+    """Their names."""
+    vector_bound: float | None = None
+    """Bound of the gyro's bias, rad/s."""
+    estimates_vector: bool = True
+    turns: Turns | None = None
+    """If each row is predicted from an anchor, by a turn."""
+
+
+@dataclass(frozen=True, eq=False)
 class GuaranteedRun:
     """One pass of the guaranteed filter over a log, with its sets and claims."""
 
     log: Log
     """What it is of."""
+    given: "FilterInput"
+    """What the filter was given."""
+    start: elliptude.StateEllipsoid | None
+    """The set that it began with, if it did not begin with nothing."""
     sets: GuaranteedLog
     """The sets. Claims are at most conditional if anything in the log contradicts its own stated bounds."""
     rows: DirectionRows
     vertical: Vertical | None
     """Up in body axes with its bound and claim, also where no attitude is known; None if nothing says where up is."""
+    caps: DirectionLog | None
+    """Up by its measured direction and the gyro alone, if that was followed."""
     starts_heading: bool
     """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
@@ -92,27 +118,32 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
             first.row,
         )
     start, starts_heading = _start(log, configuration, rows)
-    anchor = _anchor_duration(configuration)
-    turns = _turns(log, configuration, rows, anchor)
-    if anchor is None:
-        guaranteed = _run(log, configuration, rows, start)
-    else:
-        assert turns is not None
-        guaranteed = _run_from_anchors(log, configuration, rows, start, turns)
+    turns = turns_of(log.times, log.rates, configuration, rows)
+    given = _filter_input(log, configuration, rows, turns)
+    guaranteed = run_filter(given, start, configuration, rows.up)
     if rows.contradictions:
         claims = guaranteed.claims.copy()
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
+    caps = followed(configuration, rows, turns)
     return GuaranteedRun(
         log=measured,
+        given=given,
+        start=start,
         sets=guaranteed,
         rows=rows,
-        vertical=vertical_of(guaranteed, followed(configuration, rows, turns), rows.up),
+        vertical=vertical_of(guaranteed, caps, rows.up),
+        caps=caps,
         starts_heading=starts_heading,
-        gaps=()
-        if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None
-        else gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, guaranteed),
+        gaps=gaps_between(log, configuration, rows, guaranteed),
     )
+
+
+def gaps_between(log: Log, configuration: Configuration, rows: DirectionRows, found: GuaranteedLog) -> tuple[Gap, ...]:
+    """What sets of a log lost in the gaps of its gyro."""
+    if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None:
+        return ()
+    return gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, found)
 
 
 def _anchor_duration(configuration: Configuration) -> float | None:
@@ -173,7 +204,8 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
 
 def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArray:
     """True attitudes (N, 3, 3) with the heading counted from the first row, as in the run; NaN if that is not known."""
-    up, estimated = run.rows.directions[0, 0], run.sets.attitudes[0]
+    assert run.start is not None
+    up, estimated = run.rows.directions[0, 0], run.start.attitude
     true_up = true_attitudes[0, 2]
     axis = np.cross(true_up, up)
     sine = float(np.linalg.norm(axis))
@@ -182,29 +214,6 @@ def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArra
         turn = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis).as_matrix()
     turned: FloatArray = estimated @ turn @ true_attitudes[0].T @ true_attitudes
     return turned
-
-
-def _filter(
-    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow,
-    start: elliptude.StateEllipsoid | None,
-    time: float,
-    vector_bound: float | None,
-    estimate_vector: bool,
-    configuration: Configuration,
-) -> elliptude.GuaranteedFilter:
-    settings = configuration.estimator
-    return elliptude.GuaranteedFilter(
-        flow,
-        start,
-        time=time,
-        criterion=settings.criterion,
-        weight=settings.weight(),
-        policy=settings.policy,
-        most_wrong=settings.most_wrong,
-        regain_after=settings.regain_after,
-        vector_bound=vector_bound,
-        estimate_vector=estimate_vector,
-    )
 
 
 def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
@@ -238,80 +247,142 @@ def _off_the_line(flow: GyroFlow, interval: float) -> float:
     return share * float(np.deg2rad(flow.angular_acceleration_deg_per_s2)) * interval
 
 
-def _run(
-    log: Log, configuration: Configuration, rows: DirectionRows, start: elliptude.StateEllipsoid | None
-) -> GuaranteedLog:
-    """Predict each row from the one before."""
+def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, turns: Turns | None) -> FilterInput:
+    """What the filter is given of a log."""
     flow = configuration.flow
-    arguments: dict[str, Any] = {}
-    vector_bound = None
+    measured: dict[str, Any] = {}
     if len(rows.names):
-        arguments |= {"directions": rows.directions, "reference": rows.references, "bounds": rows.angles}
-    if isinstance(flow, GyroFlow):
-        assert log.rates is not None
-        assert rows.gyro is not None
-        rates = log.rates - rows.bias
-        gyro = rows.gyro
-        largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
-        vector_bound = largest_bias if flow.estimate_bias else _NO_BIAS
-        between = gaps.filled_in_between(log, gyro.longest_interval)
-        gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + _off_the_line(flow, between))
-        used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
-        used[:-1][gyro.gaps(log.times, rates)] = np.nan
-        used[np.isnan(used).any(axis=1)] = np.nan
-        arguments["gyro"] = used
-        core: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow = gyro_flow(gyro, flow)
-    else:
-        core = flow.guaranteed()
+        measured = {"directions": rows.directions, "reference": rows.references, "bounds": rows.angles}
+    if not isinstance(flow, GyroFlow):
+        names = rows.names
+        motion = {}
         if configuration.rate is not None:
-            arguments |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
+            measured |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
+            names = (*names, "rate")
         if log.control_torques is not None:
-            arguments["control_torque"] = log.control_torques
+            motion["control_torque"] = log.control_torques
         if log.wheel_momenta is not None:
-            arguments["wheel_momentum"] = log.wheel_momenta
-    attitude_filter = _filter(
-        core, start, float(log.times[0]), vector_bound, configuration.estimates_vector, configuration
+            motion["wheel_momentum"] = log.wheel_momenta
+        return FilterInput(log.times, flow.guaranteed(), motion, measured, names)
+    assert log.rates is not None
+    assert rows.gyro is not None
+    if _anchor_duration(configuration) is not None:
+        # Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6.
+        measured["bounds"] = np.where(rows.angles < _NEXT_TO_NOTHING, rows.angles, np.nan)
+        return FilterInput(
+            log.times,
+            gyro_flow(rows.gyro, flow),
+            {},
+            measured,
+            rows.names,
+            _NO_BIAS,
+            estimates_vector=False,
+            turns=turns,
+        )
+    rates = log.rates - rows.bias
+    gyro = rows.gyro
+    largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
+    between = gaps.filled_in_between(log, gyro.longest_interval)
+    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + _off_the_line(flow, between))
+    used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
+    used[:-1][gyro.gaps(log.times, rates)] = np.nan
+    used[np.isnan(used).any(axis=1)] = np.nan
+    return FilterInput(
+        log.times,
+        gyro_flow(gyro, flow),
+        {"gyro": used},
+        measured,
+        rows.names,
+        largest_bias if flow.estimate_bias else _NO_BIAS,
+        estimates_vector=configuration.estimates_vector,
     )
-    names = rows.names if isinstance(flow, GyroFlow) or configuration.rate is None else (*rows.names, "rate")
-    return attitude_filter.run(log.times, sensors=names or None, vertical=rows.up, **arguments)
 
 
-def _turns(log: Log, configuration: Configuration, rows: DirectionRows, duration: float | None) -> Turns | None:
-    """Each row's turn from its anchor, and how far it may be off; None without a gyro's rate on lines."""
-    flow, gyro = configuration.flow, rows.gyro
+def turns_of(
+    times: FloatArray,
+    rates: FloatArray | None,
+    configuration: Configuration,
+    rows: DirectionRows,
+    elapsed: FloatArray | None = None,
+) -> Turns | None:
+    """Each row's turn from its anchor, and how far it may be off.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    rates : (N, 3) array, optional
+        Measured, rad/s.
+    configuration : Configuration
+    rows : DirectionRows
+        With what is known of the gyro.
+    elapsed : (N,) array, optional
+        As in `GyroBounds.anchored_turns`.
+
+    Returns
+    -------
+    Turns or None
+        None without a gyro's rate on lines.
+    """
+    flow, gyro, duration = configuration.flow, rows.gyro, _anchor_duration(configuration)
     if not isinstance(flow, GyroFlow) or flow.interval_rate != "mean_of_ends":
         return None
-    assert log.rates is not None
+    assert rates is not None
     assert gyro is not None
     if flow.angular_acceleration_deg_per_s2 > 0.0:
         # What the rate does between samples is not part of the noise, nor of its integral.
         off = _off_the_line(flow, gyro.longest_interval)
         gyro = replace(gyro, noise=gyro.noise + off, increment=np.inf)
-    turns = gyro.anchored_turns(log.times, log.rates - rows.bias, _ANCHOR if duration is None else duration)
+    turns = gyro.anchored_turns(times, rates - rows.bias, _ANCHOR if duration is None else duration, elapsed)
     anchors = turns.anchors.copy()
     anchors[0] = -1
-    spans = log.times - log.times[turns.anchors]
-    steps = np.arange(len(log.times)) - turns.anchors
+    spans = times - times[turns.anchors]
+    steps = np.arange(len(times)) - turns.anchors
     return Turns(anchors, turns.rates * spans[:, None], turns.angles + _ROUNDING * (steps + turns.turned))
 
 
-def _run_from_anchors(
-    log: Log, configuration: Configuration, rows: DirectionRows, start: elliptude.StateEllipsoid | None, turns: Turns
+def run_filter(
+    given: FilterInput,
+    start: elliptude.StateEllipsoid | None,
+    configuration: Configuration,
+    vertical: FloatArray | None,
 ) -> GuaranteedLog:
-    """Each row from its anchor in one prediction, so that errors of the gyro that cancel do; theory, section 18.6."""
-    assert isinstance(configuration.flow, GyroFlow)
-    assert rows.gyro is not None
-    attitude_filter = _filter(
-        gyro_flow(rows.gyro, configuration.flow), start, float(log.times[0]), _NO_BIAS, False, configuration
+    """One pass of the guaranteed filter.
+
+    Parameters
+    ----------
+    given : FilterInput
+    start : StateEllipsoid, optional
+        Holds the state at the first row; nothing is known if left out.
+    configuration : Configuration
+        Says what is minimised, and what happens to what contradicts.
+    vertical : (3,) array, optional
+        Up in reference axes.
+
+    Returns
+    -------
+    GuaranteedLog
+
+    Raises
+    ------
+    InconsistentMeasurement, ValueError
+        As `GuaranteedFilter.run`.
+    """
+    settings = configuration.estimator
+    attitude_filter = elliptude.GuaranteedFilter(
+        given.flow,
+        start,
+        time=float(given.times[0]),
+        criterion=settings.criterion,
+        weight=settings.weight(),
+        policy=settings.policy,
+        most_wrong=settings.most_wrong,
+        regain_after=settings.regain_after,
+        vector_bound=given.vector_bound,
+        estimate_vector=given.estimates_vector,
     )
-    return attitude_filter.run_turns(
-        log.times,
-        turns.vectors,
-        turns.angles,
-        anchors=turns.anchors,
-        directions=rows.directions,
-        reference=rows.references,
-        bounds=np.where(rows.angles < _NEXT_TO_NOTHING, rows.angles, np.nan),
-        sensors=rows.names,
-        vertical=rows.up,
-    )
+    arguments: dict[str, Any] = given.measured | {"sensors": given.sensors or None, "vertical": vertical}
+    if given.turns is None:
+        return attitude_filter.run(given.times, **(arguments | given.motion))
+    turns = given.turns
+    return attitude_filter.run_turns(given.times, turns.vectors, turns.angles, anchors=turns.anchors, **arguments)

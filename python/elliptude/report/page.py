@@ -65,6 +65,7 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         },
         "heading_from_start": run.heading_from_start,
         "gaps": list(run.gaps),
+        "smoothing": list(run.smoothing),
         "compared_with": label if compared.any() else None,
     }
     if run.dropped is None and run.listed is None:
@@ -278,6 +279,7 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("prediction used", f"{number} rows, {share} of those with a set"))
     if summary["heading_from_start"]:
         lines.append(("heading", "counts from the first row, because nothing determines it"))
+    lines += [("" if i else "whole recording", line) for i, line in enumerate(summary["smoothing"])]
     lines += [("" if i else "gaps in the gyro", line) for i, line in enumerate(summary["gaps"])]
     names = {
         "dropped": "measurements dropped",

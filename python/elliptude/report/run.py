@@ -22,7 +22,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,6 +157,8 @@ class Run:
     """Whether the heading counts from the first row, because nothing determines it."""
     gaps: tuple[str, ...] = ()
     """Lines about gaps in the gyro, and what they cost."""
+    smoothing: tuple[str, ...] = ()
+    """Lines about smoothing, and what it gained; empty without."""
     implausible: tuple[str, ...] = ()
     """Contradictions between log and configuration that were ignored."""
     bounds_from_recording: str | None = None
@@ -395,6 +397,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         void=summary.void,
         heading_from_start=summary.heading_from_start,
         gaps=summary.gaps,
+        smoothing=summary.smoothing,
         implausible=summary.implausible,
         bounds_from_recording=summary.bounds_from_recording,
         up_at_rest=summary.up_at_rest,
@@ -425,6 +428,7 @@ class _Summary(NamedTuple):
     bounds_from_recording: str | None = None
     up_at_rest: str | None = None
     best: str | None = None
+    smoothing: tuple[str, ...] = ()
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -436,20 +440,27 @@ def _read_summary(path: Path) -> _Summary:
     if not isinstance(read, dict):
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
-    gaps, best = read.get("gaps"), read.get("best")
-    said = gaps.get("said") if isinstance(gaps, dict) else None
+    gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
+    best = read.get("best")
     implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",
-        tuple(str(line) for line in said) if isinstance(said, list) else (),
+        gaps,
         tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
         recording if isinstance(recording, str) else None,
         str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
         str(best["in_words"]) if isinstance(best, dict) and "in_words" in best else None,
+        smoothing,
     )
+
+
+def _said(part: Any) -> tuple[str, ...]:
+    """The lines of a part of a summary."""
+    said = part.get("said") if isinstance(part, dict) else None
+    return tuple(str(line) for line in said) if isinstance(said, list) else ()
 
 
 def _read_dropped(path: Path) -> DroppedMeasurements:
