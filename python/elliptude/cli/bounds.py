@@ -15,7 +15,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, refuse_to_replace, require_finite
+from elliptude.cli.options import Force, quantity
+from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
@@ -70,7 +71,7 @@ def bounds(
             show_default=False,
         ),
     ] = None,
-    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = 1.2,
+    margin: Annotated[float, quantity("Factor for maxima in what is written.", least=1.0, greatest=100.0)] = 1.2,
     out: Annotated[
         Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
     ] = None,
@@ -86,8 +87,7 @@ def bounds(
     sensors, in which units; a header states sensor, axis and unit, such as "Gyroscope X (deg/s)". The command prints
     quantiles and maxima of this recording, which guarantee nothing about another.
     """
-    require_finite("--margin", margin)
-    refuse_to_replace((path for path in (out, rule) if path is not None), force)
+    require_outputs((path for path in (out, rule) if path is not None), force=force)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),

@@ -12,8 +12,14 @@ from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro
-from elliptude.cli.options import Force, refuse_to_replace, require_finite
-from elliptude.configuration.calibration import Calibration, CalibrationDocument, read_statements
+from elliptude.cli.options import Force, quantity
+from elliptude.cli.outputs import require_outputs
+from elliptude.configuration.calibration import (
+    STRONGEST_FIELD_UT,
+    Calibration,
+    CalibrationDocument,
+    read_statements,
+)
 from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation import check as checks
 from elliptude.estimation.check import Report
@@ -102,7 +108,7 @@ def convert(
     force: Force = False,
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
-    refuse_to_replace([target], force)
+    require_outputs([target], force=force)
     if config is None:
         rows = conversion.convert(source, target, stream)
     elif stream is not None:
@@ -130,9 +136,9 @@ def calibrate(
     ] = None,
     disturbance_ut: Annotated[
         float | None,
-        typer.Option(
-            min=0.0,
-            help="How far the field differs from its mean in this recording, µT; instead of the statements'.",
+        quantity(
+            "How far the field differs from its mean in this recording, µT; instead of the statements'.",
+            greatest=STRONGEST_FIELD_UT,
             show_default=False,
         ),
     ] = None,
@@ -144,9 +150,7 @@ def calibrate(
     Nothing is fitted: every set of parameters that agrees with all samples within the stated bounds is kept, and what
     is left of the errors is a bound by the same statements.
     """
-    if disturbance_ut is not None:
-        require_finite("--disturbance-ut", disturbance_ut)
-    refuse_to_replace([out], force)
+    require_outputs([out], force=force)
     configuration = read_configuration(config).model_copy(update={"calibration": None})
     known = read_statements(statements)
     if disturbance_ut is not None:
