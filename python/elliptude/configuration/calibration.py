@@ -40,6 +40,9 @@ class AccelerometerStatements(Model):
     misalignment_deg: Angle | None = None
     noise_m_per_s2: Size
     averaged_noise_m_per_s2: Size
+    # The same for logs that the calibration is for: what moves or vibrates is noisier than what lies on a table.
+    later_noise_m_per_s2: Size
+    later_averaged_noise_m_per_s2: Size
     rest_s: Strength
     velocity_m_per_s: Size
     acceleration_m_per_s2: Size
@@ -53,6 +56,8 @@ class MagnetometerStatements(Model):
     misalignment_deg: Angle | None = None
     noise_ut: FieldSize
     averaged_noise_ut: FieldSize
+    later_noise_ut: FieldSize
+    later_averaged_noise_ut: FieldSize
     disturbance_ut: FieldSize
     strength_ut: tuple[FieldStrength, FieldStrength]
 
@@ -215,6 +220,17 @@ class Calibration(Model):
     recording: str
     recording_sha256: str
     sensors: tuple[AnyCalibration, ...]
+
+    @model_validator(mode="after")
+    def _has_a_sensor_once(self) -> Self:
+        columns = [one.columns for one in self.sensors]
+        for i, one in enumerate(columns):
+            if one in columns[:i]:
+                raise ValueError(
+                    f"sensors: [{columns.index(one)}] and [{i}] are of the same columns, {', '.join(one)}; a "
+                    "sensor has one table"
+                )
+        return self
 
     def calibration(self) -> Self:
         """The tables themselves."""
