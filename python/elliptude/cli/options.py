@@ -1,13 +1,11 @@
 """Options that several commands share, and what numbers they may be."""
 
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
 from elliptude.configuration.configuration import Configuration
-
-_Value = TypeVar("_Value", float, list[float], None)
 
 # Between two samples a day apart nothing is known.
 _LONGEST_GAP_S = 86_400.0
@@ -29,7 +27,7 @@ def quantity(text: str, *, least: float = 0.0, greatest: float, **more: Any) -> 
     typer.models.OptionInfo
     """
 
-    def checked(value: _Value) -> _Value:
+    def checked(value: float | list[float] | None) -> float | list[float] | None:
         for one in value if isinstance(value, list) else [value]:
             if one is not None and not least <= one <= greatest:  # NaN fails, too
                 raise typer.BadParameter(f"{one:g} is not from {least:g} to {greatest:g}")

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
+from elliptude.configuration.rules import Carried
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
@@ -46,6 +47,7 @@ def starting_configuration(
     log: str,
     origin: int,
     shared_stamps: float = 1.0,
+    carried: Carried = "hand",
 ) -> tomlkit.TOMLDocument:
     """A configuration for `elliptude estimate`, with comments.
 
@@ -63,6 +65,8 @@ def starting_configuration(
         What was subtracted from the file's times, s.
     shared_stamps : float
         The share of rows at which all sensors were sampled.
+    carried : {"hand", "drone", "car", "boat"}
+        How the sensor is carried: it says what the recording does not show.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def starting_configuration(
         _first_order(full, comments, proposed, margin, origin)
         notes = []
     else:
-        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps)
+        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps, carried)
     return _document(full, comments, margin, log, notes)
 
 
@@ -213,6 +217,7 @@ def _guaranteed(
     margin: float,
     origin: int,
     shared_stamps: float,
+    carried: Carried,
 ) -> list[str]:
     """Put in what is missing; returns the comment at the top of the file."""
     if "estimator" not in full:
@@ -222,15 +227,15 @@ def _guaranteed(
         comments["estimator", "criterion"] = "sharper headings, and fewer sets lost; no effect on what holds"
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
-    table = rule_tables(proposed, margin)
+    table = rule_tables(proposed, margin, carried=carried)
     reason = _no_rule(full, table, proposed, shared_stamps)
     if reason is None:
-        _put_rule(full, comments, table)
+        _put_rule(full, comments, table, carried)
         return [
             "A [rule] says all bounds, as the recording starts at rest. The frame is ENU; north is magnetic north.",
             "There is no [start]: the recording's own rest is where it starts.",
         ]
-    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, reason)
+    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, carried, reason)
     return [
         f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}.",
         "There is no [start]: it begins with the first measurements that determine an attitude.",
@@ -243,8 +248,11 @@ def _stated(table: RuleTables) -> Tables:
     }
 
 
-def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables) -> None:
+def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables, carried: Carried) -> None:
     full["rule"] = _stated(table)
+    if carried != "hand":
+        full["rule"]["carried"] = carried
+        comments["rule", "carried"] = "whose numbers are usual: those that were not seen are of its rule"
     comments["rule", "anchor_s"] = (
         "how often a prediction begins anew: changes how large sets are, not whether they hold"
     )
@@ -275,6 +283,7 @@ def _put_by_sensor(
     margin: float,
     origin: int,
     shared_stamps: float,
+    carried: Carried,
     reason: str,
 ) -> None:
     directions = full.get("directions", [])
@@ -288,7 +297,7 @@ def _put_by_sensor(
             "its sensors never have the same stamp, so that nothing determines an attitude: state [start] or "
             "timing.same_within_s in a configuration"
         )
-    table = rule_tables(proposed, margin, from_start=False)
+    table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed)
     for sensor in directions:
         has_reference = bool(sensor.keys() & {"reference", "reference_ut"})
@@ -375,7 +384,7 @@ def _bound_magnetometer(
         # A delay would move its samples away from those of the other sensors: the bound covers all of it.
         delay, left = table["magnetometer"]["delay_s"], table["magnetometer"]["time_offset_bound_s"]
         sensor["time_offset_bound_s"] = upward(abs(delay.value) + left.value)
-        how = NOT_SEEN if left.how == NOT_SEEN else "no guarantee"
+        how = NOT_SEEN if left.how.startswith(NOT_SEEN) else "no guarantee"
         comments[(*place, "time_offset_bound_s")] = f"{how}; delay {delay.value:g}, and {left.value:g} beside it"
     bound: Tables = {"kind": "field"}
     _put(bound, comments, (*place, "bound_from"), _rule_numbers(table, "magnetometer", "disturbance_ut"))

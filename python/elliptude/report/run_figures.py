@@ -266,12 +266,12 @@ def monitor_figure(monitored: Monitored, title: str) -> Figure:
             curve = np.fmax.reduceat(np.where(monitored.claims[:, i] == index, bounds[:, i], np.nan), starts)
             if np.isfinite(curve).any():
                 panel.plot(times, curve, color=CLAIM_COLOURS[claim], linewidth=1.3, label=f"bound, {claim}")
-        for index, (claim, colour) in enumerate(LEAST_COLOURS.items()):
+        for index, (rests_on, colour) in enumerate(LEAST_COLOURS.items()):
             is_off = monitored.judged & (monitored.claims[:, i] == index) & (monitored.least[:, i] > 0.0)
             least = np.fmax.reduceat(np.where(is_off, np.rad2deg(monitored.least[:, i]), np.nan), starts)
             if np.isfinite(least).any():
                 # Beside a row of another claim a band has no width; its edge is visible all the same.
-                label = "off at least" if claim == "unconditional" else "off at least if the condition holds"
+                label = "off at least" if rests_on == "unconditional" else "off at least if the condition holds"
                 panel.fill_between(times, 0.0, least, facecolor=colour, edgecolor=colour, linewidth=0.7, label=label)
         limit = getattr(monitored.limits, QUESTIONS[i])
         if limit is not None:
