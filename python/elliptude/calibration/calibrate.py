@@ -35,6 +35,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import gaps
+from elliptude.estimation.direction_rows import require_shared_stamps
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
@@ -288,6 +289,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None
+    require_shared_stamps(log, [sensor.name for sensor in configuration.directions])
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
     forces = log.directions[:, accelerometer]
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)

@@ -29,7 +29,7 @@ from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import in_words, numbers_of, rule_tables, sections, statements_of, what_it_says
-from elliptude.proposal.starting_configuration import Mode, starting_configuration
+from elliptude.proposal.starting_configuration import Mode, starting_configuration, why_no_rule
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NOTE = (
@@ -106,6 +106,8 @@ def bounds(
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     tables, source = _mapping(log, config, like, time, time_unit, named, truth)
+    if carried != "hand" and "rule" in tables:
+        raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
@@ -136,7 +138,11 @@ def bounds(
         _write(rule, proposed, margin, log, carried)
     ruled = rule_tables(proposed, margin, carried=carried)
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
-    says = what_it_says(numbers_of(ruled), proposed)
+    no_rule, says = None, list[str]()
+    if mode == "guaranteed" and "rule" not in tables:
+        full = {"estimator": {"mode": mode}} | tables
+        no_rule = why_no_rule(full, ruled, proposed, recording.shared_stamps)
+        says = what_it_says(numbers_of(ruled), proposed)
     up = None
     if recording.specific_forces is not None:
         up = body_at_rest.up_at_rest(
@@ -146,11 +152,19 @@ def bounds(
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
+        summary["why_no_rule"] = no_rule
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     _say(log, tables, recording, proposed, up, implausible, suspicious)
-    _say_statements(carried, statements_of(ruled), says)
+    if says:
+        _say_statements(carried, statements_of(ruled), says)
+    if no_rule is not None:
+        apart = "" if recording.shared_stamps > 0.5 else ": what is not sampled together is not averaged over windows"
+        typer.secho(
+            f"no rule can describe this recording: {no_rule}. Each sensor states its own bounds, which say less{apart}",
+            fg=typer.colors.YELLOW,
+        )
     typer.echo(_NOTE)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
@@ -290,7 +304,7 @@ def _say(
 def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: list[str]) -> None:
     """What a person must check: numbers that depend on how the sensor is carried, each with its reason."""
     others = ", ".join(f"--carried {one}" for one in get_args(Carried) if one != carried)
-    typer.echo(f"Taken for granted by {in_words(carried)} ({others} for another); check each number:")
+    typer.echo(f"What sets will rest on, by {in_words(carried)} ({others} if it is not); check each number:")
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("statement", no_wrap=True)
     table.add_column("value", justify="right")

@@ -184,8 +184,8 @@ def rule_for(carried: Carried) -> Rule:
 def carried_numbers() -> list[tuple[str, str]]:
     """Tables and keys of the numbers that depend on how a sensor is carried."""
     others: tuple[Carried, ...] = ("drone", "car", "boat")
-    found = {(name, key): None for one in others for name, table in _stated(one).items() for key in table}
-    return list(found)
+    found = {(name, key) for one in others for name, table in _stated(one).items() for key in table}
+    return [place for place in reasons_for("hand") if place in found]
 
 
 def reasons_for(carried: Carried) -> dict[tuple[str, str], str]:

@@ -23,6 +23,7 @@ _DEGREES = math.degrees(1.0)
 # An increment with a reference is compared with the noise over this window, s.
 _SHORTEST_WINDOW_S = 1.0
 _LARGEST_SCALE_ERROR = 0.99
+_GRAVITY = "gravity_m_per_s2"
 NOT_SEEN = "not seen in the recording"
 
 
@@ -207,24 +208,25 @@ def statements_of(tables: RuleTables) -> list[dict[str, Any]]:
 def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list[str]:
     """How much a rule leaves of accelerometer and magnetometer, in words; above all where that is nothing."""
     lines = []
-    motion, gravity = rules.MotionRule.model_validate(numbers["motion"]), numbers["accelerometer"]["gravity_m_per_s2"]
-    windows = np.array(sorted(motion.windows_s))
-    means = np.minimum(
-        motion.bounds().mean_acceleration_uniform(0.5 * windows, 0.5 * windows),
-        motion.bounds().mean_acceleration_triangular(0.5 * windows, 0.5 * windows),
-    )
-    saying = windows[means < gravity]
-    if not len(saying):
-        lines.append(
-            "The accelerometer says nothing about up while it moves: no window is long enough for such a motion."
+    motion, gravity = rules.MotionRule.model_validate(numbers["motion"]).bounds(), numbers["accelerometer"][_GRAVITY]
+    if proposed.accelerometer is not None:
+        # (18.5) and (18.6): 2 v/T with equal weights, 16 p/T² with those of a triangle.
+        shortest = min(2.0 * motion.velocity / gravity, 4.0 * math.sqrt(motion.position / gravity))
+        longest = np.array([0.5 * max(numbers["motion"]["windows_s"])])
+        left = min(
+            float(motion.mean_acceleration_uniform(longest, longest)[0]),
+            float(motion.mean_acceleration_triangular(longest, longest)[0]),
         )
-    else:
-        angle = math.degrees(math.asin(float(means.min()) / gravity))
-        lines.append(
-            f"Of up the accelerometer says nothing in less than {saying[0]:g} s of motion; over "
-            f"{windows[means.argmin()]:g} s the motion alone leaves {angle:.2g} degrees; errors of the sensors come on "
-            "top."
-        )
+        if motion.acceleration >= gravity:
+            lines.append(f"Less than {shortest:.2g} s of an accelerometer that moves so say nothing about up.")
+        if left < gravity:
+            angle = math.degrees(math.asin(left / gravity))
+            lines.append(
+                f"Over {2.0 * longest[0]:g} s the motion leaves up within {angle:.2g} degrees; errors of the sensors "
+                "come on top."
+            )
+        else:
+            lines.append("No window is long enough for such a motion: the accelerometer says nothing about up.")
     field = proposed.magnetometer
     if field is not None:
         share = numbers["magnetometer"]["disturbance_ut"] / field.magnitude

@@ -228,7 +228,7 @@ def _guaranteed(
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
     table = rule_tables(proposed, margin, carried=carried)
-    reason = _no_rule(full, table, proposed, shared_stamps)
+    reason = why_no_rule(full, table, proposed, shared_stamps)
     if reason is None:
         _put_rule(full, comments, table, carried)
         return [
@@ -261,8 +261,24 @@ def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables, carri
             comments["rule", name, key] = one.how
 
 
-def _no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
-    """Why a rule cannot describe this recording, or None."""
+def why_no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
+    """Why a rule cannot describe a recording.
+
+    Parameters
+    ----------
+    full : dict
+        Tables of a configuration in the guaranteed mode, without a rule.
+    table : dict
+        The rule.
+    proposed : Proposal
+    shared_stamps : float
+        The share of rows at which all sensors were sampled.
+
+    Returns
+    -------
+    str, optional
+        In words.
+    """
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
