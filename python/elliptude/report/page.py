@@ -150,6 +150,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
+        "size_hidden": "" if "size" in plots else "hidden",
+        "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
