@@ -50,8 +50,8 @@ def perfect(configuration: Configuration, *, all_sensors: bool) -> Configuration
     changes: dict[str, Any] = {
         "magnetometer": rule.magnetometer.model_copy(
             update={
-                "error_ut": known.magnetometer.noise_ut,
-                "averaged_error_ut": known.magnetometer.averaged_noise_ut,
+                "error_ut": known.magnetometer.later_noise_ut,
+                "averaged_error_ut": known.magnetometer.later_averaged_noise_ut,
                 "scale_error": 0.0,
             }
         )
@@ -59,8 +59,8 @@ def perfect(configuration: Configuration, *, all_sensors: bool) -> Configuration
     if all_sensors:
         changes["accelerometer"] = rule.accelerometer.model_copy(
             update={
-                "error_m_per_s2": known.accelerometer.noise_m_per_s2,
-                "averaged_error_m_per_s2": known.accelerometer.averaged_noise_m_per_s2,
+                "error_m_per_s2": known.accelerometer.later_noise_m_per_s2,
+                "averaged_error_m_per_s2": known.accelerometer.later_averaged_noise_m_per_s2,
                 "scale_error": 0.0,
             }
         )

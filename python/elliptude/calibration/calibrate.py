@@ -35,6 +35,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import gaps
+from elliptude.estimation.direction_rows import require_shared_stamps
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
@@ -57,6 +58,10 @@ class Found:
     left: SensorSet
     proposed_offset: FloatArray | None
     """By least squares, for comparison; None without poses."""
+    later_noise: float
+    """Bound of the noise of a sample in the logs that the calibration is for."""
+    later_averaged_noise: float
+    """The same of a mean over a window."""
 
     @property
     def unit(self) -> str:
@@ -64,15 +69,30 @@ class Found:
         return "m/s^2" if isinstance(self.sensor, Accelerometer) else "uT"
 
     @property
-    def averaged_error(self) -> float:
-        """Bound of the error of a mean of corrected samples, without the scale error."""
-        # What the matrix adds to noise turns with the sensor, so that only the single sample's bound holds for it.
-        return self.left.offset_error + self.stated.averaged_noise + self.left.stretch * self.stated.noise
+    def name(self) -> str:
+        """What the configuration calls it."""
+        return self.sensor.name
 
     @property
-    def error(self) -> float:
-        """Bound of a corrected sample's error, without the scale error."""
-        return self.left.offset_error + (1.0 + self.left.stretch) * self.stated.noise
+    def stated_scale_error(self) -> float:
+        """Before the calibration."""
+        return self.stated.scale_error
+
+    def errors(self, noise: float, averaged_noise: float) -> tuple[float, float]:
+        """Bounds of the error of a corrected sample and of a mean of them, without the scale error."""
+        # What the matrix adds to noise turns with the sensor, so that only the single sample's bound holds for it.
+        offset, stretched = self.left.offset_error, self.left.stretch * noise
+        return offset + noise + stretched, offset + averaged_noise + stretched
+
+    @property
+    def here(self) -> tuple[float, float]:
+        """Those of the recording itself."""
+        return self.errors(self.stated.noise, self.stated.averaged_noise)
+
+    @property
+    def later(self) -> tuple[float, float]:
+        """Those of the logs that the calibration is for."""
+        return self.errors(self.later_noise, self.later_averaged_noise)
 
     @property
     def undetermined(self) -> list[str]:
@@ -94,8 +114,8 @@ class Found:
             return [f"{self.sensor.name}: the recording has no pose of it that counts; it stays as stated"]
         if self.undetermined:
             said.append(
-                f"{self.sensor.name}: the offset's {', '.join(self.undetermined)} is not determined by the "
-                f"{self.left.poses} poses and their errors: it stays within what was stated"
+                f"{self.sensor.name}: {counted(self.left.poses, 'pose')} with errors as stated, which leave the offset "
+                f"along {', '.join(self.undetermined)} undetermined: it stays within what was stated"
             )
         if self.needed_disturbance is not None:
             said.append(
@@ -110,6 +130,19 @@ class Found:
                 )
         if not self.left.is_correction:
             said.append(f"{self.sensor.name}: nothing is corrected, the statement stands")
+            return said
+        left = self.left
+        subtracted = ", ".join(f"{value:.3g}" for value in left.offset)
+        said.append(
+            f"{self.sensor.name}: from a sample ({subtracted}) {self.unit} is subtracted; the true offset is within "
+            f"{left.offset_error:.3g} of that, {self.stated.offset:g} was stated"
+        )
+        if np.any(left.matrix != np.eye(3)):
+            rows = "; ".join(" ".join(f"{value:.5f}" for value in row) for row in left.matrix)
+            said.append(
+                f"{self.sensor.name}: then it is multiplied by the matrix ({rows}), which leaves a scale error of "
+                f"{left.scale_error:.3g}, {self.stated.scale_error:g} was stated"
+            )
         return said
 
     def figures(self) -> dict[str, Any]:
@@ -140,6 +173,7 @@ class Found:
         x, y, z = self.left.matrix.tolist()
         a, b, c = self.left.offset.tolist()
         sensor = self.sensor
+        error, averaged_error = self.later
         same = {
             "name": sensor.name,
             "columns": sensor.columns,
@@ -156,8 +190,8 @@ class Found:
                     "kind": "accelerometer",
                     "at_rest": sensor.at_rest,
                     "offset_m_per_s2": (a, b, c),
-                    "error_m_per_s2": self.error,
-                    "averaged_error_m_per_s2": self.averaged_error,
+                    "error_m_per_s2": error,
+                    "averaged_error_m_per_s2": averaged_error,
                 }
             )
         return MagnetometerCalibration.model_validate(
@@ -165,8 +199,8 @@ class Found:
             | {
                 "kind": "magnetometer",
                 "offset_ut": (a, b, c),
-                "error_ut": self.error,
-                "averaged_error_ut": self.averaged_error,
+                "error_ut": error,
+                "averaged_error_ut": averaged_error,
             }
         )
 
@@ -178,6 +212,7 @@ class FoundGyro:
     flow: GyroFlow
     stated_scale_error: float
     left: GyroSet
+    name: str = "the gyro"
 
     def remarks(self) -> list[str]:
         """What a user should know, in sentences."""
@@ -185,15 +220,19 @@ class FoundGyro:
             return ["the gyro: the recording has no two rests with a turn between them; it stays as stated"]
         if not self.left.inverse.any():
             return [
-                f"the gyro: {self.left.turns} turns between rests say no more than what is stated of it; nothing is "
-                "corrected"
+                f"the gyro: {counted(self.left.turns, 'turn')} between rests, which add nothing to what is "
+                "stated of it; nothing is corrected"
             ]
-        return []
+        rows = "; ".join(" ".join(f"{value:.5f}" for value in row) for row in self.left.matrix)
+        return [
+            f"the gyro: a rate is multiplied by the matrix ({rows}), which leaves a scale error of "
+            f"{self.left.scale_error:.3g}, {self.stated_scale_error:g} was stated"
+        ]
 
     def figures(self) -> dict[str, Any]:
         """All of it as plain numbers."""
         return {
-            "name": "the gyro",
+            "name": self.name,
             "kind": "gyro",
             "turns": self.left.turns,
             "matrix": self.left.matrix.tolist(),
@@ -207,7 +246,7 @@ class FoundGyro:
         return GyroCalibration.model_validate(
             {
                 "kind": "gyro",
-                "name": "the gyro",
+                "name": self.name,
                 "columns": self.flow.columns,
                 "axes": self.flow.axes,
                 "unit": self.flow.unit,
@@ -250,6 +289,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None
+    require_shared_stamps(log, [sensor.name for sensor in configuration.directions])
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
     forces = log.directions[:, accelerometer]
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
@@ -262,9 +302,12 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
             for one in rests:
                 rows[one] = True
             stated, poses = _accelerometer(log, rule, gyro, rates, forces, rests, statements.accelerometer)
+            force = statements.accelerometer
+            later = force.later_noise_m_per_s2, force.later_averaged_noise_m_per_s2
         elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
             vectors, rows = log.directions[:, i] / units.FIELD["uT"], np.ones(len(log.times), dtype=np.bool_)
             stated, poses = _magnetometer(log, rule, gyro, rates, vectors, statements.magnetometer)
+            later = statements.magnetometer.later_noise_ut, statements.magnetometer.later_averaged_noise_ut
         else:
             continue
         try:
@@ -273,7 +316,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         except ContradictionError as error:
             unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
             raise ContradictionError(f"{sensor.name!r}: {error} {unit}; a statement is wrong") from error
-        this = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None)
+        this = Found(sensor, stated, left, proposal(poses, stated)[:3] if poses else None, *later)
         found.append(this)
         if isinstance(sensor, Accelerometer):
             upright = this
@@ -308,6 +351,7 @@ def _turns(
     """From each rest to the next, with up by the calibrated accelerometer at both ends, (18.7)."""
     found, times, table = accelerometer.left, log.times, rule.accelerometer
     corrected = (forces - found.offset) @ found.matrix.T
+    error, averaged_error = accelerometer.here
     k = found.scale_error
     offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro)
 
@@ -321,8 +365,8 @@ def _turns(
         vector = np.einsum("app->a", pose.products)
         length = float(np.linalg.norm(vector))
         longest = float(np.linalg.norm(corrected[rows], axis=1).max())
-        radius = mean + pose.turn * longest + accelerometer.averaged_error
-        radius += k / (1.0 - k) * (pose.length + accelerometer.error) + 1e-10 * longest
+        radius = mean + pose.turn * longest + averaged_error
+        radius += k / (1.0 - k) * (pose.length + error) + 1e-10 * longest
         angle, excess = angle_to_center(length, table.gravity_m_per_s2, radius, table.gravity_error_m_per_s2)
         if excess > 0.0:
             raise ContradictionError(
@@ -421,6 +465,11 @@ def _magnetometer(
         windows, log.times, shifted, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut
     )
     return stated, poses
+
+
+def counted(number: int, thing: str) -> str:
+    """A number of things in words: "1 pose", "2 poses"."""
+    return f"{number} {thing}" + ("" if number == 1 else "s")
 
 
 def sha256_of(path: Path) -> str:

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal, get_args
 
 import tomlkit
 import typer
@@ -15,9 +15,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, refuse_to_replace, require_finite
+from elliptude.cli.options import Force, quantity
+from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.open import open_log
 from elliptude.io.toml import load_toml, validate
@@ -26,8 +28,8 @@ from elliptude.logs import log as logs
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
 from elliptude.proposal.proposals import Proposal, Recording
-from elliptude.proposal.proposed_rule import numbers_of, rule_tables, sections
-from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration
+from elliptude.proposal.proposed_rule import in_words, numbers_of, rule_tables, sections, statements_of, what_it_says
+from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration, why_no_rule
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NOTE = (
@@ -70,7 +72,11 @@ def bounds(
             show_default=False,
         ),
     ] = None,
-    margin: Annotated[float, typer.Option(min=1.0, max=100.0, help="Factor for maxima in what is written.")] = MARGIN,
+    carried: Annotated[
+        Literal["hand", "drone", "car", "boat", "spacecraft"],
+        typer.Option(help="How the sensor is carried: it says, with a reason for each, what a recording cannot show."),
+    ] = "hand",
+    margin: Annotated[float, quantity("Factor for maxima in what is written.", least=1.0, greatest=100.0)] = MARGIN,
     out: Annotated[
         Path | None, typer.Option(help="Write a whole configuration to start from: TOML.", show_default=False)
     ] = None,
@@ -86,14 +92,22 @@ def bounds(
     sensors, in which units; a header states sensor, axis and unit, such as "Gyroscope X (deg/s)". The command prints
     quantiles and maxima of this recording, which guarantee nothing about another.
     """
-    require_finite("--margin", margin)
-    refuse_to_replace((path for path in (out, rule) if path is not None), force)
+    if carried == "spacecraft":
+        raise typer.BadParameter(
+            "there is no rule for a spacecraft: in free fall an accelerometer does not show up, and every rule begins "
+            "with up. State star tracker, Sun sensor and gyro one by one in a configuration (docs/logs.md), each with "
+            "the bound of its datasheet",
+            param_hint="--carried",
+        )
+    require_outputs((path for path in (out, rule) if path is not None), force=force)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     tables, source = _mapping(log, config, like, time, time_unit, named, truth)
+    if carried != "hand" and "rule" in tables:
+        raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
     recording, origin = mapping.read_recording(log, configuration)
@@ -105,7 +119,14 @@ def bounds(
         document = None
         if out is not None:
             document = starting_configuration(
-                tables, proposed, margin, mode=mode, log=log.name, origin=origin, shared_stamps=recording.shared_stamps
+                tables,
+                proposed,
+                margin,
+                mode=mode,
+                log=log.name,
+                origin=origin,
+                shared_stamps=recording.shared_stamps,
+                carried=carried,
             )
     except ValueError as error:
         raise FileError(f"{log}: {error}") from error
@@ -114,8 +135,14 @@ def bounds(
         with replacing(out) as temporary:
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
-        _write(rule, proposed, margin, log)
-    suspicious = [str(one) for one in suspicions.of_rule(numbers_of(rule_tables(proposed, margin)), stated="proposed")]
+        _write(rule, proposed, margin, log, carried)
+    ruled = rule_tables(proposed, margin, carried=carried)
+    suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
+    no_rule, says = None, list[str]()
+    if mode == "guaranteed" and "rule" not in tables:
+        full = {"estimator": {"mode": mode}} | tables
+        no_rule = why_no_rule(full, ruled, proposed, recording.shared_stamps)
+        says = what_it_says(numbers_of(ruled), proposed)
     up = None
     if recording.specific_forces is not None:
         up = body_at_rest.up_at_rest(
@@ -124,18 +151,27 @@ def bounds(
     if as_json:
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious}
+        summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
+        summary["why_no_rule"] = no_rule
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     _say(log, tables, recording, proposed, up, implausible, suspicious)
+    if says:
+        _say_statements(carried, statements_of(ruled), says)
+    if no_rule is not None:
+        apart = "" if recording.shared_stamps > 0.5 else ": what is not sampled together is not averaged over windows"
+        typer.secho(
+            f"no rule can describe this recording: {no_rule}. Each sensor states its own bounds, which say less{apart}",
+            fg=typer.colors.YELLOW,
+        )
+    typer.echo(_NOTE)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
         following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
         typer.echo(f"  elliptude {shlex.join(following)}")
     if rule is not None:
-        typer.echo(
-            f"Written: {rule}, maxima times {margin:g}; the rule for a sensor in the hand where it shows nothing."
-        )
+        typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
 
 
 def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
@@ -263,7 +299,23 @@ def _say(
         typer.secho(f"implausible: {one}", fg=typer.colors.RED)
     for one in suspicious:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
-    typer.echo(_NOTE)
+
+
+def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: list[str]) -> None:
+    """What a person must check: numbers that depend on how the sensor is carried, each with its reason."""
+    others = ", ".join(f"--carried {one}" for one in get_args(Carried) if one != carried)
+    typer.echo(f"What sets will rest on, by {in_words(carried)} ({others} if it is not); check each number:")
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("statement", no_wrap=True)
+    table.add_column("value", justify="right")
+    table.add_column("reason")
+    for one in statements:
+        value = one["value"]
+        numbers = ", ".join(f"{number:g}" for number in value) if isinstance(value, list | tuple) else f"{value:g}"
+        table.add_row(f"{one['table']}.{one['key']}", numbers, one["reason"] or one["how"])
+    Console(width=max(Console().width, 100)).print(table)
+    for line in says:
+        typer.secho(line, fg=typer.colors.YELLOW)
 
 
 def _table(proposed: Proposal) -> Table:
@@ -281,19 +333,21 @@ def _table(proposed: Proposal) -> Table:
 # --- what is written --------------------------------------------------------------------------------------------------
 
 
-def _write(path: Path, proposed: Proposal, margin: float, log: Path) -> None:
+def _write(path: Path, proposed: Proposal, margin: float, log: Path, carried: Carried) -> None:
     document = tomlkit.document()
     for line in (
         f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",
         "They guarantee nothing about another recording. Replace each number by one for which there is a reason, such",
-        "as a datasheet or the size of the room; what the recording could not show is that of the rule for a sensor in",
-        "the hand, as marked, and what it shows in part alone is not less than that.",
+        "as a datasheet or the size of the room; what the recording could not show is, as marked, that of",
+        f"{in_words(carried)}, and what it shows in part alone is not less than that.",
     ):
         document.add(tomlkit.comment(line))
     document.add(tomlkit.nl())
     document.add("bounds_from_recording", log.name)
     document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
-    for name, section in sections(rule_tables(proposed, margin)).items():
+    if carried != "hand":
+        document.add("carried", carried)
+    for name, section in sections(rule_tables(proposed, margin, carried=carried)).items():
         document.add(tomlkit.nl())
         document.add(name, section)
     with replacing(path) as temporary:

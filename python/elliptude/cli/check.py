@@ -11,15 +11,22 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
-from elliptude.calibration.calibrate import Found, FoundGyro
-from elliptude.cli.options import Force, refuse_to_replace, require_finite
-from elliptude.configuration.calibration import Calibration, CalibrationDocument, read_statements
+from elliptude.calibration.calibrate import Found, FoundGyro, counted
+from elliptude.cli.options import Force, quantity
+from elliptude.cli.outputs import require_outputs
+from elliptude.configuration.calibration import (
+    STRONGEST_FIELD_UT,
+    Calibration,
+    CalibrationDocument,
+    read_statements,
+)
 from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation import check as checks
 from elliptude.estimation.check import Report
 from elliptude.io.files import FileError, replacing
 from elliptude.logs import conversion, plausibility
 from elliptude.logs import log as logs
+from elliptude.units import readable_unit
 
 
 def check(
@@ -102,7 +109,7 @@ def convert(
     force: Force = False,
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
-    refuse_to_replace([target], force)
+    require_outputs([target], force=force)
     if config is None:
         rows = conversion.convert(source, target, stream)
     elif stream is not None:
@@ -130,9 +137,9 @@ def calibrate(
     ] = None,
     disturbance_ut: Annotated[
         float | None,
-        typer.Option(
-            min=0.0,
-            help="How far the field differs from its mean in this recording, µT; instead of the statements'.",
+        quantity(
+            "How far the field differs from its mean in this recording, µT; instead of the statements'.",
+            greatest=STRONGEST_FIELD_UT,
             show_default=False,
         ),
     ] = None,
@@ -144,9 +151,7 @@ def calibrate(
     Nothing is fitted: every set of parameters that agrees with all samples within the stated bounds is kept, and what
     is left of the errors is a bound by the same statements.
     """
-    if disturbance_ut is not None:
-        require_finite("--disturbance-ut", disturbance_ut)
-    refuse_to_replace([out], force)
+    require_outputs([out], force=force)
     configuration = read_configuration(config).model_copy(update={"calibration": None})
     known = read_statements(statements)
     if disturbance_ut is not None:
@@ -178,36 +183,36 @@ def calibrate(
     if as_json:
         typer.echo(json.dumps([one.figures() for one in found], indent=2, ensure_ascii=False))
         return
-    Console(width=max(Console().width, 110)).print(_offsets(found))
+    Console(width=max(Console().width, 110)).print(_corrections(found))
     for one in found:
         for remark in one.remarks():
             typer.echo(remark)
     typer.echo(f'{out}: use it with [calibration] file = "{out.name}" in a configuration')
 
 
-def _offsets(found: list[Found | FoundGyro]) -> Table:
+def _corrections(found: list[Found | FoundGyro]) -> Table:
+    """What is subtracted, what is possible, what was stated: a row for each axis."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("sensor", "unit"):
+    for heading in ("sensor", "from", "axis"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("poses", "offset x", "y", "z", "off by", "stated", "scale error", "stated", "least squares"):
-        table.add_column(heading, justify="right")
+    for heading in ("subtracted", "possible offsets", "stated", "least squares", "scale error", "stated"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for one in found:
+        scale = (f"{one.left.scale_error:.3g}", f"{one.stated_scale_error:g}")
         if isinstance(one, FoundGyro):
-            scale = (f"{one.left.scale_error:.3g}", f"{one.stated_scale_error:g}")
-            table.add_row("the gyro", "", f"{one.left.turns} turns", *[""] * 5, *scale, "")
+            table.add_row(one.name, counted(one.left.turns, "turn"), *[""] * 5, *scale)
             continue
-        left = one.left
-        ranges = (f"{low:.3g} to {high:.3g}" for low, high in zip(left.lowest, left.highest, strict=True))
-        proposed = "" if one.proposed_offset is None else " ".join(f"{value:.2g}" for value in one.proposed_offset)
-        table.add_row(
-            one.sensor.name,
-            one.unit,
-            f"{left.poses}",
-            *ranges,
-            f"{left.offset_error:.3g}",
-            f"{one.stated.offset:g}",
-            f"{left.scale_error:.3g}",
-            f"{one.stated.scale_error:g}",
-            proposed,
-        )
+        left, proposed = one.left, one.proposed_offset
+        for i, axis in enumerate("xyz"):
+            first = i == 0
+            table.add_row(
+                f"{one.name} ({readable_unit(one.unit)})" if first else "",
+                counted(left.poses, "pose") if first else "",
+                axis,
+                f"{left.offset[i]:.3g}" if left.is_correction else "-",
+                f"{left.lowest[i]:.3g} to {left.highest[i]:.3g}",
+                f"within {one.stated.offset:g}",
+                "" if proposed is None else f"{proposed[i]:.3g}",
+                *(scale if first else ("", "")),
+            )
     return table

@@ -13,16 +13,16 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.cli.options import (
+    EstimateLargestGap,
     Force,
     LargestGap,
     ReferenceErrorDeg,
     SummaryAsJson,
     TruthConfig,
+    quantity,
     reference_error,
-    refuse_to_replace,
-    require_finite,
 )
-from elliptude.cli.outputs import SUMMARY
+from elliptude.cli.outputs import SUMMARY, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
@@ -42,7 +42,7 @@ _GroundFrame = Literal["ENU", "NED", "NWU"]
 
 
 def _limit(what: str) -> Any:
-    return typer.Option(min=0.0, max=180.0, help=f"Alert limit of the {what} error, degrees.", show_default=False)
+    return quantity(f"Alert limit of the {what} error, degrees.", greatest=180.0, show_default=False)
 
 
 def compare(
@@ -68,9 +68,8 @@ def compare(
     Exit code 1 if the reference is outside a set that the table claims to hold without a condition, or if its
     quaternions are read in a wrong order or as their inverse.
     """
-    require_finite("--largest-gap-s", largest_gap_s)
     if tum is not None:
-        refuse_to_replace((tum / name for name in ("estimate.tum", "reference.tum")), force)
+        require_outputs((tum / name for name in ("estimate.tum", "reference.tum")), force=force, folder=tum)
     configuration = None if config is None else read_configuration(config)
     error_deg, source = reference_error(reference_error_deg, configuration)
     run, _ = read_run(result)
@@ -183,9 +182,7 @@ def monitor(
     limit_deg: Annotated[float | None, _limit("whole")] = None,
     limit_tilt_deg: Annotated[float | None, _limit("tilt")] = None,
     limit_heading_deg: Annotated[float | None, _limit("heading")] = None,
-    largest_gap_s: Annotated[
-        float, typer.Option(min=0.0, help="Interpolate between samples of the estimate no further apart, s.")
-    ] = 0.0,
+    largest_gap_s: EstimateLargestGap = 0.0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -201,9 +198,8 @@ def monitor(
     Exit code 1 if an attitude is proved wrong, if its error is not shown to be within a stated limit, or if its
     quaternions are read in a wrong order or as their inverse.
     """
-    require_finite("--largest-gap-s", largest_gap_s)
     files = [] if out is None else [out / name for name in (f"monitor.{format}", "monitor.png", "monitor.json")]
-    refuse_to_replace(files, force)
+    require_outputs(files, force=force, folder=out)
     limits = _limits(limit_deg, limit_tilt_deg, limit_heading_deg)
     if heading_free and (limit_deg is not None or limit_heading_deg is not None):
         raise typer.BadParameter("judges the tilt alone; --limit-tilt-deg is its limit", param_hint="--heading-free")
@@ -263,9 +259,6 @@ def monitor(
 
 
 def _limits(total: float | None, tilt: float | None, heading: float | None) -> Limits:
-    for option, value in (("--limit-deg", total), ("--limit-tilt-deg", tilt), ("--limit-heading-deg", heading)):
-        if value is not None:
-            require_finite(option, value)
     return Limits(*(None if value is None else math.radians(value) for value in (total, tilt, heading)))
 
 

@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration
 from elliptude.estimation import estimator as estimation
 from elliptude.estimation.estimator import Estimation
@@ -58,6 +58,7 @@ def demo(
     Simulated are two or three directions within 7 degrees and the angular velocity; for Fermi it is the Sun and the
     rates, with and without a synthetic star.
     """
+    require_outputs([out / "demo.json"], force=True, folder=out)
     console = Console(stderr=True)
     lines: list[_Line] = []
     written: list[Path] = []

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
-from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
+from elliptude.cli.options import Force, SummaryAsJson
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
@@ -101,10 +101,8 @@ def estimate(
 
         # An error at the end is better found before a long estimation.
         html_report.plotly_script()
-        if not report.parent.is_dir() and report.parent.resolve() != out.resolve():
-            raise FileError(f"{report}: not written: no such folder")
         files.append(report)
-    refuse_to_replace(files, force)
+    require_outputs(files, force=force, folder=out)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth)
         if report is not None:

@@ -1,14 +1,40 @@
-"""Options and refusals that several commands share."""
+"""Options that several commands share, and what numbers they may be."""
 
-import math
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
 from elliptude.configuration.configuration import Configuration
-from elliptude.io.files import FileError
+
+# Between two samples a day apart nothing is known.
+_LONGEST_GAP_S = 86_400.0
+
+
+def quantity(text: str, *, least: float = 0.0, greatest: float, **more: Any) -> Any:
+    """An option that is a number from ``least`` to ``greatest``; help and messages say both.
+
+    Parameters
+    ----------
+    text : str
+        The help, with the unit.
+    least, greatest : float
+    **more
+        What else `typer.Option` takes.
+
+    Returns
+    -------
+    typer.models.OptionInfo
+    """
+
+    def checked(value: float | list[float] | None) -> float | list[float] | None:
+        for one in value if isinstance(value, list) else [value]:
+            if one is not None and not least <= one <= greatest:  # NaN fails, too
+                raise typer.BadParameter(f"{one:g} is not from {least:g} to {greatest:g}")
+        return value
+
+    return typer.Option(help=f"{text} From {least:g} to {greatest:g}.", callback=checked, **more)
+
 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 SummaryAsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")]
@@ -19,30 +45,19 @@ TruthConfig: TypeAlias = Annotated[
     typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
 ]
 LargestGap: TypeAlias = Annotated[
-    float, typer.Option(min=0.0, help="Interpolate between samples of the reference no further apart, s.")
+    float, quantity("Interpolate between samples of the reference no further apart, s.", greatest=_LONGEST_GAP_S)
+]
+EstimateLargestGap: TypeAlias = Annotated[
+    float, quantity("Interpolate between samples of the estimate no further apart, s.", greatest=_LONGEST_GAP_S)
 ]
 ReferenceErrorDeg: TypeAlias = Annotated[
     float | None,
-    typer.Option(
-        min=0.0,
-        max=180.0,
-        help="How far the reference may itself be off, degrees; if left out, truth.error_deg of the configuration.",
+    quantity(
+        "How far the reference may itself be off, degrees; if left out, truth.error_deg of the configuration.",
+        greatest=180.0,
         show_default=False,
     ),
 ]
-
-
-def refuse_to_replace(paths: Iterable[Path], force: bool) -> None:
-    """Refuse to replace files without --force.
-
-    Raises
-    ------
-    FileError
-        If one of the paths exists; it is named.
-    """
-    for path in paths:
-        if path.exists() and not force:
-            raise FileError(f"{path} is there already; --force replaces it")
 
 
 def reference_error(stated_deg: float | None, configuration: Configuration | None) -> tuple[float, str | None]:
@@ -62,14 +77,7 @@ def reference_error(stated_deg: float | None, configuration: Configuration | Non
         In words; None if nothing states it.
     """
     if stated_deg is not None:
-        require_finite("--reference-error-deg", stated_deg)
         return stated_deg, "--reference-error-deg"
     if configuration is not None and configuration.truth is not None:
         return configuration.truth.error_deg, "truth.error_deg of the configuration"
     return 0.0, None
-
-
-def require_finite(option: str, value: float) -> None:
-    """Refuse infinity and NaN as a value of an option."""
-    if not math.isfinite(value):
-        raise typer.BadParameter("not a finite number", param_hint=option)

@@ -1,5 +1,6 @@
-"""What `estimate` and `demo` write and show alike."""
+"""What commands write: whether they can, before they work, and what `estimate` and `demo` write and show alike."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +8,32 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from elliptude.configuration.configuration import Configuration
-from elliptude.io.files import write_json
+from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result
 
 FIGURE, SUMMARY = "estimate.png", "summary.json"
+
+
+def require_outputs(files: Iterable[Path], *, force: bool, folder: Path | None = None) -> None:
+    """Refuse what a command could not write in the end, before it works.
+
+    Parameters
+    ----------
+    files : iterable of pathlib.Path
+    force : bool
+        Whether files that are there may be replaced.
+    folder : pathlib.Path, optional
+        It is made if it is missing; that of any other file must be there.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written, or is there and must not be replaced.
+    """
+    for file in files:
+        require_writable(file, makes_folders=folder is not None and file.parent.absolute() == folder.absolute())
+        if file.exists() and not force:
+            raise FileError(f"{file} is there already; --force replaces it")
 
 
 def finish(

@@ -14,9 +14,8 @@ from elliptude.cli.options import (
     SummaryAsJson,
     TruthConfig,
     reference_error,
-    refuse_to_replace,
-    require_finite,
 )
+from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
 from elliptude.logs.quaternion_readings import readings
@@ -61,8 +60,7 @@ def make_report(
     Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
     """
     files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
-    refuse_to_replace(files, force)
-    require_finite("--largest-gap-s", largest_gap_s)
+    require_outputs(files, force=force, folder=pictures)
     if reference is None and config is not None:
         raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
     if reference is None and reference_error_deg is not None:

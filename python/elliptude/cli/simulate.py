@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import track
 
 from elliptude import __version__
-from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
+from elliptude.cli.options import Force, SummaryAsJson, quantity
+from elliptude.cli.outputs import require_outputs
 from elliptude.io import tables
 from elliptude.io.files import FileError, replacing, write_json
 from elliptude.simulation import scenarios
@@ -38,8 +39,10 @@ def simulate(
     ] = "inside",
     bound_deg: Annotated[
         float | None,
-        typer.Option(
-            help="Bound of a direction's error in degrees, and of the rate's in degrees/s.",
+        quantity(
+            "Bound of a direction's error in degrees, and of the rate's in degrees/s.",
+            least=1e-9,
+            greatest=90.0,
             show_default="the scenario's first",
         ),
     ] = None,
@@ -61,13 +64,13 @@ def simulate(
         raise typer.BadParameter(
             f"{directions!r} is not one of {', '.join(chosen.directions)}", param_hint="--directions"
         )
-    if bound_deg is not None and not 0.0 < bound_deg <= 90.0:
-        raise typer.BadParameter(f"{bound_deg} is not above 0 and at most 90", param_hint="--bound-deg")
 
     all_seeds = range(seed, seed + seeds)
     files = {n: f"measurements{f'_seed{n}' if seeds > 1 else ''}.{format}" for n in all_seeds}
     summary_file = out / "summary.json"
-    refuse_to_replace((out / file for file in (*files.values(), "estimate.toml", summary_file.name)), force)
+    require_outputs(
+        (out / file for file in (*files.values(), "estimate.toml", summary_file.name)), force=force, folder=out
+    )
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.
     summary_file.unlink(missing_ok=True)

@@ -18,7 +18,8 @@ from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import elliptude
-from elliptude.cli.options import SummaryAsJson
+from elliptude.cli.options import SummaryAsJson, quantity
+from elliptude.cli.outputs import require_outputs
 from elliptude.io.files import FileError, write_json
 from elliptude.validation import adversary, monte_carlo, trial_kinds
 from elliptude.validation.adversary import Case
@@ -60,8 +61,10 @@ def validate(
     ] = "all",
     bound_deg: Annotated[
         list[float] | None,
-        typer.Option(
-            help="Bound of a direction's error in degrees, and of the rate's in degrees/s; may be given several times.",
+        quantity(
+            "Bound of a direction's error in degrees, and of the rate's in degrees/s; may be given several times.",
+            least=1e-3,
+            greatest=60.0,
             show_default="0.1, 1, 7 and 20",
         ),
     ] = None,
@@ -105,9 +108,6 @@ def validate(
     if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
         raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
     bounds = adversary.BOUNDS_DEG if bound_deg is None else tuple(dict.fromkeys(bound_deg))
-    for bound in bounds:
-        if not 1e-3 <= bound <= 60.0:
-            raise typer.BadParameter(f"{bound} is not between 0.001 and 60", param_hint="--bound-deg")
     every_kind = ("honest", *trial_kinds.KINDS)
     for name in kind or ():
         if name not in (*every_kind, "all"):
@@ -128,6 +128,8 @@ def validate(
         where = ", ".join(f"{name} is of {', '.join(trial_kinds.KINDS[name].scenarios)}" for name in kinds)
         raise typer.BadParameter(f"nothing is left to try: {where}; none is searched", param_hint="--kind")
     arguments = Arguments(mode=mode, trials=trials, updates=updates, seed=seed, cases=cases)
+    # An interrupted run goes on in the same files; `_begun` refuses those of another one.
+    require_outputs((out / name for name in (_PROGRESS, _SUMMARY, _FIGURE)), force=True, folder=out)
     done = _begun(out, arguments, force)
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.

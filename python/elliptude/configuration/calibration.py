@@ -21,6 +21,11 @@ Fraction = Annotated[Number, Field(ge=0, lt=0.5)]
 # Squares and products of what is stated must stay far from what overflows.
 Size = Annotated[Number, Field(ge=0, le=1e9)]
 Strength = Annotated[Number, Field(gt=0, le=1e9)]
+STRONGEST_FIELD_UT = 5000.0
+"""Small magnetometers show no more (AK8963: 4912), a hundred times the Earth's field."""
+FieldSize = Annotated[Number, Field(ge=0, le=STRONGEST_FIELD_UT)]
+FieldStrength = Annotated[Number, Field(gt=0, le=STRONGEST_FIELD_UT)]
+Angle = Annotated[Number, Field(ge=0, le=180)]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -32,9 +37,12 @@ class AccelerometerStatements(Model):
 
     offset_m_per_s2: Size
     scale_error: Fraction
-    misalignment_deg: Size | None = None
+    misalignment_deg: Angle | None = None
     noise_m_per_s2: Size
     averaged_noise_m_per_s2: Size
+    # The same for logs that the calibration is for: what moves or vibrates is noisier than what lies on a table.
+    later_noise_m_per_s2: Size
+    later_averaged_noise_m_per_s2: Size
     rest_s: Strength
     velocity_m_per_s: Size
     acceleration_m_per_s2: Size
@@ -43,13 +51,15 @@ class AccelerometerStatements(Model):
 class MagnetometerStatements(Model):
     """What is known of a magnetometer, and of the field in which it is turned."""
 
-    offset_ut: Size
+    offset_ut: FieldSize
     scale_error: Fraction
-    misalignment_deg: Size | None = None
-    noise_ut: Size
-    averaged_noise_ut: Size
-    disturbance_ut: Size
-    strength_ut: tuple[Strength, Strength]
+    misalignment_deg: Angle | None = None
+    noise_ut: FieldSize
+    averaged_noise_ut: FieldSize
+    later_noise_ut: FieldSize
+    later_averaged_noise_ut: FieldSize
+    disturbance_ut: FieldSize
+    strength_ut: tuple[FieldStrength, FieldStrength]
 
     @model_validator(mode="after")
     def _is_an_interval(self) -> Self:
@@ -210,6 +220,17 @@ class Calibration(Model):
     recording: str
     recording_sha256: str
     sensors: tuple[AnyCalibration, ...]
+
+    @model_validator(mode="after")
+    def _has_a_sensor_once(self) -> Self:
+        columns = [one.columns for one in self.sensors]
+        for i, one in enumerate(columns):
+            if one in columns[:i]:
+                raise ValueError(
+                    f"sensors: [{columns.index(one)}] and [{i}] are of the same columns, {', '.join(one)}; a "
+                    "sensor has one table"
+                )
+        return self
 
     def calibration(self) -> Self:
         """The tables themselves."""

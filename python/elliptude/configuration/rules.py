@@ -1,14 +1,15 @@
 """Rules for bounds: what is known about a kind of recording, as a TOML file, and what follows for one recording.
 
-A rule states numbers once, for every recording of its kind; ``data/bounds/hand_held.toml`` gives its reasons beside
-each. `apply_rule` turns it into a bound of each direction per row. These bounds hold if the rule's statements do.
+A rule states numbers once, for every recording of its kind. ``data/bounds/hand_held.toml`` gives its reasons beside
+each; ``car.toml`` and others beside it say what differs where a sensor is carried otherwise. `apply_rule` turns a rule
+into a bound of each direction per row. These bounds hold if the rule's statements do.
 """
 
 import dataclasses
 import os
 from dataclasses import dataclass
 from importlib import resources
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,12 +26,16 @@ from elliptude.bounds.windows import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
-from elliptude.io.toml import Model, Number, read_toml
+from elliptude.io.toml import Model, Number, load_toml, read_toml
 from elliptude.typing import FloatArray
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, lt=1)]
+
+
+Carried: TypeAlias = Literal["hand", "drone", "car", "boat"]
+"""How a sensor is carried, as far as there are numbers with reasons for it."""
 
 
 class RestRule(Model):
@@ -103,8 +108,15 @@ class MotionRule(Model):
 
     velocity_m_per_s: NotNegative
     position_m: NotNegative
+    # Of the mean over any of the windows, and over shorter ones at the ends of a recording.
+    acceleration_m_per_s2: Positive | None = None
     windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
     row_at: Literal["end", "middle"]
+
+    def bounds(self) -> MotionBounds:
+        """In SI units."""
+        acceleration = np.inf if self.acceleration_m_per_s2 is None else self.acceleration_m_per_s2
+        return MotionBounds(self.velocity_m_per_s, self.position_m, acceleration)
 
 
 class MagnetometerRule(Model):
@@ -135,6 +147,8 @@ class Rule(Model):
     accelerometer: AccelerometerRule
     motion: MotionRule
     magnetometer: MagnetometerRule | None = None
+    carried: Carried | None = None
+    """Whose numbers are the usual ones for this kind of recording; those for the hand if it is not stated."""
     bounds_from_recording: str | None = None
     """The recording that the numbers are proposals from, if nobody has given reasons for them."""
 
@@ -152,8 +166,62 @@ def read_rule(path: str | os.PathLike[str]) -> Rule:
 
 def hand_held() -> Rule:
     """The rule for a small sensor or phone in the hand, indoors, that starts at rest."""
-    with resources.as_file(resources.files("elliptude") / "data" / "bounds" / "hand_held.toml") as file:
+    with resources.as_file(_preset("hand")) as file:
         return read_rule(file)
+
+
+def rule_for(carried: Carried) -> Rule:
+    """The rule for a small sensor that is carried in some way; ``"hand"`` is `hand_held`."""
+    rule = hand_held()
+    if carried == "hand":
+        return rule
+    tables = rule.model_dump(mode="json")
+    for name, numbers in _stated(carried).items():
+        tables[name] |= numbers
+    return Rule.model_validate(tables | {"carried": carried})
+
+
+def carried_numbers() -> list[tuple[str, str]]:
+    """Tables and keys of the numbers that depend on how a sensor is carried."""
+    others: tuple[Carried, ...] = ("drone", "car", "boat")
+    found = {(name, key) for one in others for name, table in _stated(one).items() for key in table}
+    return [place for place in reasons_for("hand") if place in found]
+
+
+def reasons_for(carried: Carried) -> dict[tuple[str, str], str]:
+    """The reason beside each number of `rule_for`, by table and key.
+
+    A reason is the comment behind a number, or the lines of comments above it; a number without either has that of the
+    number above it.
+    """
+    reasons = _reasons_in(_preset("hand").read_text(encoding="utf-8"))
+    return reasons if carried == "hand" else reasons | _reasons_in(_preset(carried).read_text(encoding="utf-8"))
+
+
+def _preset(carried: Carried) -> Any:
+    name = "hand_held" if carried == "hand" else carried
+    return resources.files("elliptude") / "data" / "bounds" / f"{name}.toml"
+
+
+def _stated(carried: Carried) -> dict[str, dict[str, Any]]:
+    with resources.as_file(_preset(carried)) as file:
+        return load_toml(file)
+
+
+def _reasons_in(text: str) -> dict[tuple[str, str], str]:
+    reasons: dict[tuple[str, str], str] = {}
+    table, above, last = "", list[str](), ""
+    for line in text.splitlines():
+        stated, _, comment = (part.strip() for part in line.partition("#"))
+        if stated.startswith("["):
+            table, above = stated.strip("[]"), []
+        elif "=" in stated:
+            last = " ".join([*above, comment]).strip() or last
+            reasons[table, stated.split("=")[0].strip()] = last
+            above = []
+        else:
+            above = [*above, comment] if comment else []
+    return reasons
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +327,7 @@ def apply_rule(
         )
 
     everywhere = slice(0, len(stamps))
-    up = up_within(everywhere, MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m))
+    up = up_within(everywhere, rule.motion.bounds())
     up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
     speeds = np.linalg.norm(rates, axis=1)
     noise = gyro.rate_error(speeds, stamps - stamps[0])

@@ -1,6 +1,7 @@
 """Statements that are far from what sensors and hands do: they need not be wrong, but are often typing errors.
 
-The measure is the rule for a sensor in the hand. Another kind of sensor or motion may well be far from it.
+The measure is the rule for a sensor in the hand, or for how the rule says that it is carried. Another kind of sensor or
+motion may well be far from it.
 """
 
 import math
@@ -12,6 +13,7 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import HandHeldRule
 from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.rules import Carried
 from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWindowBound
 
 
@@ -58,7 +60,9 @@ class Suspicion:
         return f"{self.sensor}: {self.message}"
 
 
-def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated") -> list[Suspicion]:
+def of_rule(
+    numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated", carried: Carried = "hand"
+) -> list[Suspicion]:
     """What is suspicious in a rule.
 
     Parameters
@@ -67,6 +71,8 @@ def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated")
         From tables and keys of `elliptude.configuration.rules.Rule` to numbers; any of them may be missing.
     stated : str
         How the numbers came about, for the message.
+    carried : {"hand", "drone", "car", "boat"}
+        Whose numbers are the usual ones.
 
     Returns
     -------
@@ -75,7 +81,7 @@ def of_rule(numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated")
     names = {name for name, _ in _USUAL}
     # A rule may be without a magnetometer.
     tables = {name: table for name, table in numbers.items() if name in names and table is not None}
-    return [one for name, table in tables.items() for one in _of_table(name, table, name, stated)]
+    return [one for name, table in tables.items() for one in _of_table(name, table, name, stated, carried)]
 
 
 def of_configuration(configuration: Configuration) -> list[Suspicion]:
@@ -91,7 +97,12 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     """
     rule = configuration.rule
     if rule is not None:
-        return [] if isinstance(rule, HandHeldRule) else of_rule(rule.rule().model_dump(mode="json"))
+        numbers = rule.rule()
+        return (
+            []
+            if isinstance(rule, HandHeldRule)
+            else of_rule(numbers.model_dump(mode="json"), carried=numbers.carried or "hand")
+        )
     found: list[Suspicion] = []
     flow = configuration.flow
     if isinstance(flow, GyroFlow):
@@ -117,15 +128,19 @@ def _of_sensor(sensor: AnyDirection) -> Iterator[Suspicion]:
         yield Suspicion(sensor.name, f"a bound of {angle:.3g} degrees says next to nothing of where it points")
 
 
-def _of_table(table: str, numbers: Mapping[str, Any], sensor: str, stated: str) -> Iterator[Suspicion]:
-    rule = rules.hand_held().model_dump(mode="json")[table]
+def _of_table(
+    table: str, numbers: Mapping[str, Any], sensor: str, stated: str, carried: Carried = "hand"
+) -> Iterator[Suspicion]:
+    rule = rules.rule_for(carried).model_dump(mode="json")[table]
+    where = "in the hand" if carried == "hand" else f"on a {carried}"
     for key, value in numbers.items():
         usual, standard = _USUAL.get((table, key)), rule.get(key)
         if usual is None or standard is None or value is None:
             continue
-        compared = f"{stated} is {key} = {value:.4g}, {{}} that of the rule for a sensor in the hand, {standard:g}"
+        compared = f"{stated} is {key} = {value:.4g}, {{}} that of the rule for a sensor {where}, {standard:g}"
         if value > usual.most * standard:
-            yield Suspicion(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {usual.meaning}")
+            meaning = usual.meaning if carried == "hand" else _ANOTHER_UNIT
+            yield Suspicion(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {meaning}")
         elif value < usual.least * standard:
             how = "against" if value == 0.0 else f"{value / standard:.1e} of"
             yield Suspicion(sensor, f"{compared.format(how)}: {usual.why_not_less}")

@@ -6,6 +6,7 @@ section 18.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -240,6 +241,24 @@ def _over_windows(
 # --- a rule -----------------------------------------------------------------------------------------------------------
 
 
+def require_shared_stamps(log: Log, names: Sequence[str]) -> None:
+    """Refuse a log that a rule cannot describe: its windows are of rows with all sensors.
+
+    Raises
+    ------
+    ValueError
+        If most rows lack a sensor; it is named.
+    """
+    for name, values in zip(names, log.directions.transpose(1, 0, 2), strict=True):
+        share = float(np.isfinite(values[:, 0]).mean())
+        if share < 0.5:
+            raise ValueError(
+                f"{name!r}: a rule needs all sensors at the same stamps, and this one was sampled in "
+                f"{100.0 * share:.3g} % of the rows alone. Log it at the gyro's rate, or let each sensor state "
+                "its own bounds, as `elliptude bounds` does then"
+            )
+
+
 def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     assert configuration.rule is not None
     assert configuration.accelerometer is not None
@@ -248,9 +267,7 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     up_column = configuration.directions.index(configuration.accelerometer)
     forces = log.directions[:, up_column]
     fields = None if len(names) == 1 else log.directions[:, 1 - up_column] / _MICROTESLA
-    for name, values in zip(names, log.directions.transpose(1, 0, 2), strict=True):
-        if np.isfinite(values[:, 0]).mean() < 0.5:
-            raise ValueError(f"{name!r}: a rule needs all sensors at the same stamps; most rows of the log lack it")
+    require_shared_stamps(log, names)
     longest = gaps.longest_interval(log, configuration)
     ruled = rules.apply_rule(
         configuration.calibrated_rule(), log.times, log.rates, forces, fields, longest_interval=longest

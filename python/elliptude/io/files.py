@@ -35,8 +35,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the system refuses: no such folder, no permission, no space.
     """
     final = Path(path)
-    # Not from `tempfile`: only the owner may read its files.
-    temporary = final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
+    temporary = _beside(final)
     try:
         temporary.touch(exist_ok=False)
         yield temporary
@@ -47,6 +46,38 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise FileError(f"{final}: not written: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _beside(final: Path) -> Path:
+    """A new name in the same folder. Not from `tempfile`: only the owner may read its files."""
+    return final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
+
+
+def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = False) -> None:
+    """Try whether `replacing` could write a file, and leave nothing behind.
+
+    Parameters
+    ----------
+    path : path-like
+    makes_folders : bool
+        Whether missing folders will be made: then the nearest one that is there is tried.
+
+    Raises
+    ------
+    FileError
+        If the system refuses. It alone knows: a file system may be read-only, a name too long.
+    """
+    final = tried = Path(path)
+    if final.is_dir():
+        raise FileError(f"{final}: not written: it is a folder")
+    while makes_folders and not tried.parent.exists():
+        tried = tried.parent
+    trial = _beside(tried)
+    try:
+        trial.touch(exist_ok=False)
+        trial.unlink()
+    except OSError as error:
+        raise FileError(f"{final}: not written: {error.strerror or error}") from error
 
 
 def write_json(path: str | os.PathLike[str], data: object) -> None:

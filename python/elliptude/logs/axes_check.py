@@ -175,7 +175,7 @@ def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuratio
     flow, bound = configuration.flow, sensor.bound_from
     offset = sensor.time_offset_bound_s + (flow.time_offset_bound_s if isinstance(flow, GyroFlow) else 0.0)
     if isinstance(sensor, Accelerometer):
-        usual, motion = rule.accelerometer, MotionBounds(rule.motion.velocity_m_per_s, rule.motion.position_m)
+        usual, motion = rule.accelerometer, rule.motion.bounds()
         gravity_error = usual.gravity_error_m_per_s2
         if isinstance(bound, VelocityWindowBound):
             motion = _wider(motion, bound)

@@ -2,17 +2,19 @@
 
 A recording shows some numbers in full: with a reference attitude the error of a vector is visible. It shows others
 in part: without a reference only the length of a vector, and of the gyro only what it does at rest. A number seen in
-full is proposed, times the margin. A number seen in part never makes the bound smaller than in the rule for a sensor in
-the hand (`elliptude.configuration.rules.hand_held`), which has reasons of its own. None is a guarantee.
+full is proposed, times the margin. A number seen in part never makes the bound smaller than in the rule for how the
+sensor is carried (`elliptude.configuration.rules.rule_for`), which has reasons of its own. None is a guarantee.
 """
 
 import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import numpy as np
 import tomlkit
 
 from elliptude.configuration import rules
+from elliptude.configuration.rules import Carried
 from elliptude.proposal.delays import DelayProposal
 from elliptude.proposal.proposals import Proposal, StartProposal
 from elliptude.proposal.statistics import Quantiles
@@ -21,7 +23,8 @@ _DEGREES = math.degrees(1.0)
 # An increment with a reference is compared with the noise over this window, s.
 _SHORTEST_WINDOW_S = 1.0
 _LARGEST_SCALE_ERROR = 0.99
-NOT_SEEN = "not seen in the recording: the rule for a sensor in the hand"
+_GRAVITY = "gravity_m_per_s2"
+NOT_SEEN = "not seen in the recording"
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,8 @@ class Proposed:
     value: Any
     how: str
     """Where it comes from, for a comment."""
+    reason: str | None = None
+    """Why, if it is a number of the rule for how the sensor is carried."""
 
 
 RuleTables: TypeAlias = dict[str, dict[str, Proposed]]
@@ -45,7 +50,12 @@ def upward(value: float) -> float:
     return float(f"{math.ceil(value * scale - 1e-9) / scale:.3g}")
 
 
-def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -> RuleTables:
+def in_words(carried: Carried) -> str:
+    """What kind of rule a rule is."""
+    return "the rule for a sensor in the hand" if carried == "hand" else f"the rule for a sensor on a {carried}"
+
+
+def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True, carried: Carried = "hand") -> RuleTables:
     """A rule to start from; each number says where it comes from.
 
     Parameters
@@ -55,6 +65,8 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -
         The factor for maxima.
     from_start : bool
         Whether bias and field come from the rest at the start, if there is one, or from all rest.
+    carried : {"hand", "drone", "car", "boat"}
+        How the sensor is carried: it says what the recording does not show.
 
     Returns
     -------
@@ -62,12 +74,16 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True) -
         Tables for `elliptude.configuration.rules.Rule`. Without a magnetometer in the recording there is no table for
         it.
     """
-    standard = rules.hand_held().model_dump(mode="json", exclude_none=True)
+    standard = rules.rule_for(carried).model_dump(mode="json", exclude_none=True, exclude={"carried"})
     if proposed.magnetometer is None:
         del standard["magnetometer"]
-    tables = {
-        name: {key: Proposed(value, NOT_SEEN) for key, value in table.items()} for name, table in standard.items()
-    }
+    reasons = rules.reasons_for(carried)
+
+    def usual(name: str, key: str, value: Any) -> Proposed:
+        reason = reasons[name, key]
+        return Proposed(value, f"{NOT_SEEN}: {in_words(carried)}: {reason}", reason)
+
+    tables = {name: {key: usual(name, key, value) for key, value in table.items()} for name, table in standard.items()}
     start = proposed.start if from_start else None
     _gyro(tables["gyro"], proposed, start, margin)
     if proposed.accelerometer is not None:
@@ -84,10 +100,8 @@ def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed,
     value = upward(margin * found.maximum)
     if in_full or value >= standard.value:
         return Proposed(value, f"no guarantee: maximum of {what}, {found.maximum:.3g}, times {margin:g}")
-    how = (
-        f"no guarantee: the rule for a sensor in the hand, as the maximum of {what}, {found.maximum:.3g}, shows a part"
-    )
-    return Proposed(standard.value, how)
+    how = f"no guarantee: the usual number, as the maximum of {what}, {found.maximum:.3g}, shows a part: "
+    return Proposed(standard.value, how + (standard.reason or ""), standard.reason)
 
 
 def _in_degrees(found: Quantiles | None) -> Quantiles | None:
@@ -180,6 +194,50 @@ def _offset_bound(delay: DelayProposal, margin: float) -> float:
 def numbers_of(tables: RuleTables) -> dict[str, dict[str, Any]]:
     """The tables with the numbers alone."""
     return {name: {key: one.value for key, one in table.items()} for name, table in tables.items()}
+
+
+def statements_of(tables: RuleTables) -> list[dict[str, Any]]:
+    """The numbers that depend on how a sensor is carried, each with where it comes from, for people to check."""
+    return [
+        {"table": name, "key": key, "value": tables[name][key].value, "how": one.how, "reason": one.reason}
+        for name, key in rules.carried_numbers()
+        if name in tables and (one := tables[name].get(key)) is not None
+    ]
+
+
+def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list[str]:
+    """How much a rule leaves of accelerometer and magnetometer, in words; above all where that is nothing."""
+    lines = []
+    motion, gravity = rules.MotionRule.model_validate(numbers["motion"]).bounds(), numbers["accelerometer"][_GRAVITY]
+    if proposed.accelerometer is not None:
+        # (18.5) and (18.6): 2 v/T with equal weights, 16 p/T² with those of a triangle.
+        shortest = min(2.0 * motion.velocity / gravity, 4.0 * math.sqrt(motion.position / gravity))
+        longest = np.array([0.5 * max(numbers["motion"]["windows_s"])])
+        left = min(
+            float(motion.mean_acceleration_uniform(longest, longest)[0]),
+            float(motion.mean_acceleration_triangular(longest, longest)[0]),
+        )
+        if motion.acceleration >= gravity:
+            lines.append(f"Less than {shortest:.2g} s of an accelerometer that moves so say nothing about up.")
+        if left < gravity:
+            angle = math.degrees(math.asin(left / gravity))
+            lines.append(
+                f"Over {2.0 * longest[0]:g} s the motion leaves up within {angle:.2g} degrees; errors of the sensors "
+                "come on top."
+            )
+        else:
+            lines.append("No window is long enough for such a motion: the accelerometer says nothing about up.")
+    field = proposed.magnetometer
+    if field is not None:
+        share = numbers["magnetometer"]["disturbance_ut"] / field.magnitude
+        if share >= 1.0:
+            lines.append("The magnetometer says nothing: the disturbance may be as large as the field.")
+        else:
+            lines.append(
+                f"The disturbance alone may turn the field by {math.degrees(math.asin(share)):.2g} degrees, and the "
+                "heading by more: the horizontal part of the field alone counts for it."
+            )
+    return lines
 
 
 def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
+from elliptude.configuration.rules import Carried
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
@@ -50,6 +51,7 @@ def starting_configuration(
     log: str,
     origin: int,
     shared_stamps: float = 1.0,
+    carried: Carried = "hand",
 ) -> tomlkit.TOMLDocument:
     """A configuration for `elliptude estimate`, with comments.
 
@@ -67,6 +69,8 @@ def starting_configuration(
         What was subtracted from the file's times, s.
     shared_stamps : float
         The share of rows at which all sensors were sampled.
+    carried : {"hand", "drone", "car", "boat"}
+        How the sensor is carried: it says what the recording does not show.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def starting_configuration(
         _first_order(full, comments, proposed, margin, origin)
         notes = []
     else:
-        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps)
+        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps, carried)
     return _document(full, comments, margin, log, notes)
 
 
@@ -234,6 +238,7 @@ def _guaranteed(
     margin: float,
     origin: int,
     shared_stamps: float,
+    carried: Carried,
 ) -> list[str]:
     """Put in what is missing; returns the comment at the top of the file."""
     if "estimator" not in full:
@@ -242,15 +247,15 @@ def _guaranteed(
         comments["estimator", "criterion"] = "sharper headings, and fewer sets lost; no effect on what holds"
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
-    table = rule_tables(proposed, margin)
-    reason = _no_rule(full, table, proposed, shared_stamps)
+    table = rule_tables(proposed, margin, carried=carried)
+    reason = why_no_rule(full, table, proposed, shared_stamps)
     if reason is None:
-        _put_rule(full, comments, table)
+        _put_rule(full, comments, table, carried)
         return [
             "A [rule] says all bounds, as the recording starts at rest. The frame is ENU; north is magnetic north.",
             "There is no [start]: the recording's own rest is where it starts.",
         ]
-    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, reason)
+    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, carried, reason)
     return [
         f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}.",
         "There is no [start]: it begins with the first measurements that determine an attitude.",
@@ -263,8 +268,11 @@ def _stated(table: RuleTables) -> Tables:
     }
 
 
-def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables) -> None:
+def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables, carried: Carried) -> None:
     full["rule"] = _stated(table)
+    if carried != "hand":
+        full["rule"]["carried"] = carried
+        comments["rule", "carried"] = "whose numbers are usual: those that were not seen are of its rule"
     comments["rule", "anchor_s"] = (
         "how often a prediction begins anew: changes how large sets are, not whether they hold"
     )
@@ -273,8 +281,24 @@ def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables) -> No
             comments["rule", name, key] = one.how
 
 
-def _no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
-    """Why a rule cannot describe this recording, or None."""
+def why_no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps: float) -> str | None:
+    """Why a rule cannot describe a recording.
+
+    Parameters
+    ----------
+    full : dict
+        Tables of a configuration in the guaranteed mode, without a rule.
+    table : dict
+        The rule.
+    proposed : Proposal
+    shared_stamps : float
+        The share of rows at which all sensors were sampled.
+
+    Returns
+    -------
+    str, optional
+        In words.
+    """
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
@@ -295,6 +319,7 @@ def _put_by_sensor(
     margin: float,
     origin: int,
     shared_stamps: float,
+    carried: Carried,
     reason: str,
 ) -> None:
     directions = full.get("directions", [])
@@ -308,7 +333,7 @@ def _put_by_sensor(
             "its sensors never have the same stamp, so that nothing determines an attitude: state [start] or "
             "timing.same_within_s in a configuration"
         )
-    table = rule_tables(proposed, margin, from_start=False)
+    table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed)
     for sensor in directions:
         has_reference = bool(sensor.keys() & {"reference", "reference_ut"})
@@ -395,7 +420,7 @@ def _bound_magnetometer(
         # A delay would move its samples away from those of the other sensors: the bound covers all of it.
         delay, left = table["magnetometer"]["delay_s"], table["magnetometer"]["time_offset_bound_s"]
         sensor["time_offset_bound_s"] = upward(abs(delay.value) + left.value)
-        how = NOT_SEEN if left.how == NOT_SEEN else "no guarantee"
+        how = NOT_SEEN if left.how.startswith(NOT_SEEN) else "no guarantee"
         comments[(*place, "time_offset_bound_s")] = f"{how}; delay {delay.value:g}, and {left.value:g} beside it"
     bound: Tables = {"kind": "field"}
     _put(bound, comments, (*place, "bound_from"), _rule_numbers(table, "magnetometer", "disturbance_ut"))

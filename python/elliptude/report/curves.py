@@ -36,14 +36,17 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     # The measurements in the list are marked below the size of the set.
     if run.listed is not None:
         spells = [spell for spell in spells if spell.what == "refused"]
-    plots = {} if run.roll_pitch_yaw is None else {"angles": _angles(run, rows, run.roll_pitch_yaw[rows], label)}
-    plots |= {
-        "size": _size(run, rows),
-        "bands": _bands(run, rows, label),
-    }
+    plots: dict[str, Any] = {}
+    if run.roll_pitch_yaw is not None:
+        plots["angles"] = _angles(run, rows, run.roll_pitch_yaw[rows], label)
+    # Without a set there is no band, and without up either nothing is known of any size.
+    if run.known.any() or run.up_alone.any() or run.listed is not None:
+        plots["size"] = _size(run, rows)
+    if run.known.any():
+        plots["bands"] = _bands(run, rows, label)
     if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
-    if "strip" in plots or "yaxis2" in plots["size"]["layout"]:
+    if "strip" in plots or ("size" in plots and "yaxis2" in plots["size"]["layout"]):
         for name in ("angles", "size", "bands", "strip"):
             if name in plots:
                 plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH

@@ -158,6 +158,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "angles_hidden": "" if "angles" in plots else "hidden",
         "angles_note": _angles_note(run),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
+        "size_hidden": "" if "size" in plots else "hidden",
+        "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),

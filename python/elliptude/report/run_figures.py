@@ -41,6 +41,8 @@ AXIS_COLOURS = (ORANGE, "#009E73", BLUE)
 """Colours of the body's x, y and z axis: Okabe and Ito's, which the colour-blind can distinguish."""
 AXIS_LINES = ("-", "--", "-.")
 CLAIM_COLOURS = {"unconditional": "#56B4E9", "conditional": "#E69F00", "none": "#BBBBBB"}
+LEAST_COLOURS = {"unconditional": BLACK, "conditional": "#B8860B"}
+"""What another filter is off at least: a proof, and what would be one if the condition holds."""
 PREDICTION_COLOURS = {"every row": "#5E3C99", "some rows": "#B2ABD2"}
 """Colours of the words that `elliptude.report.thinning.prediction_shares` returns."""
 
@@ -266,11 +268,21 @@ def monitor_figure(monitored: Monitored, title: str) -> Figure:
     """
     bounds = np.where(monitored.judged[:, None], np.rad2deg(monitored.bounds), np.nan)
     shown = [QUESTIONS.index(question) for question in monitored.questions]
-    figure = new_figure(1.6 + 1.7 * len(shown))
+    alarms = monitored.alarms
+    lanes = {
+        name: (flags, colour)
+        for name, flags, colour in (
+            ("proved wrong", alarms.proved, LEAST_COLOURS["unconditional"]),
+            ("outside, no proof", alarms.conditional, LEAST_COLOURS["conditional"]),
+            ("not within limit", alarms.over_limit, ORANGE),
+        )
+        if flags.any()
+    }
+    figure = new_figure(1.4 + 1.7 * len(shown) + 0.22 * len(lanes))
     figure.suptitle(title, fontsize=11)
-    *panels, strip = figure.subplots(
-        len(shown) + 1, 1, sharex=True, height_ratios=[1.0] * len(shown) + [0.25], squeeze=False
-    ).ravel()
+    ratios = [1.0] * len(shown) + ([0.13 * len(lanes)] if lanes else [])
+    panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False).ravel().tolist()
+    panels, strip = panels[: len(shown)], panels[len(shown)] if lanes else None
     some = pieces(len(bounds), _MOST_PIECES)
     starts = np.array([piece.start for piece in some])
     # A curve's value is the largest of its piece of rows; a gap in part of it does not hide it.
@@ -280,34 +292,39 @@ def monitor_figure(monitored: Monitored, title: str) -> Figure:
             curve = np.fmax.reduceat(np.where(monitored.claims[:, i] == index, bounds[:, i], np.nan), starts)
             if np.isfinite(curve).any():
                 panel.plot(times, curve, color=CLAIM_COLOURS[claim], linewidth=1.3, label=f"bound, {claim}")
-        least = np.fmax.reduceat(np.rad2deg(monitored.least[:, i]), starts)
-        if (least > 0.0).any():
-            panel.fill_between(times, 0.0, least, color=BLACK, alpha=0.5, linewidth=0, label="off at least")
+        for index, (rests_on, colour) in enumerate(LEAST_COLOURS.items()):
+            is_off = monitored.judged & (monitored.claims[:, i] == index) & (monitored.least[:, i] > 0.0)
+            least = np.fmax.reduceat(np.where(is_off, np.rad2deg(monitored.least[:, i]), np.nan), starts)
+            if np.isfinite(least).any():
+                # Beside a row of another claim a band has no width; its edge is visible all the same.
+                label = "off at least" if rests_on == "unconditional" else "off at least if the condition holds"
+                panel.fill_between(times, 0.0, least, facecolor=colour, edgecolor=colour, linewidth=0.7, label=label)
         limit = getattr(monitored.limits, QUESTIONS[i])
         if limit is not None:
             panel.axhline(np.rad2deg(limit), color=ORANGE, linestyle="--", linewidth=1.0, label="limit")
         panel.set_ylabel(f"{QUESTIONS[i]} (deg)")
         panel.set_ylim(bottom=0.0)
-    panels[0].set_title("how far the estimate can be off", fontsize=9.5)
-    alarms = monitored.alarms
-    lanes = {"proved wrong": (alarms.proved, BLACK), "not within limit": (alarms.over_limit, ORANGE)}
-    edges = np.append(times, _span(monitored.times)[1])
-    for lane, (flags, colour) in enumerate(lanes.values()):
-        is_alarm = np.logical_or.reduceat(flags.any(axis=1), starts)
-        spans = [(edges[k], edges[k + 1] - edges[k]) for k in np.flatnonzero(is_alarm)]
-        strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, edgecolor=colour, linewidth=0.5)
-    strip.set_ylim(len(lanes) - 0.4, -0.6)
-    strip.set_yticks(range(len(lanes)), list(lanes), fontsize=8)
-    strip.tick_params(axis="y", length=0)
-    for side in ("top", "right", "left"):
-        strip.spines[side].set_visible(False)
-    strip.set_xlabel("time (s)")
-    strip.set_xlim(*_span(monitored.times))
+    heading = "how far the estimate can be off" + ("" if lanes else "; no alarm")
+    panels[0].set_title(heading, fontsize=9.5)
+    if strip is not None:
+        edges = np.append(times, _span(monitored.times)[1])
+        for lane, (flags, colour) in enumerate(lanes.values()):
+            is_alarm = np.logical_or.reduceat(flags.any(axis=1), starts)
+            spans = [(edges[k], edges[k + 1] - edges[k]) for k in np.flatnonzero(is_alarm)]
+            strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, edgecolor=colour, linewidth=0.5)
+        strip.set_ylim(len(lanes) - 0.4, -0.6)
+        strip.set_yticks(range(len(lanes)), list(lanes), fontsize=8)
+        strip.tick_params(axis="y", length=0)
+        for side in ("top", "right", "left"):
+            strip.spines[side].set_visible(False)
+    lowest = strip or panels[-1]
+    lowest.set_xlabel("time (s)")
+    lowest.set_xlim(*_span(monitored.times))
     entries = {text: one for panel in panels for one, text in zip(*panel.get_legend_handles_labels(), strict=True)}
     if entries:
-        figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=4, frameon=False, fontsize=9
-        )
+        texts = sorted(entries, key=lambda text: (not text.startswith("bound"), not text.startswith("off"), len(text)))
+        handles = [entries[text] for text in texts]
+        figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 

@@ -239,7 +239,7 @@ def test_figures_as_json(folder):
     assert gyro["turns"] == 14
     assert gyro["scale_error"] == 0.02
     assert gyro["remarks"] == [
-        "the gyro: 14 turns between rests say no more than what is stated of it; nothing is corrected"
+        "the gyro: 14 turns between rests, which add nothing to what is stated of it; nothing is corrected"
     ]
     assert force["undetermined"] == []
     assert np.all(np.array(force["lowest_offset"]) <= FORCE_OFFSET)
@@ -268,8 +268,58 @@ def test_one_pose_determines_little():
     assert force.left.poses == 1
     assert set(force.undetermined) >= {"x", "y"}
     assert not force.left.is_correction
-    assert "not determined by the 1 poses" in force.remarks()[0]
+    assert force.remarks()[0].startswith("up: 1 pose with errors as stated, which leave the offset along x, y")
     assert not field.left.is_correction
+
+
+def test_the_correction_itself_is_said(folder):
+    done = run(
+        "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "said.toml", "--statements",
+        folder / "table.toml", "--disturbance-ut", 0.1,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    force, field, gyro = tomlkit.parse((folder / "said.toml").read_text())["calibration"]["sensors"]
+    for sensor, unit in ((force, "m/s^2"), (field, "uT")):
+        offset = sensor["offset_ut" if unit == "uT" else "offset_m_per_s2"]
+        subtracted = ", ".join(f"{value:.3g}" for value in offset)
+        assert f"{sensor['name']}: from a sample ({subtracted}) {unit} is subtracted; the true offset is" in done.output
+        for axis, value in zip("xyz", offset, strict=True):
+            assert any(axis in line.split() and f"{value:.3g}" in line.split() for line in done.output.splitlines())
+    assert gyro["matrix"] == np.eye(3).tolist()
+    assert "the gyro: 14 turns between rests, which add nothing" in done.output
+
+
+def test_noise_of_later_logs_is_a_statement_of_its_own(folder):
+    """An engine adds noise to every later log, and nothing to what the recording on the table shows."""
+    found = []
+    for factor in (1.0, 3.0):
+        statements = tomlkit.parse((folder / "table.toml").read_text()).unwrap()
+        for name, unit in (("accelerometer", "m_per_s2"), ("magnetometer", "ut")):
+            statements[name][f"later_noise_{unit}"] *= factor
+            statements[name][f"later_averaged_noise_{unit}"] *= factor
+        (folder / "engine.toml").write_text(tomlkit.dumps(statements))
+        done = run(
+            "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "engine_found.toml", "--force",
+            "--statements", folder / "engine.toml", "--disturbance-ut", 0.1,
+        )  # fmt: skip
+        assert done.exit_code == 0, done.output
+        found.append(tomlkit.parse((folder / "engine_found.toml").read_text())["calibration"]["sensors"])
+    for quiet, noisy, unit, noise in zip(*(one[:2] for one in found), ("m_per_s2", "ut"), (0.4, 3.0), strict=True):
+        assert quiet["matrix"] == noisy["matrix"]
+        assert quiet[f"offset_{unit}"] == noisy[f"offset_{unit}"]
+        assert noisy[f"error_{unit}"] - quiet[f"error_{unit}"] >= 2.0 * noise
+        np.testing.assert_allclose(noisy[f"error_{unit}"] - quiet[f"error_{unit}"], 2.0 * noise, rtol=0.05)
+    assert found[0][2] == found[1][2]  # the gyro is calibrated from the recording alone
+
+
+def test_two_tables_of_one_sensor_are_refused(folder):
+    found = tomlkit.parse((folder / "found.toml").read_text()).unwrap()
+    found["calibration"]["sensors"].append(found["calibration"]["sensors"][1])
+    (folder / "twice.toml").write_text(tomlkit.dumps(found))
+    (folder / "with_twice.toml").write_text(tomlkit.dumps(configuration(calibration={"file": "twice.toml"})))
+    done = run("check", folder / "log.npz", folder / "with_twice.toml")
+    assert done.exit_code == 1
+    assert "sensors: [1] and [3] are of the same columns, mag[0], mag[1], mag[2]" in done.output
 
 
 def test_no_rest_is_long_enough(folder):

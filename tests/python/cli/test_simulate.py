@@ -132,7 +132,8 @@ def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     failed = run("simulate", "free", "--out", tmp_path / "file" / "out")
     assert failed.exit_code == 1
-    assert failed.stderr == f"error: {tmp_path / 'file' / 'out'}: Not a directory\n"
+    first = tmp_path / "file" / "out" / "measurements.csv"
+    assert failed.stderr == f"error: {first}: not written: Not a directory\n"
 
 
 def test_interrupt(tmp_path):

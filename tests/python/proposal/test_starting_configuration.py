@@ -7,6 +7,7 @@ import tomllib
 
 import numpy as np
 import pytest
+import tomlkit
 from datasets import broad, needs_datasets, xio
 from elliptude import cli
 from elliptude.configuration import read_configuration
@@ -397,3 +398,69 @@ def test_a_recording_with_an_optical_attitude(tmp_path, reference):
     assert said["inside_share_of_updates"] >= 0.999
     assert said["claim_share_of_rows"]["unconditional"] >= 0.8
     assert said["sizes"]["at_rest"]["tilt_bound_deg"]["mean"] < 5.0
+
+
+# --- how the sensor is carried ----------------------------------------------------------------------------------------
+
+
+def test_how_the_sensor_is_carried_says_what_the_recording_does_not(tmp_path):
+    log, config = write_npz(tmp_path / "log.npz", dataclasses.replace(made(), attitudes=None)), tmp_path / "car.toml"
+    said = succeed("bounds", log, "--like", "broad", "--carried", "car", "--out", config)
+    assert "by the rule for a sensor on a car (--carried hand" in said
+    for words in ("motion.velocity_m_per_s", "250 km/h", "The magnetometer says nothing"):
+        assert words in said
+    written = tomllib.loads(config.read_text())["rule"]
+    assert written["carried"] == "car"
+    assert written["motion"]["velocity_m_per_s"] == 70.0
+    assert "250 km/h, to which German makers limit their cars" in config.read_text()
+    assert_every_number_says_from_what_it_comes(config.read_text())
+    # What is usual for a car is not suspicious for a car.
+    estimated = succeed("estimate", log, "--config", config, "--out", tmp_path / "out")
+    assert "suspicious" not in estimated
+
+
+def test_statements_as_json(tmp_path):
+    log = write_npz(tmp_path / "log.npz", made())
+    summary = json.loads(succeed("bounds", log, "--like", "broad", "--carried", "boat", "--json"))
+    statements = {(one["table"], one["key"]): one for one in summary["statements"]}
+    assert summary["carried"] == "boat"
+    assert statements["motion", "velocity_m_per_s"]["value"] == 30.0
+    assert statements["motion", "velocity_m_per_s"]["reason"].startswith("50 knots")
+    assert "rest of 5" in summary["why_no_rule"]  # a boat's rule asks for 10 s
+    assert summary["what_they_say"]
+
+
+def test_what_has_no_preset_is_refused_with_its_reason(tmp_path):
+    log = write_npz(tmp_path / "log.npz", made())
+    message = refused("bounds", log, "--like", "broad", "--carried", "spacecraft", exit_code=2)
+    assert "in free fall" in message
+    (tmp_path / "ruled.toml").write_text('[rule]\nkind = "hand_held"\n[flow]\nkind = "gyro"\ncolumns = ["x", "y", "z"]')
+    message = refused("bounds", log, tmp_path / "ruled.toml", "--carried", "car", exit_code=2)
+    assert "[rule] says all bounds" in message
+
+
+def test_a_sensor_in_every_tenth_row_is_said(tmp_path):
+    log = write_csv(tmp_path / "log.csv", HEADER)
+    header, *lines = log.read_text().splitlines()
+    cut = [line if i % 10 == 0 else ",".join(line.split(",")[:-3]) + ",,," for i, line in enumerate(lines)]
+    log.write_text("\n".join([header, *cut]) + "\n")
+    config, ruled = tmp_path / "config.toml", tmp_path / "ruled.toml"
+    said = succeed("bounds", log, "--out", config)
+    assert "no rule can describe this recording: all sensors were sampled together in 10 % of the rows alone" in said
+    stated = tomllib.loads(config.read_text())
+    succeed("estimate", log, "--config", config, "--out", tmp_path / "out")
+    results = tables.Result.read(tmp_path / "out" / "results.csv")
+    assert np.isfinite(results.largest_angles).any()
+    stated["rule"] = {"kind": "hand_held"}
+    stated["flow"] = {key: stated["flow"][key] for key in ("kind", "columns", "unit")}
+    kept = ("name", "kind", "columns", "unit")
+    stated["directions"] = [{key: one[key] for key in kept if key in one} for one in stated["directions"]]
+    for name in ("bounds_from_recording", "start", "reference_frame"):
+        stated.pop(name, None)
+    ruled.write_text(tomlkit.dumps(stated))
+    for arguments in (
+        ("estimate", log, "--config", ruled, "--out", tmp_path / "none"),
+        ("calibrate", log, ruled, "--out", tmp_path / "none.toml"),
+    ):
+        assert "this one was sampled in 10 % of the rows alone" in refused(*arguments)
+    assert not (tmp_path / "none.toml").exists()

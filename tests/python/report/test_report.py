@@ -135,6 +135,17 @@ def test_one_row_and_nothing_known(tmp_path, known):
     assert summary["rows_with_a_set"] == int(known)
 
 
+def test_a_plot_of_nothing_is_not_there(tmp_path):
+    run = make_run()
+    for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles):
+        values[:] = np.nan
+    report.write_report(run, tmp_path / "report.html", "Nothing")
+    text = (tmp_path / "report.html").read_text()
+    assert {"size", "bands"}.isdisjoint(data_of(text)["plots"])
+    for name in ("size", "bands"):
+        assert f'<section aria-labelledby="h-{name}" hidden>' in text
+
+
 def test_a_long_run_stays_small(tmp_path):
     run = make_run(200_000, errors=np.full((200_000, 3), 0.05), forms=np.full(200_000, 0.3))
     summary = report.write_report(run, tmp_path / "report.html", "Long")

@@ -173,3 +173,12 @@ def test_on_a_phone_in_the_dark(opened, tmp_path):
     picture = shot(opened, "report-phone.png", tmp_path)
     assert np.median(picture[..., :3]) < 0.2
     assert opened.evaluate("document.getElementById('size').layout.font.color") == "#e8e8e8"
+    # The blue of white paper cannot be read on black.
+    assert opened.evaluate("document.getElementById('bands').data[0].line.color") == "#56B4E9"
+    assert opened.evaluate("document.getElementById('sphere').data.at(-1).textfont?.color") != "#0072B2"
+    widths = opened.evaluate(
+        "Array.from(document.querySelectorAll('[aria-labelledby=h-dropped] table')).map("
+        "(table) => table.scrollWidth - table.closest('section').clientWidth)"
+    )
+    assert len(widths) == 2
+    assert max(widths) <= 0  # nothing to scroll

@@ -2,10 +2,13 @@
 
 import dataclasses
 
+import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pytest
+from elliptude.monitoring import Limits, Monitored
 from elliptude.report import figures, run_figures
+from elliptude.results import CLAIMS
 from test_runs import make_run
 
 
@@ -142,3 +145,44 @@ def test_magnified_sets_say_so():
     np.testing.assert_allclose(small_patch, large_patch, atol=1e-9)
     run.shapes[:], run.largest_angles[:] = np.eye(3) * 4.0**2, 4.0
     assert run_figures.axes_figure(run, "Run").axes[0].get_title() == "0.00 s: within 229°, too large to draw"
+
+
+def judged(claims, least, limits):
+    """A filter judged over ten rows in which nothing changes."""
+    n = 10
+    return Monitored(
+        times=np.arange(n, dtype=float),
+        judged=np.ones(n, dtype=bool),
+        bounds=np.full((n, 3), 0.3),
+        least=np.full((n, 3), least),
+        claims=np.full((n, 3), claims, dtype=np.uint8),
+        questions=("total", "tilt", "heading"),
+        limits=limits,
+    )
+
+
+def lanes_of(figure):
+    return [text.get_text() for text in figure.axes[-1].get_yticklabels()]
+
+
+@pytest.mark.parametrize(("claim", "lane"), [("unconditional", "proved wrong"), ("conditional", "outside, no proof")])
+def test_what_is_off_at_least_is_drawn_by_what_it_rests_on(claim, lane):
+    """A conditional set proves nothing, and must not look as if it did."""
+    figure = run_figures.monitor_figure(judged(CLAIMS.index(claim), 0.1, Limits()), "judged")
+    colour = matplotlib.colors.to_rgba(run_figures.LEAST_COLOURS[claim])
+    (filled,) = figure.axes[0].collections
+    np.testing.assert_allclose(filled.get_facecolor()[0], colour)
+    assert lanes_of(figure) == [lane]
+    (bars,) = figure.axes[-1].collections
+    np.testing.assert_allclose(bars.get_facecolor()[0], colour)
+    assert run_figures.LEAST_COLOURS["conditional"] != run_figures.LEAST_COLOURS["unconditional"]
+
+
+def test_only_lanes_of_alarms_that_there_are_are_drawn():
+    calm = run_figures.monitor_figure(judged(0, -0.1, Limits()), "judged")
+    assert len(calm.axes) == 3
+    assert calm.axes[0].get_title() == "how far the estimate can be off; no alarm"
+    within = run_figures.monitor_figure(judged(0, -0.1, Limits(tilt=0.5)), "judged")
+    assert len(within.axes) == 3
+    beyond = run_figures.monitor_figure(judged(0, -0.1, Limits(tilt=0.2)), "judged")
+    assert lanes_of(beyond) == ["not within limit"]

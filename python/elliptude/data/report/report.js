@@ -9,6 +9,25 @@
     return getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
   }
 
+  // A blue that is dark enough for white paper cannot be read on black.
+  const ON_BLACK = { "#0072B2": "#56B4E9", "rgba(0,114,178,0.22)": "rgba(86,180,233,0.3)" };
+  const names = Object.keys(data.plots);
+  const onWhite = Object.fromEntries(names.map((id) => [id, data.plots[id].data.map((trace) => ({
+    "line.color": trace.line && trace.line.color,
+    "fillcolor": trace.fillcolor,
+    "textfont.color": trace.textfont && trace.textfont.color,
+  }))]));
+
+  function recolour(plot, id) {
+    onWhite[id].forEach((colours, i) => {
+      // What lies on the sphere has its light grey behind it.
+      if (plot.data[i].type !== "scatter" && colours["textfont.color"] === undefined) { return; }
+      const known = Object.entries(colours).filter(([, value]) => value in ON_BLACK);
+      const change = known.map(([key, value]) => [key, dark.matches ? ON_BLACK[value] : value]);
+      if (change.length) { Plotly.restyle(plot, Object.fromEntries(change), [i]); }
+    });
+  }
+
   // Lines whose meta is "ink" are black on white, or white on black.
   function colour(id) {
     const plot = element(id);
@@ -23,6 +42,7 @@
       }
     }
     Plotly.relayout(plot, change);
+    recolour(plot, id);
     if (inked.length) { Plotly.restyle(plot, { "line.color": ink(), "marker.color": ink() }, inked); }
   }
 
@@ -213,7 +233,6 @@
   slider.addEventListener("input", draw);
   button.addEventListener("click", () => play(!isPlaying));
 
-  const names = Object.keys(data.plots);
   const drawn = names.map((id) => Plotly.newPlot(id, data.plots[id].data, data.plots[id].layout, config));
   Promise.all(drawn).then(() => show(0)).then(() => {
     names.forEach(colour);
