@@ -1,15 +1,34 @@
 """Errors of files, and files that are written whole or not at all."""
 
+import difflib
 import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 
 class FileError(Exception):
     """A file cannot be used or written; the message says which, where in it, and why."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The known name that is most like another one, as the end of a message; empty if none is.
+
+    Parameters
+    ----------
+    name : str
+    known : iterable of str
+
+    Returns
+    -------
+    str
+        ", did you mean 'gyro_x'?"
+    """
+    by_small_letters = {one.lower(): one for one in known}
+    near = difflib.get_close_matches(name.lower(), by_small_letters, n=1, cutoff=0.75)
+    return f", did you mean {by_small_letters[near[0]]!r}?" if near else ""
 
 
 @contextmanager

@@ -196,7 +196,7 @@ def test_parquet_of_other_programs(tmp_path):
         (HEADER, "a header, but no rows below it"),
         ("time_s,y\n0,1\n", "no column 'x'; the columns are time_s, y"),
         ("time_s,x,x,y\n0,1,1,1\n", "two columns 'x'"),
-        ("t;x;y\n0;1;2\n", "no column 'time_s'; the columns are t;x;y"),
+        ("t;x;y\n0;1;2\n", "no column 'time_s'; the columns are t, x, y"),
         (HEADER + "0,1,,\n1,fast,,\n", "line 3, column 2 (x): not a number: 'fast'"),
         (HEADER + "\n\n0,1,,\n\n1,2,0x10,\n", "line 6, column 3 (y): not a number: '0x10'"),
         ("# c\n" + HEADER + "0,1,,\n1,1_000,,\n", "line 4, column 2 (x): not a number: '1_000'"),

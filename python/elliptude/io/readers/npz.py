@@ -50,6 +50,10 @@ class NpzFile:
         """See `LogFile`."""
         return str(self._lengths[column])
 
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
+
     def stamps(self, stream: str) -> None:
         """Any column may hold the times."""
         return

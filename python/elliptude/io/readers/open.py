@@ -6,13 +6,16 @@ from pathlib import Path
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.dialect import Stated
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
 from elliptude.io.readers.ulog import UlogFile
 
 
-def open_log(path: str | os.PathLike[str]) -> LogFile:
+def open_log(
+    path: str | os.PathLike[str], stated: Stated = Stated(), *, lenient: bool = False  # noqa: B008
+) -> LogFile:
     """Open a file in the format that its name ends in.
 
     Parameters
@@ -20,6 +23,10 @@ def open_log(path: str | os.PathLike[str]) -> LogFile:
     path : path-like
         ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; anything else is
         CSV, which may be compressed (``.gz``, ``.bz2``, ``.zst``).
+    stated : Stated
+        How a CSV file is written; what is not stated is found out.
+    lenient : bool
+        As in `CsvTable`.
 
     Returns
     -------
@@ -45,4 +52,4 @@ def open_log(path: str | os.PathLike[str]) -> LogFile:
         case ".bag" | ".mcap" | ".db3":
             return BagFile(path)
         case _:
-            return CsvTable(path)
+            return CsvTable(path, stated, lenient=lenient)

@@ -53,6 +53,10 @@ class BagFile:
         """All do."""
         return True
 
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
+
     def stamps(self, stream: str) -> tuple[str, str]:
         """The header's stamps where messages have a header, else when the bag took them; ns."""
         header = f"{stream}.header.stamp"

@@ -48,6 +48,10 @@ class UlogFile:
         """All do."""
         return True
 
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
+
     def stamps(self, stream: str) -> tuple[str, str]:
         """The topic's own, µs."""
         return f"{stream}.timestamp", "us"
