@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
-from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
+from elliptude.cli.options import Force, Repair, SummaryAsJson, refuse_to_replace, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import guaranteed_result
@@ -25,6 +25,7 @@ from elliptude.io.files import FileError
 from elliptude.io.tables import write_columns, writing_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
+from elliptude.logs.repair import Repaired, Survey
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
@@ -53,6 +54,7 @@ def estimate(
             help="Go on although sensors contradict one another, as with a wrong unit or axis; the results say so.",
         ),
     ] = False,
+    repair: Repair = False,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -62,7 +64,7 @@ def estimate(
     measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
     names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
-    configuration = read_configuration(config)
+    configuration = with_repair(read_configuration(config), repair)
     if ignore_implausible:
         configuration = configuration.model_copy(update={"implausible": "ignore"})
     files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
@@ -92,6 +94,8 @@ def estimate(
 
 def _say(log: Path, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
+    for one in summary["repaired"]:
+        typer.secho(f"repaired: {one['said']}", fg=typer.colors.YELLOW)
     for one in summary["implausible"]:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
     if summary["calibrated"]:
@@ -166,7 +170,9 @@ def _estimate_pieces(
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
     heard = plausibility.Heard()
-    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
+    found = Survey()
+    read = _noting_repairs(logs.read_pieces(log, configuration), found)
+    pieces = plausibility.plausible_pieces(ahead(read), configuration, str(log), heard)
     estimator = PieceEstimator(configuration)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
@@ -195,7 +201,16 @@ def _estimate_pieces(
         heard=heard,
         bridged=estimator.bridged,
     )
+    figures_of["repaired"] = found.to_dict()
     return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
+
+
+def _noting_repairs(pieces: Iterator[logs.Log], found: Survey) -> Iterator[logs.Log]:
+    """The pieces of a log; what was repaired in its file is noted with the first one."""
+    for piece in pieces:
+        if isinstance(piece.file, Repaired) and not found.faults:
+            found.faults += piece.file.found.faults
+        yield piece
 
 
 def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:

@@ -35,6 +35,7 @@ from elliptude.io.readers.base import LogFile, require_columns
 from elliptude.io.readers.open import open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
+from elliptude.logs.repair import Repaired, Survey, survey
 from elliptude.typing import FloatArray
 
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
@@ -162,17 +163,59 @@ def read_pieces(path: str | os.PathLike[str], configuration: Configuration) -> I
     FileError
         As `read_log`, when the reading gets there.
     """
-    file = open_log(path)
+    file = open_configured(path, configuration)
     clocks = _clocks(file, configuration)
     constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
     is_empty = True
-    for piece in pieces(file, clocks, configuration.timing):
-        is_empty = False
-        yield _log(piece, file, configuration, constants)
+    try:
+        for piece in pieces(file, clocks, configuration.timing.effective()):
+            is_empty = False
+            yield _log(piece, file, configuration, constants)
+    except FileError as error:
+        raise with_all_faults(error, path, configuration) from error
     if is_empty:
         if all(clock.is_empty for clock in clocks):
             raise FileError(f"{path}: a header, but no rows below it")
         raise FileError(f"{path}: no row between the first and the last sample of {_filled(configuration)}")
+
+
+def open_configured(path: str | os.PathLike[str], configuration: Configuration) -> LogFile:
+    """Open a log as its configuration says: how a CSV file is written, and without what a repair leaves out.
+
+    Raises
+    ------
+    FileError
+        As `elliptude.io.readers.open.open_log`; or if something is wrong that a repair cannot leave out.
+    """
+    file = open_log(path, configuration.csv.stated(), lenient=configuration.timing.repair)
+    return Repaired(file, survey(file, _clocks(file, configuration))) if configuration.timing.repair else file
+
+
+def faults_of(path: str | os.PathLike[str], configuration: Configuration) -> Survey:
+    """All that is wrong with the rows of a log.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read at all.
+    """
+    file = open_log(path, configuration.csv.stated(), lenient=True)
+    return survey(file, _clocks(file, configuration))
+
+
+def with_all_faults(error: FileError, path: str | os.PathLike[str], configuration: Configuration) -> FileError:
+    """The error of the first fault, and all others that the rows have."""
+    if configuration.timing.repair:
+        return error
+    try:
+        found = faults_of(path, configuration)
+    except FileError:
+        return error
+    if not found.faults and not found.hopeless:
+        return error
+    listed = "; ".join([*map(str, found.faults), *found.hopeless])
+    remedy = "" if found.hopeless else ". --repair leaves them out, and lists them (timing.repair = true)"
+    return FileError(f"{error}. In all: {listed}{remedy}")
 
 
 def _filled(configuration: Configuration) -> str:
@@ -235,10 +278,17 @@ def read_samples(
     FileError
         As `read_log`.
     """
-    file = open_log(path)
+    file = open_configured(path, configuration)
+    try:
+        return _samples_of(file, configuration, names)
+    except FileError as error:
+        raise with_all_faults(error, path, configuration) from error
+
+
+def _samples_of(file: LogFile, configuration: Configuration, names: Sequence[str] | None) -> list[Samples]:
     clocks = _clocks(file, configuration, names)
-    timing = configuration.timing
-    origin: int | None = None if timing.origin == "first" else 0
+    timing = configuration.timing.effective()
+    origin: int | None = 0 if timing.origin == "file" else None
     found: list[Samples] = []
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         together = [clock for clock in clocks if clock.stream == stream]
@@ -246,12 +296,12 @@ def read_samples(
         rows = 0
         for batch in file.batches(columns):
             if origin is None:
-                origin = first_second(file, together[0], batch)
+                origin = first_second(file, together[0], batch, timing)
             for clock in together:
                 take(file, clock, batch, rows, origin, timing)
             rows += len(next(iter(batch.values())).values)
         if not rows:
-            raise FileError(f"{path}: a header, but no rows below it")
+            raise FileError(f"{file.path}: a header, but no rows below it")
         for channel in chain.from_iterable(clock.channels for clock in together):
             times = np.concatenate(channel.times) if channel.times else np.empty(0)
             values = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
@@ -284,6 +334,13 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
                 )
             column, unit = stamps[0], _time_unit(stamps[1])
         require_columns(file, [column])
+        if (own := file.time_unit(column)) is not None:
+            stated = (
+                "time_unit" in (configuration if timed is None or timed.time_unit is None else timed).model_fields_set
+            )
+            if stated and unit != own:
+                raise FileError(f"{file.path}: column {column!r} has times of day: leave time_unit out, or say '{own}'")
+            unit = _time_unit(own)
         for other in (column, *channel.columns):
             if file.stream(other) != stream:
                 raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
@@ -446,7 +503,7 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
 def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
     (clock,) = _clocks(file, configuration, [name])
     total, lengths, count = np.zeros(3), 0.0, 0
-    for piece in pieces(file, [clock], configuration.timing):
+    for piece in pieces(file, [clock], configuration.timing.effective()):
         times = piece.times + piece.origin
         chosen = piece.values[name][(times >= begin) & (times <= end), :3]
         chosen = chosen[np.isfinite(chosen[:, 0])]

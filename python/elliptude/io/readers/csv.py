@@ -22,6 +22,7 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import Batch
 from elliptude.io.readers.dialect import (
+    ALL_FOUND_OUT,
     DELIMITERS,
     MISSING,
     NUMBER,
@@ -59,7 +60,11 @@ class CsvTable:
     _LARGE = re.compile(r"[+-]?\d{16,18}|[+-]?[0-8]\d{18}", re.ASCII)
 
     def __init__(
-        self, path: str | os.PathLike[str], stated: Stated = Stated(), *, lenient: bool = False  # noqa: B008
+        self,
+        path: str | os.PathLike[str],
+        stated: Stated = ALL_FOUND_OUT,
+        *,
+        lenient: bool = False,
     ) -> None:
         self.path = Path(path)
         self.label = ""
@@ -73,7 +78,9 @@ class CsvTable:
                 if line.startswith("#"):
                     self.label = self.label or line.removeprefix("#").strip()
                 elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
-                    stated = replace(stated, delimiter=stated.delimiter or match[1])
+                    stated = replace(
+                        stated, delimiter=stated.delimiter or next(mark for mark in DELIMITERS if mark == match[1])
+                    )
                 elif line.strip():
                     self._begin(line, text, stated)
                     return
@@ -185,9 +192,17 @@ class CsvTable:
             lines[row], _ = next(islice(read, row - before - 1, None))
         return [f"line {lines[row]}" for row in rows]
 
-    def uneven_lines(self) -> list[int]:
-        """Lines that have more or fewer columns than the header; the whole file is read for them."""
-        return [line for line, cells in self._all_rows() if len(cells) != len(self.columns)]
+    def odd_lines(self) -> tuple[list[int], list[int]]:
+        """Lines with more or fewer columns than the header, and lines with words for nothing; read to the end."""
+        uneven: list[int] = []
+        worded: list[int] = []
+        words = set(MISSING)
+        for line, cells in self._all_rows():
+            if len(cells) != len(self.columns):
+                uneven.append(line)
+            elif not words.isdisjoint(cells):
+                worded.append(line)
+        return uneven, worded
 
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():

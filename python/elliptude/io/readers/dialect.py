@@ -26,7 +26,24 @@ STAMP = re.compile(
 """A time of day in ISO 8601: 2024-05-01T12:00:00.25Z."""
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+", re.ASCII)
-MISSING = ("nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NONE", "NA", "N/A", "n/a", "#N/A", "-", "--", "?")
+MISSING = (
+    "nan",
+    "NaN",
+    "NAN",
+    "null",
+    "NULL",
+    "Null",
+    "none",
+    "None",
+    "NONE",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "-",
+    "--",
+    "?",
+)
 """Words that programs write where nothing was measured."""
 _UNITS = {
     *("s", "sec", "ms", "us", "µs", "μs", "ns", "rad/s", "deg/s", "°/s", "dps", "m/s^2", "m/s²", "m/s2", "g", "mg"),
@@ -54,6 +71,9 @@ class Stated:
     decimal: Decimal | None = None
     encoding: str | None = None
     units_row: bool | None = None
+
+
+ALL_FOUND_OUT = Stated()
 
 
 def encoding_of(beginning: bytes) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import Stated
+from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
@@ -14,7 +14,10 @@ from elliptude.io.readers.ulog import UlogFile
 
 
 def open_log(
-    path: str | os.PathLike[str], stated: Stated = Stated(), *, lenient: bool = False  # noqa: B008
+    path: str | os.PathLike[str],
+    stated: Stated = ALL_FOUND_OUT,
+    *,
+    lenient: bool = False,
 ) -> LogFile:
     """Open a file in the format that its name ends in.
 
