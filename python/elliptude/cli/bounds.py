@@ -288,6 +288,8 @@ def _say(
     Console(width=max(Console().width, 100)).print(_table(proposed))
     for line in remarks_on(proposed):
         typer.echo(line)
+    if proposed.no_rest is not None:
+        typer.secho(f"No rest: {proposed.no_rest}.", fg=typer.colors.YELLOW)
     if up is not None:
         typer.echo(f"{up}.")
     for one in implausible:

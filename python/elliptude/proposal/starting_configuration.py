@@ -190,9 +190,16 @@ def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, 
         return "reference_ut", [round(float(part), 3) for part in field], "median at rest, by the reference attitude"
     begin, end = max(proposed.rests, key=lambda span: span[1] - span[0], default=(0.0, 0.0))
     if end - begin < _SHORTEST_REST:
-        raise ValueError(
-            f"no rest of {_SHORTEST_REST:g} s in the recording: state the magnetometer's reference in a configuration"
-        )
+        if magnetometer is None or proposed.field_angle is None:
+            why = "" if proposed.no_rest is None else f": {proposed.no_rest}"
+            raise ValueError(
+                f"no rest of {_SHORTEST_REST:g} s in the recording{why}; state the magnetometer's reference in a "
+                "configuration"
+            )
+        angle, _ = proposed.field_angle
+        field = from_enu(magnetometer.magnitude * np.array([0.0, math.sin(angle), math.cos(angle)]), frame)
+        how = "medians of the whole recording, which has no rest: the field's length, its angle from the specific force"
+        return "reference_ut", [round(float(part), 3) for part in field], how
     # Rounded inwards, so that no row that moves is included.
     phase = {
         "kind": "rest_phase",
@@ -258,7 +265,8 @@ def _no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stamps:
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
-        return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s"
+        why = "" if proposed.no_rest is None else f"; {proposed.no_rest}"
+        return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s{why}"
     if shared_stamps <= 0.5:
         return f"all sensors were sampled together in {100.0 * shared_stamps:.3g} % of the rows alone"
     try:
@@ -392,6 +400,11 @@ def _bound_magnetometer(
     sensor["bound_from"] = bound
 
 
+def _longest_rest(proposed: Proposal) -> float:
+    """How long the longest rest is, s; 0 without one."""
+    return max((end - begin for begin, end in proposed.rests), default=0.0)
+
+
 def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
     """How far the mean field at rest, turned by the specific force there, may be off, µT; theory.md, (18.11)."""
     magnetometer, accelerometer = table["magnetometer"], table["accelerometer"]
@@ -402,9 +415,11 @@ def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
         gravity, k = accelerometer["gravity_m_per_s2"].value, accelerometer["scale_error"].value
         radius = accelerometer["averaged_error_m_per_s2"].value + accelerometer["gravity_error_m_per_s2"].value
         radius += k * (gravity + accelerometer["error_m_per_s2"].value) / (1.0 - k)
-        longest = max((end - begin for begin, end in proposed.rests), default=_SHORTEST_REST)
-        radius += 2.0 * table["rest"]["velocity_m_per_s"].value / max(longest, _SHORTEST_REST)
-        error += 2.0 * strength * math.sin(0.5 * math.asin(min(radius / gravity, 1.0)))
+        radius += 2.0 * table["rest"]["velocity_m_per_s"].value / max(_longest_rest(proposed), _SHORTEST_REST)
+        tilt = math.asin(min(radius / gravity, 1.0))
+        if _longest_rest(proposed) < _SHORTEST_REST and proposed.field_angle is not None:
+            tilt = max(tilt, proposed.field_angle[1])
+        error += 2.0 * strength * math.sin(0.5 * tilt)
     return float(error)
 
 

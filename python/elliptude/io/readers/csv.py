@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import Batch
 from elliptude.io.readers.dialect import (
@@ -276,4 +276,4 @@ class CsvTable:
                 else:
                     yield io.BufferedReader(Translated(stream, dialect.encoding, blanks=dialect.delimiter == " "))
         except OSError as error:
-            raise FileError(f"{self.path}: {error.strerror or 'it cannot be read'}") from error
+            raise FileError(f"{self.path}: {system_fault(error)}") from error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.base import BATCH_ROWS, Batch, Cells, numbered
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class BagFile:
         except (FileError, KeyboardInterrupt, GeneratorExit):
             raise
         except OSError as error:
-            raise FileError(f"{self.path}: {error.strerror or error}") from error
+            raise FileError(f"{self.path}: {system_fault(error)}") from error
         except Exception as error:  # of rosbags and of what it unpacks with
             raise FileError(f"{self.path}: not a bag that rosbags can read: {error}") from error
 
