@@ -19,7 +19,6 @@ from elliptude.cli.options import Force, Repair, refuse_to_replace, require_fini
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.readers.open import open_log
@@ -207,7 +206,7 @@ def _mapping(
     if like is not None:
         if like not in presets():
             raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
-        return _present(of_preset(like), open_log(log, stated)), log
+        return of_preset(like, open_log(log, stated)), log
     if not by_name:
         file = open_log(log, stated)
         if (found := mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())) is not None:
@@ -224,8 +223,11 @@ def _mapping(
         if unit is None:
             raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
         sensors[name] = _listed(columns, 3, option), unit
-    if time is None or "gyroscope" not in sensors:
-        raise typer.BadParameter("needed with columns by name", param_hint="--time, --gyro")
+    file = open_log(log, stated)
+    has_stamps = file.stamps(file.stream(file.columns[0])) is not None
+    if (time is None) != has_stamps or "gyroscope" not in sensors:
+        needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
+        raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
     return mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ()), log
 
 
@@ -237,17 +239,6 @@ def _stated(tables: Tables, by_options: Stated) -> Stated:
     return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
 
 
-def _present(tables: Tables, file: LogFile) -> Tables:
-    """A preset without the sensors that the file does not have; it must have the gyro."""
-    columns = set(file.columns)
-    tables = dict(tables)
-    if "directions" in tables:
-        tables["directions"] = [one for one in tables["directions"] if columns.issuperset(one["columns"])]
-    if "truth" in tables and not columns.issuperset(tables["truth"]["attitude_columns"]):
-        del tables["truth"]
-    return tables
-
-
 def _listed(columns: str, count: int, option: str) -> list[str]:
     listed = next(csv.reader([columns], skipinitialspace=True))
     if len(listed) != count:
@@ -257,7 +248,9 @@ def _listed(columns: str, count: int, option: str) -> list[str]:
 
 def _said(tables: Tables) -> list[str]:
     """How each column was read."""
-    lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
+    lines = ["time: the file's own stamps"]
+    if "time_column" in tables:
+        lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
     if "truth" in tables:

@@ -25,7 +25,7 @@ _WORDS = {
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
     "too_long": "must have {max_length} values, not {actual_length}",
-    "too_short": "must have at least {min_length} values",
+    "too_short": "must have at least {min_length} value(s)",
     "string_too_short": "must not be empty",
     "float_type": "must be a number",
     "float_parsing": "must be a number",

@@ -57,20 +57,49 @@ def presets() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
 
 
-def of_preset(name: str) -> Tables:
-    """The tables for a format of `presets`."""
-    with resources.as_file(_PRESETS / f"{name}.toml") as file:
-        return load_toml(file)
+def of_preset(name: str, file: LogFile) -> Tables:
+    """The tables for a format of `presets`, without the sensors that a file does not have; it must have the gyro.
+
+    A column such as ``*.angular_velocity.x`` is that of the one topic that has it.
+
+    Raises
+    ------
+    FileError
+        If several topics have it.
+    """
+    with resources.as_file(_PRESETS / f"{name}.toml") as preset:
+        tables = load_toml(preset)
+    for sensor in [tables["flow"], *tables.get("directions", [])]:
+        sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
+    if "directions" in tables:
+        tables["directions"] = [one for one in tables["directions"] if set(file.columns).issuperset(one["columns"])]
+    if "truth" in tables and not set(file.columns).issuperset(tables["truth"]["attitude_columns"]):
+        del tables["truth"]
+    return tables
+
+
+def _found(column: str, file: LogFile) -> str:
+    if not column.startswith("*"):
+        return column
+    there = [name for name in file.columns if name.endswith(column[1:])]
+    if len(there) > 1:
+        raise FileError(f"{file.path}: which of {', '.join(there)}? Say with --gyro, --accelerometer, --magnetometer")
+    return there[0] if there else column
 
 
 def of_sensors(
-    time_column: str, time_unit: str, sensors: Mapping[str, tuple[Sequence[str], str]], truth: Sequence[str] = ()
+    time_column: str | None,
+    time_unit: str,
+    sensors: Mapping[str, tuple[Sequence[str], str]],
+    truth: Sequence[str] = (),
 ) -> Tables:
     """The tables for columns that were named one by one.
 
     Parameters
     ----------
-    time_column, time_unit : str
+    time_column : str or None
+        None in a file whose sensors have stamps of their own, such as a bag.
+    time_unit : str
     sensors : mapping
         From "gyroscope", "accelerometer", "magnetometer" to three columns and their unit.
     truth : sequence of str
@@ -81,7 +110,7 @@ def of_sensors(
     dict
     """
     columns, unit = sensors["gyroscope"]
-    tables: Tables = {"time_column": time_column, "time_unit": time_unit}
+    tables: Tables = {} if time_column is None else {"time_column": time_column, "time_unit": time_unit}
     directions = [
         {"name": name, "kind": kind, "columns": list(sensors[kind][0]), "unit": sensors[kind][1]}
         for kind, name in _NAMES.items()

@@ -14,6 +14,7 @@ import numpy as np
 import tomlkit
 from pydantic import ValidationError
 
+from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
@@ -33,6 +34,8 @@ _WIDEST_DEG = 90.0
 _SHORTEST_REST = 1.0
 # °/s; the bias of a small, uncalibrated gyro, from datasheets.
 _BIAS_BY_DATASHEET = 5.0
+# Of the gyro's step: stamps of different sensors that are this near may make one row.
+_NEAR = 0.45
 # s; time between anchors in the guaranteed mode. It changes how large sets are, not whether they hold.
 _ANCHOR_S = 4.0
 
@@ -71,8 +74,8 @@ def starting_configuration(
     Raises
     ------
     ValueError
-        If there are no two directions to start from and a rule cannot do with one, if sensors never have the same
-        stamp, or nothing says where the magnetic field points.
+        If there are no two directions to start from and a rule cannot do with one, or nothing says where the magnetic
+        field points.
     """
     full = copy.deepcopy(tables)
     comments: dict[Place, str] = {}
@@ -291,11 +294,9 @@ def _put_by_sensor(
             "a configuration to start from needs two directions, such as accelerometer and magnetometer; one does "
             f"where a rule says all bounds, but {reason}"
         )
+    moved = 0.0
     if "start" not in full and shared_stamps == 0.0:
-        raise ValueError(
-            "its sensors never have the same stamp, so that nothing determines an attitude: state [start] or "
-            "timing.same_within_s in a configuration"
-        )
+        moved = _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False)
     _bound_gyro(full["flow"], comments, table, proposed)
     for sensor in directions:
@@ -308,6 +309,21 @@ def _put_by_sensor(
             _bound_accelerometer(sensor, comments, table, vector, margin, shared_stamps)
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
+        if moved > 0.0:
+            sensor["time_offset_bound_s"] = upward(sensor.get("time_offset_bound_s", 0.0) + moved)
+            place = ("directions", sensor["name"], "time_offset_bound_s")
+            comments[place] = f"{comments.get(place, 'no guarantee')}; and timing.same_within_s"
+
+
+def _bring_together(full: Tables, comments: dict[Place, str], proposed: Proposal) -> float:
+    """Let stamps that are near make one row, as no two sensors have the same one; how far a stamp moves by that, s."""
+    timing = full.setdefault("timing", {})
+    if "same_within_s" not in timing:
+        # Less than half a step of the gyro: no two of its samples come into one row.
+        step = proposed.gyro.longest_interval / TIMES_USUAL
+        timing["same_within_s"] = float(f"{_NEAR * step:.2g}")
+        comments["timing", "same_within_s"] = "no two sensors have the same stamp; time_offset_bound_s of each has it"
+    return float(timing["same_within_s"])
 
 
 def _put(table: Tables, comments: dict[Place, str], place: Place, values: Mapping[str, tuple[Any, str]]) -> None:

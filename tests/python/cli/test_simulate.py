@@ -122,8 +122,8 @@ def test_wrong_file_is_an_error_without_a_traceback(tmp_path):
     )
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr.startswith(f"error: {own}: inertia: Field required; ")
-    assert "step: Input should be a valid number" in done.stderr
+    assert done.stderr.startswith(f"error: {own}: inertia: missing; ")
+    assert "step: must be a number" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
 
@@ -132,7 +132,7 @@ def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     failed = run("simulate", "free", "--out", tmp_path / "file" / "out")
     assert failed.exit_code == 1
-    assert failed.stderr == f"error: {tmp_path / 'file' / 'out'}: Not a directory\n"
+    assert failed.stderr == f"error: {tmp_path / 'file' / 'out'}: within a file, where a folder is needed\n"
 
 
 def test_interrupt(tmp_path):

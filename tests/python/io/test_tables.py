@@ -328,7 +328,7 @@ def test_written_files_have_the_permissions_of_any_other(tmp_path):
     (tmp_path / "b.json").write_text("")
     assert stat.S_IMODE((tmp_path / "a.json").stat().st_mode) == stat.S_IMODE((tmp_path / "b.json").stat().st_mode)
     assert (tmp_path / "a.json").read_text() == '{\n  "x": [\n    1\n  ]\n}\n'
-    with pytest.raises(FileError, match="not written: No such file or directory"):
+    with pytest.raises(FileError, match="not written: no such file or folder"):
         write_json(tmp_path / "none" / "a.json", {})
 
 

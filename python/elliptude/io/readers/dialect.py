@@ -149,12 +149,12 @@ def _delimiter(path: Path, header: str, rows: Sequence[str]) -> Delimiter:
     if len(fits) > 1:
         readings = " or ".join(f"{count} columns separated by {DELIMITERS[mark]}" for mark, count in fits)
         raise FileError(f"{path}: {readings}? Say which in a configuration: [csv] delimiter")
-    if fits or divides:
-        return (fits or divides)[0][0]
+    if fits:
+        return fits[0][0]
     count = len(header.split())
     if count > 1 and rows and all(len(row.split()) == count for row in rows):
         return " "
-    return ","
+    return divides[0][0] if divides else ","
 
 
 def _decimal(path: Path, rows: Sequence[Sequence[str]], delimiter: Delimiter) -> Decimal:
