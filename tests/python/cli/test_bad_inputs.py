@@ -90,9 +90,9 @@ LOGS = {
 CONFIGS = {
     "not TOML": ("flow = [", "not TOML"),
     "misspelt key": (CONFIG.replace("noise_deg", "nose_deg"), "no such key, did you mean 'noise_deg_per_s'?"),
-    "misspelt table": (CONFIG.replace("estimator =", "estimater ="), "estimater: no such key, did you mean 'estimator'?"),
+    "misspelt table": (CONFIG.replace("estimator =", "estimater ="), "no such key, did you mean 'estimator'?"),
     "no flow": (CONFIG.replace("flow =", "#"), "flow: missing"),
-    "unknown kind": (CONFIG.replace('"gyro"', '"gryo"'), "kind must be 'gyro' or 'rigid_body', not 'gryo', did you mean"),
+    "unknown kind": (CONFIG.replace('"gyro"', '"gryo"'), "kind must be 'gyro' or 'rigid_body', not 'gryo', did"),
     "no kind": (CONFIG.replace('kind = "gyro", ', ""), "kind: missing, must be 'gyro' or 'rigid_body'"),
     "unknown unit": (CONFIG.replace('"deg/s"', '"degrees"'), "flow.unit: must be 'rad/s' or 'deg/s', not 'degrees'"),
     "unknown field unit": (CONFIG.replace('"uT"', '"mT"'), "uT is microtesla; nT is nanotesla), not 'mT'"),

@@ -37,7 +37,7 @@ def rows_of(file):
         ("sep=;\nt;x;y\n0.5;1.25;-3\n0.75;2.5;4e-3\n", {"delimiter": ";"}),
         ("t;x;y\n[s];[°/s];[µT]\n0,5;1,25;-3\n0,75;2,5;4e-3\n", {"delimiter": ";", "decimal": ",", "units_row": True}),
         (codecs.BOM_UTF8 + b"t,x,y\n0.5,1.25,-3\n0.75,2.5,4e-3\n", {}),
-        ("t;x;y\n0,5;1,25;-3\n0,75;2,5;4e-3\n".encode("utf-16"), {"delimiter": ";", "decimal": ",", "encoding": "utf-16"}),
+        ("t;x;y\n0,5;1,25;-3\n0,75;2,5;4e-3\n".encode("utf-16"), {"decimal": ",", "encoding": "utf-16"}),
         ("t,x,y\n0.5,1.25,-3\n0.75,2.5,4e-3\n".encode("utf-16-le"), {"encoding": "utf-16-le"}),
     ],
 )  # fmt: skip
