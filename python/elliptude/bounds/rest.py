@@ -111,8 +111,10 @@ def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
         return 0.0
     squares = np.mean((rows[2:] - 2.0 * rows[1:-1] + rows[:-2]) ** 2, axis=1) / 6.0
     starts, _, counts = _pieces(stamps[1:-1], duration)
-    means = np.add.reduceat(squares, starts) / counts
-    means = means[np.isfinite(means)]
+    there = np.isfinite(squares)
+    found = np.add.reduceat(there.astype(np.intp), starts)
+    enough = 2 * found > counts
+    means = np.add.reduceat(np.where(there, squares, 0.0), starts)[enough] / found[enough]
     return float(np.sqrt(np.quantile(means, 0.2))) if len(means) else 0.0
 
 
