@@ -19,8 +19,8 @@ from elliptude.bounds.turns import (
 from elliptude.typing import FloatArray
 
 _SQRT3 = math.sqrt(3.0)
-# A gap is longer than this times the usual interval: one lost sample exceeds it, the ticks of a clock do not.
-_TIMES_USUAL = 1.5
+TIMES_USUAL = 1.5
+"""A gap is longer than this times the usual interval: one lost sample exceeds it, the ticks of a clock do not."""
 
 
 def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
@@ -45,7 +45,7 @@ def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
     """
     usual = float(np.median(intervals)) if len(intervals) else np.inf
     if stated is None:
-        return _TIMES_USUAL * usual
+        return TIMES_USUAL * usual
     if usual > stated and len(intervals):
         raise ValueError(
             f"the gyro's samples are {usual:.6g} s apart, but its error bounds speak of at most {stated:.6g} s "

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elliptude.typing import FloatArray
+
 
 def rest_rows(
     times: ArrayLike,
@@ -35,17 +37,101 @@ def rest_rows(
         False in pieces with a missing row.
     """
     stamps = np.asarray(times, dtype=np.float64)
+    starts, piece, counts = _pieces(stamps, duration)
+    turning, mean_rates = _deviations(angular_velocities, starts, piece, counts)
+    shaking, _ = _deviations(specific_forces, starts, piece, counts)
+    resting = (counts > 1) & (turning <= rate_deviation) & (mean_rates <= rate) & (shaking <= acceleration_deviation)
+    rows: NDArray[np.bool_] = resting[piece]
+    return rows
+
+
+def why_no_rest(
+    times: ArrayLike,
+    angular_velocities: ArrayLike,
+    specific_forces: ArrayLike,
+    *,
+    duration: float,
+    rate_deviation: float,
+    rate: float,
+    acceleration_deviation: float,
+) -> str:
+    """Which limit the piece fails that comes nearest to a rest, in words; arguments as for `rest_rows`."""
+    stamps = np.asarray(times, dtype=np.float64)
+    starts, piece, counts = _pieces(stamps, duration)
+    turning, mean_rates = _deviations(angular_velocities, starts, piece, counts)
+    shaking, _ = _deviations(specific_forces, starts, piece, counts)
+    degrees = np.rad2deg(1.0)
+    limits = (
+        (
+            turning,
+            rate_deviation,
+            degrees,
+            "the gyro deviates from its mean by {:.3g}, at most {:.3g} deg/s are a rest",
+        ),
+        (mean_rates, rate, degrees, "the gyro's mean is {:.3g}, at most {:.3g} deg/s are a rest"),
+        (
+            shaking,
+            acceleration_deviation,
+            1.0,
+            "the specific force deviates by {:.3g}, at most {:.3g} m/s^2 are a rest",
+        ),
+    )
+    ratios = np.array([values / most for values, most, _, _ in limits])
+    ratios[:, (counts < 2) | ~np.isfinite(ratios).all(axis=0)] = np.inf
+    nearest = int(np.argmin(ratios.max(axis=0)))
+    if not np.isfinite(ratios[:, nearest]).all():
+        return f"no {duration:g} s have all samples"
+    values, most, scale, words = limits[int(np.argmax(ratios[:, nearest]))]
+    said = words.format(scale * values[nearest], scale * most)
+    return f"in the quietest {duration:g} s, from {stamps[starts[nearest]]:.6g} s on, {said}"
+
+
+def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
+    """The standard deviation of a sensor's noise along an axis, from how samples differ from those beside them.
+
+    Second differences of white noise have six times its variance, and next to nothing of a motion that is slow against
+    the samples. The quietest fifth of the pieces counts.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    values : (N, 3) array
+        NaN where nothing was measured.
+    duration : float
+        Length of a piece, s.
+
+    Returns
+    -------
+    float
+        In the unit of the values; 0 if there are too few samples.
+    """
+    stamps, rows = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if len(stamps) < 3:
+        return 0.0
+    squares = np.mean((rows[2:] - 2.0 * rows[1:-1] + rows[:-2]) ** 2, axis=1) / 6.0
+    starts, _, counts = _pieces(stamps[1:-1], duration)
+    there = np.isfinite(squares)
+    found = np.add.reduceat(there.astype(np.intp), starts)
+    enough = 2 * found > counts
+    means = np.add.reduceat(np.where(there, squares, 0.0), starts)[enough] / found[enough]
+    return float(np.sqrt(np.quantile(means, 0.2))) if len(means) else 0.0
+
+
+def _pieces(stamps: FloatArray, duration: float) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Where pieces start, to which each row belongs, and how many rows each has."""
     pieces = np.floor((stamps - stamps[0]) / duration + 1e-9).astype(np.intp)
     starts = np.flatnonzero(np.diff(pieces, prepend=-1))
     piece = np.cumsum(np.diff(pieces, prepend=-1) > 0) - 1
-    counts = np.diff(starts, append=len(stamps))
-    resting = counts > 1
-    for values, deviation, most in (
-        (np.asarray(angular_velocities, dtype=np.float64), rate_deviation, rate),
-        (np.asarray(specific_forces, dtype=np.float64), acceleration_deviation, np.inf),
-    ):
-        means = np.add.reduceat(values, starts, axis=0) / counts[:, None]
-        deviations = np.maximum.reduceat(np.linalg.norm(values - means[piece], axis=1), starts)
-        resting &= (deviations <= deviation) & (np.linalg.norm(means, axis=1) <= most)
-    rows: NDArray[np.bool_] = resting[piece]
-    return rows
+    return starts, piece, np.diff(starts, append=len(stamps))
+
+
+def _deviations(
+    vectors: ArrayLike, starts: NDArray[np.intp], piece: NDArray[np.intp], counts: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray]:
+    """In each piece, the largest distance of a sample from the mean, and the length of the mean."""
+    values = np.asarray(vectors, dtype=np.float64)
+    means = np.add.reduceat(values, starts, axis=0) / counts[:, None]
+    deviations: FloatArray = np.maximum.reduceat(np.linalg.norm(values - means[piece], axis=1), starts)
+    lengths: FloatArray = np.linalg.norm(means, axis=1)
+    return deviations, lengths

@@ -110,7 +110,7 @@ def make_app() -> typer.Typer:
     from typer.core import TyperGroup
 
     from elliptude import __version__
-    from elliptude.io.files import FileError
+    from elliptude.io.files import FileError, system_fault
 
     class Group(TyperGroup):
         def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -125,7 +125,7 @@ def make_app() -> typer.Typer:
             except BrokenPipeError:  # `| head` has read enough; typer ends without a message
                 raise
             except OSError as error:
-                message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+                message = f"{error.filename}: {system_fault(error)}" if error.filename else system_fault(error)
             typer.secho(f"error: {message}", err=True, fg=typer.colors.RED)
             raise typer.Exit(1)
 

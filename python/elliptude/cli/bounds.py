@@ -15,16 +15,19 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, quantity
+from elliptude.cli.options import Force, Repair, quantity
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.readers.open import open_log
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
+from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables, of_preset, presets
 from elliptude.proposal.proposals import Proposal, Recording
@@ -36,6 +39,9 @@ _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
     "this one, may exceed any of them. A bound to rely on needs a reason, such as a datasheet or the size of the room."
 )
+
+_DELIMITERS: dict[str, Delimiter] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
+_DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
 
 
 def bounds(
@@ -83,6 +89,15 @@ def bounds(
     rule: Annotated[
         Path | None, typer.Option(help="Write a rule for bounds to start from: TOML.", show_default=False)
     ] = None,
+    repair: Repair = False,
+    delimiter: Annotated[
+        Literal["comma", "semicolon", "tab", "blank", "bar"] | None,
+        typer.Option(help="What separates the columns of a CSV file, if two readings fit.", show_default=False),
+    ] = None,
+    decimal: Annotated[
+        Literal["point", "comma"] | None,
+        typer.Option(help="The decimal mark of a CSV file, if two readings fit.", show_default=False),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -105,11 +120,14 @@ def bounds(
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
-    tables, source = _mapping(log, config, like, time, time_unit, named, truth)
+    stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
+    tables, source = _mapping(log, config, like, time, time_unit, named, truth, stated)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
+    tables = mapping.as_written(tables, open_log(log, _stated(tables, stated), lenient=repair), repair=repair)
     configuration = mapping.configuration_of(tables, source)
     mode = _mode(mode, tables)
+    repaired = logs.faults_of(log, configuration) if configuration.timing.repair else Survey()
     recording, origin = mapping.read_recording(log, configuration)
     implausible = _look(log, configuration, refuse=out is not None or rule is not None)
     if not reference:
@@ -150,12 +168,14 @@ def bounds(
         )
     if as_json:
         summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
-        summary |= {"implausible": implausible, "suspicious": suspicious}
+        summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
         summary["why_no_rule"] = no_rule
         summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
+    for line in repaired.lines():
+        typer.secho(line, fg=typer.colors.YELLOW)
     _say(log, tables, recording, proposed, up, implausible, suspicious)
     if says:
         _say_statements(carried, statements_of(ruled), says)
@@ -211,6 +231,7 @@ def _mapping(
     time_unit: str,
     named: dict[str, tuple[str | None, str | None]],
     truth: str | None,
+    stated: Stated,
 ) -> tuple[Tables, Path]:
     """Which columns are which sensors, and the file that says so."""
     by_name = any(columns is not None for columns, _ in named.values()) or time is not None
@@ -221,9 +242,10 @@ def _mapping(
     if like is not None:
         if like not in presets():
             raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
-        return _present(of_preset(like), log), log
+        return of_preset(like, open_log(log, stated)), log
     if not by_name:
-        if (found := mapping.of_headers(open_log(log).columns)) is not None:
+        file = open_log(log, stated)
+        if (found := mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())) is not None:
             return found, log
         raise FileError(
             f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
@@ -237,20 +259,20 @@ def _mapping(
         if unit is None:
             raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
         sensors[name] = _listed(columns, 3, option), unit
-    if time is None or "gyroscope" not in sensors:
-        raise typer.BadParameter("needed with columns by name", param_hint="--time, --gyro")
+    file = open_log(log, stated)
+    has_stamps = file.stamps(file.stream(file.columns[0])) is not None
+    if (time is None) != has_stamps or "gyroscope" not in sensors:
+        needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
+        raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
     return mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ()), log
 
 
-def _present(tables: Tables, log: Path) -> Tables:
-    """A preset without the sensors that the file does not have; it must have the gyro."""
-    columns = set(open_log(log).columns)
-    tables = dict(tables)
-    if "directions" in tables:
-        tables["directions"] = [one for one in tables["directions"] if columns.issuperset(one["columns"])]
-    if not columns.issuperset(tables["truth"]["attitude_columns"]):
-        del tables["truth"]
-    return tables
+def _stated(tables: Tables, by_options: Stated) -> Stated:
+    """How a CSV file is written, by options and by a configuration."""
+    if not isinstance(said := tables.get("csv", {}), dict):
+        return by_options
+    known = {key: value for key, value in said.items() if key in {"delimiter", "decimal", "encoding", "units_row"}}
+    return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
 
 
 def _listed(columns: str, count: int, option: str) -> list[str]:
@@ -262,7 +284,9 @@ def _listed(columns: str, count: int, option: str) -> list[str]:
 
 def _said(tables: Tables) -> list[str]:
     """How each column was read."""
-    lines = [f"time: {tables.get('time_column', 'time_s')} ({tables.get('time_unit', 's')})"]
+    lines = ["time: the file's own stamps"]
+    if "time_column" in tables:
+        lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
     if "truth" in tables:
@@ -293,6 +317,8 @@ def _say(
     Console(width=max(Console().width, 100)).print(_table(proposed))
     for line in remarks_on(proposed):
         typer.echo(line)
+    if proposed.no_rest is not None:
+        typer.secho(f"No rest: {proposed.no_rest}.", fg=typer.colors.YELLOW)
     if up is not None:
         typer.echo(f"{up}.")
     for one in implausible:

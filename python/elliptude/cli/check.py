@@ -12,7 +12,7 @@ from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro, counted
-from elliptude.cli.options import Force, quantity
+from elliptude.cli.options import Force, Repair, quantity, with_repair
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.calibration import (
     STRONGEST_FIELD_UT,
@@ -34,13 +34,14 @@ def check(
     config: Annotated[
         Path, typer.Argument(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
     ],
+    repair: Repair = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> None:
     """Look at a log and its configuration: what each sensor measured, and what is or may be wrong.
 
     Exit code 1 if there is an error; warnings are for people to look at.
     """
-    report = checks.check(log, read_configuration(config))
+    report = checks.check(log, with_repair(read_configuration(config), repair))
     if as_json:
         typer.echo(
             json.dumps({"log": str(log), "config": str(config)} | report.to_dict(), indent=2, ensure_ascii=False)
@@ -50,6 +51,8 @@ def check(
             Console(width=max(Console().width, 110)).print(_table(report))
         if report.up_at_rest is not None:
             typer.echo(f"{report.up_at_rest}.")
+        for line in report.repaired:
+            typer.secho(line, fg=typer.colors.YELLOW)
         for finding in report.findings:
             color = typer.colors.RED if finding.severity == "error" else typer.colors.YELLOW
             typer.secho(f"{finding.severity}: {finding}", fg=color)

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.cli.options import Force, SummaryAsJson
+from elliptude.cli.options import Force, Repair, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import guaranteed_result
@@ -27,6 +27,7 @@ from elliptude.io.files import FileError
 from elliptude.io.tables import write_columns, writing_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
+from elliptude.logs.repair import Repaired, Survey
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
@@ -71,6 +72,7 @@ def estimate(
             show_default=False,
         ),
     ] = None,
+    repair: Repair = False,
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -80,7 +82,7 @@ def estimate(
     measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
     names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
     """
-    configuration = read_configuration(config)
+    configuration = with_repair(read_configuration(config), repair)
     if ignore_implausible:
         configuration = configuration.model_copy(update={"implausible": "ignore"})
     if smooth:
@@ -118,6 +120,8 @@ def estimate(
 
 def _say(log: Path, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
+    for one in summary["repaired"]:
+        typer.secho(f"repaired: {one['said']}", fg=typer.colors.YELLOW)
     for one in summary["implausible"]:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
     if summary["calibrated"]:
@@ -197,7 +201,9 @@ def _estimate_pieces(
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
     heard = plausibility.Heard()
-    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log), heard)
+    found = Survey()
+    read = _noting_repairs(logs.read_pieces(log, configuration), found)
+    pieces = plausibility.plausible_pieces(ahead(read), configuration, str(log), heard)
     estimator = PieceEstimator(configuration, smoothed_run if smooth else run_guaranteed)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
@@ -230,7 +236,16 @@ def _estimate_pieces(
     if smooth:
         assert estimator.guaranteed is not None
         figures_of["smoothing"] = smoothing.figures(estimator.guaranteed)
+    figures_of["repaired"] = found.to_dict()
     return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
+
+
+def _noting_repairs(pieces: Iterator[logs.Log], found: Survey) -> Iterator[logs.Log]:
+    """The pieces of a log; what was repaired in its file is noted with the first one."""
+    for piece in pieces:
+        if isinstance(piece.file, Repaired) and not found.faults:
+            found.faults += piece.file.found.faults
+        yield piece
 
 
 def _counted(pieces: Iterator[logs.Log], progress: Progress, task: TaskID) -> Iterator[logs.Log]:

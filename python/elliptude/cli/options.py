@@ -38,6 +38,13 @@ def quantity(text: str, *, least: float = 0.0, greatest: float, **more: Any) -> 
 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 SummaryAsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")]
+Repair: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--repair",
+        help="Leave out repeated rows, NaN, wrong time stamps and broken lines, and list them: gaps of the gyro.",
+    ),
+]
 
 # How a reference attitude is read.
 TruthConfig: TypeAlias = Annotated[
@@ -58,6 +65,14 @@ ReferenceErrorDeg: TypeAlias = Annotated[
         show_default=False,
     ),
 ]
+
+
+def with_repair(configuration: Configuration, repair: bool) -> Configuration:
+    """The configuration with ``timing.repair``, if the option is given."""
+    if not repair:
+        return configuration
+    timing = configuration.timing.model_copy(update={"repair": True})
+    return configuration.model_copy(update={"timing": timing})
 
 
 def reference_error(stated_deg: float | None, configuration: Configuration | None) -> tuple[float, str | None]:

@@ -67,6 +67,7 @@ from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import (
     Accelerometer,
     AnyDirection,
+    Csv,
     Direction,
     Magnetometer,
     Rate,
@@ -93,6 +94,7 @@ class Configuration(Model):
 
     time_column: Column = "time_s"
     time_unit: units.TimeUnit = "s"
+    csv: Csv = Csv()
     timing: Timing = Timing()
     reference_frame: ReferenceFrame | None = None
     # What to do if sensors contradict one another as they do when a unit or an order is stated wrongly.

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
-from elliptude.bounds.rest import rest_rows
+from elliptude.bounds.rest import rest_rows, why_no_rest
 from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
 from elliptude.bounds.stamps import shift
 from elliptude.bounds.windows import (
@@ -50,15 +50,16 @@ class RestRule(Model):
 
     def rows(self, times: FloatArray, rates: FloatArray, forces: FloatArray) -> NDArray[np.bool_]:
         """Rows at rest, shape (N,)."""
-        return rest_rows(
-            times,
-            rates,
-            forces,
-            duration=self.duration_s,
-            rate_deviation=np.deg2rad(self.rate_deviation_deg_per_s),
-            rate=np.deg2rad(self.rate_deg_per_s),
-            acceleration_deviation=self.acceleration_deviation_m_per_s2,
-        )
+        return rest_rows(times, rates, forces, **self.limits())
+
+    def limits(self) -> dict[str, float]:
+        """The limits as `rest_rows` has them: s, rad/s, m/s²."""
+        return {
+            "duration": self.duration_s,
+            "rate_deviation": float(np.deg2rad(self.rate_deviation_deg_per_s)),
+            "rate": float(np.deg2rad(self.rate_deg_per_s)),
+            "acceleration_deviation": self.acceleration_deviation_m_per_s2,
+        }
 
 
 class GyroRule(Model):
@@ -406,7 +407,15 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
         count = min(count, int(gaps[0]) + 1)
     lasted = times[count - 1] - times[0] if count else 0.0
     if lasted < 0.99 * rule.least_s:
-        raise ValueError(f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s")
+        begin = times <= times[0] + rule.least_s
+        why = (
+            why_no_rest(times[begin], rates[begin], forces[begin], **rule.limits())
+            if not resting[begin].all()
+            else ("the gyro has a gap there")
+        )
+        raise ValueError(
+            f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s: {why}"
+        )
     return slice(0, count)
 
 

@@ -3,6 +3,7 @@
 Directions, measured angular velocity and what to compare with; see ``docs/logs.md`` for each key.
 """
 
+import codecs
 import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
@@ -11,6 +12,7 @@ from pydantic import AfterValidator, AwareDatetime, Discriminator, Field, Tag, m
 
 from elliptude import units
 from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.toml import (
     Angle,
     Bound,
@@ -31,6 +33,17 @@ from elliptude.typing import FloatArray
 
 # A rotation in a file may have few digits.
 _ROTATION_TOLERANCE = 1e-4
+
+
+def _known_encoding(name: str) -> str:
+    try:
+        codecs.lookup(name)
+    except LookupError as error:
+        raise ValueError("must be the name of an encoding, such as 'utf-8', 'utf-16' or 'latin-1'") from error
+    return name
+
+
+Encoding = Annotated[str, AfterValidator(_known_encoding)]
 
 
 def _rotation(axes: tuple[str, str, str] | Matrix) -> tuple[str, str, str] | Matrix:
@@ -68,8 +81,25 @@ Axes = Annotated[tuple[AxisName, AxisName, AxisName] | Matrix, AfterValidator(_r
 ReferenceFrame: TypeAlias = Literal["ENU", "NED", "NWU", "J2000"]
 
 
+class Csv(Model):
+    """How a CSV file is written; what is left out is found out from the file."""
+
+    delimiter: Delimiter | None = None
+    decimal: Decimal | None = None
+    encoding: Encoding | None = None
+    # Whether the row below the header has units.
+    units_row: bool | None = None
+
+    def stated(self) -> Stated:
+        """For the reader."""
+        return Stated(self.delimiter, self.decimal, self.encoding, self.units_row)
+
+
 class Timing(Model):
     """What to do about faulty time stamps and rows."""
+
+    # Whatever is listed by `elliptude.logs.repair` is left out, and becomes a gap; nothing is refused for it.
+    repair: bool = False
 
     # Rows of the same time: refused, or taken as one row, in which the first measurement of each sensor counts.
     repeated: Literal["refuse", "merge"] = "refuse"
@@ -81,8 +111,13 @@ class Timing(Model):
     largest_gap_s: Positive | None = None
     # Stamps of different sensors that are this close make one row, at the first of them, after delays are subtracted.
     same_within_s: NotNegative = 1e-9
-    # Times as in the file, or from the whole second of the log's first stamp.
-    origin: Literal["file", "first"] = "file"
+    # Times as in the file, or from the whole second of the log's first stamp; left out, as in the file unless whole
+    # numbers would lose digits as seconds.
+    origin: Literal["file", "first"] | None = None
+
+    def effective(self) -> Self:
+        """With what a repair says of the single faults."""
+        return self.model_copy(update={"repeated": "merge", "not_a_number": "missing"}) if self.repair else self
 
 
 class Timed(Model):

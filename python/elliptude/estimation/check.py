@@ -64,6 +64,8 @@ class Report:
     sensors: list[SensorReport]
     findings: list[Finding]
     up_at_rest: UpAtRest | None = None
+    repaired: tuple[str, ...] = ()
+    """What was left out, in words."""
 
     @property
     def is_good(self) -> bool:
@@ -100,6 +102,12 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             except FileError as error:
                 messages.setdefault(str(error), name)
         findings += [Finding("error", "", message) for message in messages]
+    repaired: tuple[str, ...] = ()
+    if configuration.timing.repair:
+        try:
+            repaired = tuple(logs.faults_of(path, configuration).lines())
+        except FileError as error:
+            findings.append(Finding("error", "", str(error)))
     up = None
     if not findings:
         try:
@@ -116,7 +124,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
     ]
     reports = [_report(one, configuration) for one in samples]
     findings += [finding for one in samples for finding in _suspicions(one, configuration)]
-    return Report(reports, findings, up)
+    return Report(reports, findings, up, repaired)
 
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:

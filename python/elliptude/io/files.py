@@ -1,15 +1,64 @@
 """Errors of files, and files that are written whole or not at all."""
 
+import difflib
+import errno
 import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 
 class FileError(Exception):
     """A file cannot be used or written; the message says which, where in it, and why."""
+
+
+_SYSTEM_FAULTS = {
+    errno.ENOENT: "no such file or folder",
+    errno.EACCES: "no permission",
+    errno.EPERM: "no permission",
+    errno.EISDIR: "a folder, where a file is needed",
+    errno.ENOTDIR: "within a file, where a folder is needed",
+    errno.EEXIST: "there already, and no folder",
+    errno.ENOSPC: "no space left",
+    errno.EROFS: "a place where nothing can be written",
+    errno.ENAMETOOLONG: "the name is too long",
+    errno.EINVAL: "nothing that can be read as a file",
+    errno.EIO: "the disk cannot read it",
+}
+
+
+def system_fault(error: OSError) -> str:
+    """What the system refused, in words of the same kind as other messages.
+
+    Parameters
+    ----------
+    error : OSError
+
+    Returns
+    -------
+    str
+    """
+    return _SYSTEM_FAULTS.get(error.errno or 0) or error.strerror or "it cannot be read"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The known name that is most like another one, as the end of a message; empty if none is.
+
+    Parameters
+    ----------
+    name : str
+    known : iterable of str
+
+    Returns
+    -------
+    str
+        ", did you mean 'gyro_x'?"
+    """
+    by_small_letters = {one.lower(): one for one in known}
+    near = difflib.get_close_matches(name.lower(), by_small_letters, n=1, cutoff=0.75)
+    return f", did you mean {by_small_letters[near[0]]!r}?" if near else ""
 
 
 @contextmanager
@@ -43,7 +92,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             os.fsync(file.fileno())
         temporary.replace(final)
     except OSError as error:
-        raise FileError(f"{final}: not written: {error.strerror or error}") from error
+        raise FileError(f"{final}: not written: {system_fault(error)}") from error
     finally:
         temporary.unlink(missing_ok=True)
 

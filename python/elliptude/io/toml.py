@@ -1,7 +1,6 @@
 """What the TOML files of scenarios and configurations are made of: strict models, messages that name the key."""
 
 import os
-import textwrap
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,10 +8,10 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
-from pydantic_core import ErrorDetails
 from scipy.spatial.transform import Rotation
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
+from elliptude.io.toml_faults import faults_in_words
 from elliptude.typing import FloatArray
 
 Number = Annotated[float, Strict()]
@@ -130,7 +129,7 @@ def load_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from error
+        raise FileError(f"{path}: {system_fault(error)}") from error
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: not UTF-8 text") from error
     except tomllib.TOMLDecodeError as error:
@@ -148,41 +147,7 @@ def validate(path: str | os.PathLike[str], data: Mapping[str, Any], model: type[
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise FileError(f"{path}: {_faults(error, data)}") from error
-
-
-def _faults(error: ValidationError, data: Mapping[str, Any]) -> str:
-    """Every key at fault with what is wrong, each once: the members of a union repeat one another."""
-    messages = (
-        _key_path(fault, data) + fault["msg"].removeprefix("Value error, ") + _value(fault) for fault in error.errors()
-    )
-    return "; ".join(dict.fromkeys(messages))
-
-
-def _value(fault: ErrorDetails) -> str:
-    """What stands there instead, if it is short enough to be said."""
-    value = fault["input"]
-    if fault["type"] in {"missing", "extra_forbidden"} or not isinstance(value, bool | int | float | str):
-        return ""
-    return f", not {textwrap.shorten(repr(value), 60, placeholder='...')}"
-
-
-def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
-    """Where in the file a fault is, "potential.orbit_rate: "; empty for the file as a whole.
-
-    pydantic names the members of unions among the keys; they are not in the file.
-    """
-    path = ""
-    here: Any = data
-    for depth, part in enumerate(fault["loc"], start=1):
-        is_missing = fault["type"] == "missing" and depth == len(fault["loc"])
-        if isinstance(here, list) and isinstance(part, int):
-            path += f"[{part}]"
-            here = None if is_missing else here[part]
-        elif isinstance(here, Mapping) and (part in here or is_missing):
-            path += f".{part}"
-            here = here.get(part)
-    return f"{path.lstrip('.')}: " if path else ""
+        raise FileError(f"{path}: {faults_in_words(error, data, model)}") from error
 
 
 def unit(vector: Vector) -> Vector:

@@ -18,6 +18,9 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, LogFile
 from elliptude.typing import FloatArray
 
+LARGEST_VALUE = 1e30
+"""No sensor measures more, in any unit; the squares of larger numbers are soon beyond what a double holds."""
+
 BoolArray: TypeAlias = NDArray[np.bool_]
 Fill: TypeAlias = Literal["none", "linear", "previous", "next"]
 """The value of a channel between two samples: none, one on the line between both, or one of them."""
@@ -111,7 +114,7 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
         columns = list(dict.fromkeys(chain.from_iterable(clock.columns() for clock in together)))
         streams.append(_Stream(together, file.batches(columns)))
     rows_mean_something = len(streams) == 1
-    origin: int | None = None if timing.origin == "first" else 0
+    origin: int | None = 0 if timing.origin == "file" else None
     begin = -np.inf
     while True:
         waiting = [stream for stream in streams if not stream.is_finished]
@@ -123,7 +126,7 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
                 stream.is_finished = True
             else:
                 if origin is None:
-                    origin = first_second(file, stream.clocks[0], batch)
+                    origin = first_second(file, stream.clocks[0], batch, timing)
                 for clock in stream.clocks:
                     take(file, clock, batch, stream.first_row, origin or 0, timing)
                 stream.first_row += len(next(iter(batch.values())).values)
@@ -145,8 +148,8 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
             return
 
 
-def first_second(file: LogFile, clock: Clock, batch: Batch) -> int:
-    """The whole second of the first stamp in a batch.
+def first_second(file: LogFile, clock: Clock, batch: Batch, timing: Timing) -> int:
+    """The whole second of the first stamp in a batch; 0 if origin is not stated and stamps lose no digits as seconds.
 
     Raises
     ------
@@ -155,9 +158,17 @@ def first_second(file: LogFile, clock: Clock, batch: Batch) -> int:
     """
     cells = batch[clock.column]
     present = np.flatnonzero(~cells.empty & np.isfinite(cells.values))
+    if timing.origin is None and (not len(present) or not _lose_digits(cells.values[present], clock.unit)):
+        return 0
     if not len(present):
         raise FileError(f"{file.path}: {file.place(clock.column, 0)}: no time stamp to begin with")
     return int(cells.values[present[0]] // units.TICKS_PER_SECOND[clock.unit])
+
+
+def _lose_digits(ticks: NDArray[np.float64] | NDArray[np.int64], unit: units.TimeUnit) -> bool:
+    """Whether whole numbers are so large that seconds do not tell them apart."""
+    per_second = units.TICKS_PER_SECOND[unit]
+    return ticks.dtype == np.int64 and float(np.spacing(np.abs(ticks / per_second).max())) * per_second >= 1.0
 
 
 # --- what is in a batch -----------------------------------------------------------------------------------------------
@@ -266,7 +277,7 @@ def _seconds(file: LogFile, clock: Clock, ticks: NDArray[np.float64] | NDArray[n
     """Stamps in s since the origin. Whole numbers are subtracted as such: nanoseconds since 1970 keep their digits."""
     per_second = units.TICKS_PER_SECOND[clock.unit]
     seconds = np.asarray((ticks - ticks.dtype.type(origin * per_second)) / per_second, dtype=np.float64)
-    if ticks.dtype == np.int64 and np.spacing(np.abs(seconds).max()) * per_second >= 1.0:
+    if _lose_digits(ticks - origin * per_second, clock.unit):
         raise FileError(
             f"{file.path}: column {clock.column!r}: {ticks[0]} {clock.unit} lose digits as seconds; "
             f"timing.origin = 'first' counts from the log's first second"
@@ -284,11 +295,15 @@ def _take_samples(rows: _Rows, clock: Clock, channel: Channel, stamps: _Stamps) 
         rows.refuse(
             rows.batch[clock.column].empty & ~missing, columns[0], f"a number without a time: {clock.column!r} is empty"
         )
-    if channel.fill != "none" and rows.timing.largest_gap_s is None:
+    if channel.fill != "none" and rows.timing.largest_gap_s is None and not rows.timing.repair:
         fault = f"empty; timing.largest_gap_s would let {channel.name} have gaps"
         rows.refuse(missing & stamps.present, columns[0], fault)
     measured = ~missing & stamps.present
     values = np.column_stack([rows.batch[column].values for column in channel.columns])
+    for i, column in enumerate(channel.columns):
+        huge = np.zeros(len(measured), bool)
+        huge[measured] = np.abs(values[measured, i].astype(np.float64)) > LARGEST_VALUE
+        rows.refuse(huge, column, f"{values[int(np.argmax(huge)), i]:g}, which no sensor measures")
     for i in range(channel.vectors):
         names = channel.columns[3 * i : 3 * i + 3]
         zero = np.zeros(len(measured), bool)

@@ -5,6 +5,7 @@ sample there is NaN, but for the gyro, whose rate is needed throughout. Everythi
 file of any length needs little memory: `read_pieces`; `read_log` puts the pieces together.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -34,6 +35,7 @@ from elliptude.io.readers.base import LogFile, require_columns
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
+from elliptude.logs.repair import Repaired, Survey, survey
 from elliptude.typing import FloatArray
 
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
@@ -161,17 +163,59 @@ def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
     FileError
         As `read_log`, when the reading gets there.
     """
-    file = open_log(path)
+    file = open_configured(path, configuration)
     clocks = _clocks(file, configuration)
     constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
     is_empty = True
-    for piece in pieces(file, clocks, configuration.timing):
-        is_empty = False
-        yield _log(piece, file, configuration, constants)
+    try:
+        for piece in pieces(file, clocks, configuration.timing.effective()):
+            is_empty = False
+            yield _log(piece, file, configuration, constants)
+    except FileError as error:
+        raise with_all_faults(error, path, configuration) from error
     if is_empty:
         if all(clock.is_empty for clock in clocks):
             raise FileError(f"{file.path}: a header, but no rows below it")
         raise FileError(f"{file.path}: no row between the first and the last sample of {_filled(configuration)}")
+
+
+def open_configured(path: LogSource, configuration: Configuration) -> LogFile:
+    """Open a log as its configuration says: how a CSV file is written, and without what a repair leaves out.
+
+    Raises
+    ------
+    FileError
+        As `elliptude.io.readers.open.open_log`; or if something is wrong that a repair cannot leave out.
+    """
+    file = open_log(path, configuration.csv.stated(), lenient=configuration.timing.repair)
+    return Repaired(file, survey(file, _clocks(file, configuration))) if configuration.timing.repair else file
+
+
+def faults_of(path: LogSource, configuration: Configuration) -> Survey:
+    """All that is wrong with the rows of a log.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read at all.
+    """
+    file = open_log(path, configuration.csv.stated(), lenient=True)
+    return survey(file, _clocks(file, configuration))
+
+
+def with_all_faults(error: FileError, path: LogSource, configuration: Configuration) -> FileError:
+    """The error of the first fault, and all others that the rows have."""
+    if configuration.timing.repair or not isinstance(path, str | os.PathLike):
+        return error
+    try:
+        found = faults_of(path, configuration)
+    except FileError:
+        return error
+    if not found.faults and not found.hopeless:
+        return error
+    listed = "; ".join([*map(str, found.faults), *found.hopeless])
+    remedy = "" if found.hopeless else ". --repair leaves them out, and lists them (timing.repair = true)"
+    return FileError(f"{error}. In all: {listed}{remedy}")
 
 
 def _filled(configuration: Configuration) -> str:
@@ -232,10 +276,17 @@ def read_samples(path: LogSource, configuration: Configuration, names: Sequence[
     FileError
         As `read_log`.
     """
-    file = open_log(path)
+    file = open_configured(path, configuration)
+    try:
+        return _samples_of(file, configuration, names)
+    except FileError as error:
+        raise with_all_faults(error, path, configuration) from error
+
+
+def _samples_of(file: LogFile, configuration: Configuration, names: Sequence[str] | None) -> list[Samples]:
     clocks = _clocks(file, configuration, names)
-    timing = configuration.timing
-    origin: int | None = None if timing.origin == "first" else 0
+    timing = configuration.timing.effective()
+    origin: int | None = 0 if timing.origin == "file" else None
     found: list[Samples] = []
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         together = [clock for clock in clocks if clock.stream == stream]
@@ -243,7 +294,7 @@ def read_samples(path: LogSource, configuration: Configuration, names: Sequence[
         rows = 0
         for batch in file.batches(columns):
             if origin is None:
-                origin = first_second(file, together[0], batch)
+                origin = first_second(file, together[0], batch, timing)
             for clock in together:
                 take(file, clock, batch, rows, origin, timing)
             rows += len(next(iter(batch.values())).values)
@@ -281,6 +332,13 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
                 )
             column, unit = stamps[0], _time_unit(stamps[1])
         require_columns(file, [column])
+        if (own := file.time_unit(column)) is not None:
+            stated = (
+                "time_unit" in (configuration if timed is None or timed.time_unit is None else timed).model_fields_set
+            )
+            if stated and unit != own:
+                raise FileError(f"{file.path}: column {column!r} has times of day: leave time_unit out, or say '{own}'")
+            unit = _time_unit(own)
         for other in (column, *channel.columns):
             if file.stream(other) != stream:
                 raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
@@ -443,7 +501,7 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
 def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
     (clock,) = _clocks(file, configuration, [name])
     total, lengths, count = np.zeros(3), 0.0, 0
-    for piece in pieces(file, [clock], configuration.timing):
+    for piece in pieces(file, [clock], configuration.timing.effective()):
         times = piece.times + piece.origin
         chosen = piece.values[name][(times >= begin) & (times <= end), :3]
         chosen = chosen[np.isfinite(chosen[:, 0])]

@@ -6,6 +6,7 @@ stated, never guessed from numbers.
 """
 
 import copy
+import dataclasses
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,9 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
+from elliptude.io.readers.base import LogFile
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.dialect import Dialect
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
@@ -29,8 +33,15 @@ Tables: TypeAlias = dict[str, Any]
 _PRESETS = resources.files("elliptude") / "data" / "presets"
 
 _HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
-_TIME = re.compile(r"time(stamp)?\s*[(\[](?P<unit>s|ms|us|ns)[)\]]", re.IGNORECASE)
-_SENSORS = {"gyroscope": "gyr", "accelerometer": "acc", "magnetometer": "mag"}
+_TIME = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
+_TIME_UNITS = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
+_YEAR_2001 = 1e9
+_SENSORS = {
+    "gyroscope": re.compile(r"gyr.*|g|w|omega|angular.?velocity|angular.?rate|rotation.?rate", re.IGNORECASE),
+    "accelerometer": re.compile(r"acc.*|a|f|specific.?force", re.IGNORECASE),
+    "magnetometer": re.compile(r"mag.*|m|b|field", re.IGNORECASE),
+}
+"""What a column's name begins with; its unit has to be one of the sensor's, too."""
 _SPELLINGS = {"°/s": "deg/s", "dps": "deg/s", "m/s²": "m/s^2", "m/s2": "m/s^2", "µT": "uT", "μT": "uT"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyroscope": units.ANGULAR_VELOCITY,
@@ -47,20 +58,49 @@ def presets() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
 
 
-def of_preset(name: str) -> Tables:
-    """The tables for a format of `presets`."""
-    with resources.as_file(_PRESETS / f"{name}.toml") as file:
-        return load_toml(file)
+def of_preset(name: str, file: LogFile) -> Tables:
+    """The tables for a format of `presets`, without the sensors that a file does not have; it must have the gyro.
+
+    A column such as ``*.angular_velocity.x`` is that of the one topic that has it.
+
+    Raises
+    ------
+    FileError
+        If several topics have it.
+    """
+    with resources.as_file(_PRESETS / f"{name}.toml") as preset:
+        tables = load_toml(preset)
+    for sensor in [tables["flow"], *tables.get("directions", [])]:
+        sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
+    if "directions" in tables:
+        tables["directions"] = [one for one in tables["directions"] if set(file.columns).issuperset(one["columns"])]
+    if "truth" in tables and not set(file.columns).issuperset(tables["truth"]["attitude_columns"]):
+        del tables["truth"]
+    return tables
+
+
+def _found(column: str, file: LogFile) -> str:
+    if not column.startswith("*"):
+        return column
+    there = [name for name in file.columns if name.endswith(column[1:])]
+    if len(there) > 1:
+        raise FileError(f"{file.path}: which of {', '.join(there)}? Say with --gyro, --accelerometer, --magnetometer")
+    return there[0] if there else column
 
 
 def of_sensors(
-    time_column: str, time_unit: str, sensors: Mapping[str, tuple[Sequence[str], str]], truth: Sequence[str] = ()
+    time_column: str | None,
+    time_unit: str,
+    sensors: Mapping[str, tuple[Sequence[str], str]],
+    truth: Sequence[str] = (),
 ) -> Tables:
     """The tables for columns that were named one by one.
 
     Parameters
     ----------
-    time_column, time_unit : str
+    time_column : str or None
+        None in a file whose sensors have stamps of their own, such as a bag.
+    time_unit : str
     sensors : mapping
         From "gyroscope", "accelerometer", "magnetometer" to three columns and their unit.
     truth : sequence of str
@@ -71,7 +111,7 @@ def of_sensors(
     dict
     """
     columns, unit = sensors["gyroscope"]
-    tables: Tables = {"time_column": time_column, "time_unit": time_unit}
+    tables: Tables = {} if time_column is None else {"time_column": time_column, "time_unit": time_unit}
     directions = [
         {"name": name, "kind": kind, "columns": list(sensors[kind][0]), "unit": sensors[kind][1]}
         for kind, name in _NAMES.items()
@@ -87,15 +127,83 @@ def of_sensors(
     return tables
 
 
-def of_headers(columns: Sequence[str]) -> Tables | None:
-    """The tables for columns whose names state sensor, axis and unit; None if time or gyro do not."""
+def as_written(tables: Tables, file: LogFile, *, repair: bool) -> Tables:
+    """The tables with what is to be said about the file: how it is written, what repairs and origin it needs.
+
+    Parameters
+    ----------
+    tables : dict
+    file : LogFile
+    repair : bool
+        Whether to leave out what is wrong.
+
+    Returns
+    -------
+    dict
+        What the tables say already stays.
+    """
+    full = copy.deepcopy(tables)
+    if isinstance(file, CsvTable):
+        standard = dataclasses.asdict(Dialect())
+        found = {key: value for key, value in dataclasses.asdict(file.dialect).items() if value != standard[key]}
+        if found:
+            full["csv"] = found | full.get("csv", {})
+    timing: Tables = {"repair": True} if repair else {}
+    time, unit = full.get("time_column", "time_s"), full.get("time_unit", "s")
+    if time in file.columns and _is_absolute(file, time, file.time_unit(time) or unit):
+        timing["origin"] = "first"
+        if file.time_unit(time) is not None:
+            full["time_unit"] = file.time_unit(time)
+    if timing:
+        full["timing"] = timing | full.get("timing", {})
+    return full
+
+
+def _is_absolute(file: LogFile, column: str, unit: Any) -> bool:
+    """Whether a column's first stamp is after 2001, counted from 1970."""
+    if unit not in units.TICKS_PER_SECOND or not file.holds_numbers(column):
+        return False
+    try:
+        cells = next(file.batches([column]), {}).get(column)
+    except FileError:  # those who read it all say what is wrong
+        return False
+    if cells is None:
+        return False
+    there = np.flatnonzero(~cells.empty & np.isfinite(cells.values))
+    return len(there) > 0 and float(cells.values[there[0]]) / units.TICKS_PER_SECOND[unit] >= _YEAR_2001
+
+
+def of_headers(columns: Sequence[str], row_units: Sequence[str] = ()) -> Tables | None:
+    """The tables for columns whose names state sensor, axis and unit; None if time or gyro do not.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    row_units : sequence of str
+        Units in a row below the header, one for each column.
+
+    Returns
+    -------
+    dict or None
+    """
+    plain = {f"{name} ({unit})": name for name, unit in zip(columns, row_units, strict=False)}
+    found = _of_headers(tuple(plain) if plain else columns)
+    if found is None or not plain:
+        return found
+    found["time_column"] = plain[found["time_column"]]
+    for sensor in [found["flow"], *found.get("directions", [])]:
+        sensor["columns"] = [plain[column] for column in sensor["columns"]]
+    return found
+
+
+def _of_headers(columns: Sequence[str]) -> Tables | None:
     times = [(column, match) for column in columns if (match := _TIME.fullmatch(column.strip()))]
     found: dict[str, dict[str, tuple[str, str]]] = {}
     for column in columns:
         if match := _HEADER.fullmatch(column.strip()):
             unit = _SPELLINGS.get(match["unit"].strip(), match["unit"].strip())
             for sensor, beginning in _SENSORS.items():
-                if match["sensor"].lower().startswith(beginning) and unit in _UNITS[sensor]:
+                if beginning.fullmatch(match["sensor"]) and unit in _UNITS[sensor]:
                     if match["axis"].lower() in found.setdefault(sensor, {}):
                         return None  # two such sensors: the user must say which
                     found[sensor][match["axis"].lower()] = column, unit
@@ -106,7 +214,8 @@ def of_headers(columns: Sequence[str]) -> Tables | None:
             sensors[sensor] = [axes[axis][0] for axis in "xyz"], stated.pop()
     if len(times) != 1 or "gyroscope" not in sensors:
         return None
-    return of_sensors(times[0][0], times[0][1]["unit"].lower(), sensors)
+    unit = times[0][1]["unit"].lower()
+    return of_sensors(times[0][0], _TIME_UNITS.get(unit, unit), sensors)
 
 
 def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:

@@ -5,20 +5,24 @@ What one recording showed is no promise about the next. A quantile, a maximum, a
 of a room, the speed of an arm. Arrays in, dataclasses out; needs NumPy and SciPy.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import longest_interval_of
-from elliptude.bounds.rest import rest_rows
+from elliptude.bounds.rest import noise_of, rest_rows, why_no_rest
 from elliptude.bounds.stamps import shift as shifted_back
 from elliptude.proposal.delays import DelayProposal, delay_of_rates, delay_of_vectors
 from elliptude.proposal.gyro import GyroProposal, propose_gyro
 from elliptude.proposal.statistics import Quantiles, finite_rows, means_of_pieces, quantiles, rotations_of
-from elliptude.proposal.vectors import VectorProposal, dip_scatter, propose_vector, with_averages
+from elliptude.proposal.vectors import VectorProposal, angles_between, dip_scatter, propose_vector, with_averages
 from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
+
+# rad/s and m/s²; what deviates by more is no rest of any sensor.
+_NOISIEST_GYRO = float(np.deg2rad(15.0))
+_NOISIEST_ACCELEROMETER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,12 @@ class Proposal:
     """First and last time of each phase of rest, s."""
     start: StartProposal | None
     """None where the recording does not start at rest."""
+    rest_limits: dict[str, float] = field(default_factory=dict)
+    """What counted as a rest, as `rest_rows` has it."""
+    no_rest: str | None = None
+    """Why nothing is a rest; None if something is."""
+    field_angle: tuple[float, float] | None = None
+    """The field's angle from the specific force over the whole recording, rad: median, and median distance from it."""
 
 
 def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Proposal:
@@ -90,13 +100,13 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
     """
     times, rates = recording.times, recording.angular_velocities
     forces, fields, attitudes = recording.specific_forces, recording.fields, recording.attitudes
+    limits = rest_limits(recording)
+    no_rest: str | None = "without an accelerometer a rest is not seen"
     if forces is None:
         resting = np.zeros(len(times), dtype=np.bool_)
     else:
-        resting = rest_rows(
-            times, rates, forces, duration=0.5, rate_deviation=np.deg2rad(1.0), rate=np.deg2rad(5.0),
-            acceleration_deviation=0.5,
-        )  # fmt: skip
+        resting = rest_rows(times, rates, forces, **limits)
+        no_rest = None if resting.any() else why_no_rest(times, rates, forces, **limits)
         # Whether the body rests across a gap is not known.
         resting[:-1] &= np.diff(times) <= longest_interval_of(np.diff(times), None)
     # A constant bias says nothing about the delay.
@@ -125,7 +135,41 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
         magnetometer_delay=magnetometer_delay,
         rests=_spans(times, resting),
         start=_against_the_start(recording, resting, delay + late) if resting[0] else None,
+        rest_limits=limits,
+        no_rest=no_rest,
+        field_angle=None if forces is None or fields is None else _field_angle(forces, fields),
     )
+
+
+def rest_limits(recording: Recording) -> dict[str, float]:
+    """What counts as a rest in a recording, as `rest_rows` has it: the usual limits, or more for a noisier sensor.
+
+    A sample at rest is farther from the mean than five times the noise along an axis once in 60,000.
+    """
+    limits = {
+        "duration": 0.5,
+        "rate_deviation": float(np.deg2rad(1.0)),
+        "rate": float(np.deg2rad(5.0)),
+        "acceleration_deviation": 0.5,
+    }
+    noise = noise_of(recording.times, recording.angular_velocities, duration=limits["duration"])
+    limits["rate_deviation"] = max(limits["rate_deviation"], min(5.0 * noise, _NOISIEST_GYRO))
+    if recording.specific_forces is not None:
+        noise = noise_of(recording.times, recording.specific_forces, duration=limits["duration"])
+        limits["acceleration_deviation"] = max(
+            limits["acceleration_deviation"], min(5.0 * noise, _NOISIEST_ACCELEROMETER)
+        )
+    return limits
+
+
+def _field_angle(forces: FloatArray, fields: FloatArray) -> tuple[float, float] | None:
+    """The angle of the field from the specific force, rad: its median, and the median distance from that."""
+    angles = angles_between(forces, fields)
+    angles = angles[np.isfinite(angles)]
+    if not len(angles):
+        return None
+    middle = float(np.median(angles))
+    return middle, float(np.median(np.abs(angles - middle)))
 
 
 def _against_the_start(recording: Recording, resting: NDArray[np.bool_], late: float) -> StartProposal:

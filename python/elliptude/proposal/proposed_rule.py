@@ -85,12 +85,26 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True, c
 
     tables = {name: {key: usual(name, key, value) for key, value in table.items()} for name, table in standard.items()}
     start = proposed.start if from_start else None
+    _rest(tables["rest"], proposed)
     _gyro(tables["gyro"], proposed, start, margin)
     if proposed.accelerometer is not None:
         _accelerometer(tables["accelerometer"], proposed, margin)
     if proposed.magnetometer is not None:
         _magnetometer(tables["magnetometer"], proposed, start, margin)
     return tables
+
+
+def _rest(table: dict[str, Proposed], proposed: Proposal) -> None:
+    """What counts as a rest, where the sensor's noise asks for more than usual."""
+    if not proposed.rest_limits:
+        return
+    for key, name, scale in (
+        ("rate_deviation_deg_per_s", "rate_deviation", _DEGREES),
+        ("acceleration_deviation_m_per_s2", "acceleration_deviation", 1.0),
+    ):
+        limit = upward(scale * proposed.rest_limits[name])
+        if limit > table[key].value:
+            table[key] = Proposed(limit, "no guarantee: five times the noise between samples beside one another")
 
 
 def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed, *, in_full: bool) -> Proposed:

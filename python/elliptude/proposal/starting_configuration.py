@@ -14,6 +14,7 @@ import numpy as np
 import tomlkit
 from pydantic import ValidationError
 
+from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
@@ -34,6 +35,8 @@ _WIDEST_DEG = 90.0
 _SHORTEST_REST = 1.0
 # °/s; the bias of a small, uncalibrated gyro, from datasheets.
 _BIAS_BY_DATASHEET = 5.0
+# Of the gyro's step: stamps of different sensors that are this near may make one row.
+_NEAR = 0.45
 # s; time between anchors in the guaranteed mode. It changes how large sets are, not whether they hold.
 _ANCHOR_S = 4.0
 # The next recording breaks bounds that one recording showed: what contradicts them is left out and listed.
@@ -79,8 +82,8 @@ def starting_configuration(
     Raises
     ------
     ValueError
-        If there are no two directions to start from and a rule cannot do with one, if sensors never have the same
-        stamp, or nothing says where the magnetic field points.
+        If there are no two directions to start from and a rule cannot do with one, or nothing says where the magnetic
+        field points.
     """
     full = copy.deepcopy(tables)
     comments: dict[Place, str] = {}
@@ -215,9 +218,16 @@ def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, 
         return "reference_ut", [round(float(part), 3) for part in field], "median at rest, by the reference attitude"
     begin, end = max(proposed.rests, key=lambda span: span[1] - span[0], default=(0.0, 0.0))
     if end - begin < _SHORTEST_REST:
-        raise ValueError(
-            f"no rest of {_SHORTEST_REST:g} s in the recording: state the magnetometer's reference in a configuration"
-        )
+        if magnetometer is None or proposed.field_angle is None:
+            why = "" if proposed.no_rest is None else f": {proposed.no_rest}"
+            raise ValueError(
+                f"no rest of {_SHORTEST_REST:g} s in the recording{why}; state the magnetometer's reference in a "
+                "configuration"
+            )
+        angle, _ = proposed.field_angle
+        field = from_enu(magnetometer.magnitude * np.array([0.0, math.sin(angle), math.cos(angle)]), frame)
+        how = "medians of the whole recording, which has no rest: the field's length, its angle from the specific force"
+        return "reference_ut", [round(float(part), 3) for part in field], how
     # Rounded inwards, so that no row that moves is included.
     phase = {
         "kind": "rest_phase",
@@ -302,7 +312,8 @@ def why_no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stam
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
-        return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s"
+        why = "" if proposed.no_rest is None else f"; {proposed.no_rest}"
+        return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s{why}"
     if shared_stamps <= 0.5:
         return f"all sensors were sampled together in {100.0 * shared_stamps:.3g} % of the rows alone"
     try:
@@ -328,11 +339,9 @@ def _put_by_sensor(
             "a configuration to start from needs two directions, such as accelerometer and magnetometer; one does "
             f"where a rule says all bounds, but {reason}"
         )
+    moved = 0.0
     if "start" not in full and shared_stamps == 0.0:
-        raise ValueError(
-            "its sensors never have the same stamp, so that nothing determines an attitude: state [start] or "
-            "timing.same_within_s in a configuration"
-        )
+        moved = _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed)
     for sensor in directions:
@@ -345,6 +354,21 @@ def _put_by_sensor(
             _bound_accelerometer(sensor, comments, table, vector, margin, shared_stamps)
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
+        if moved > 0.0:
+            sensor["time_offset_bound_s"] = upward(sensor.get("time_offset_bound_s", 0.0) + moved)
+            place = ("directions", sensor["name"], "time_offset_bound_s")
+            comments[place] = f"{comments.get(place, 'no guarantee')}; and timing.same_within_s"
+
+
+def _bring_together(full: Tables, comments: dict[Place, str], proposed: Proposal) -> float:
+    """Let stamps that are near make one row, as no two sensors have the same one; how far a stamp moves by that, s."""
+    timing = full.setdefault("timing", {})
+    if "same_within_s" not in timing:
+        # Less than half a step of the gyro: no two of its samples come into one row.
+        step = proposed.gyro.longest_interval / TIMES_USUAL
+        timing["same_within_s"] = float(f"{_NEAR * step:.2g}")
+        comments["timing", "same_within_s"] = "no two sensors have the same stamp; time_offset_bound_s of each has it"
+    return float(timing["same_within_s"])
 
 
 def _put(table: Tables, comments: dict[Place, str], place: Place, values: Mapping[str, tuple[Any, str]]) -> None:
@@ -437,6 +461,11 @@ def _bound_magnetometer(
     sensor["bound_from"] = bound
 
 
+def _longest_rest(proposed: Proposal) -> float:
+    """How long the longest rest is, s; 0 without one."""
+    return max((end - begin for begin, end in proposed.rests), default=0.0)
+
+
 def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
     """How far the mean field at rest, turned by the specific force there, may be off, µT; theory.md, (18.11)."""
     magnetometer, accelerometer = table["magnetometer"], table["accelerometer"]
@@ -447,9 +476,11 @@ def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
         gravity, k = accelerometer["gravity_m_per_s2"].value, accelerometer["scale_error"].value
         radius = accelerometer["averaged_error_m_per_s2"].value + accelerometer["gravity_error_m_per_s2"].value
         radius += k * (gravity + accelerometer["error_m_per_s2"].value) / (1.0 - k)
-        longest = max((end - begin for begin, end in proposed.rests), default=_SHORTEST_REST)
-        radius += 2.0 * table["rest"]["velocity_m_per_s"].value / max(longest, _SHORTEST_REST)
-        error += 2.0 * strength * math.sin(0.5 * math.asin(min(radius / gravity, 1.0)))
+        radius += 2.0 * table["rest"]["velocity_m_per_s"].value / max(_longest_rest(proposed), _SHORTEST_REST)
+        tilt = math.asin(min(radius / gravity, 1.0))
+        if _longest_rest(proposed) < _SHORTEST_REST and proposed.field_angle is not None:
+            tilt = max(tilt, proposed.field_angle[1])
+        error += 2.0 * strength * math.sin(0.5 * tilt)
     return float(error)
 
 

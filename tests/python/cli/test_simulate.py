@@ -122,8 +122,8 @@ def test_wrong_file_is_an_error_without_a_traceback(tmp_path):
     )
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr.startswith(f"error: {own}: inertia: Field required; ")
-    assert "step: Input should be a valid number" in done.stderr
+    assert done.stderr.startswith(f"error: {own}: inertia: missing; ")
+    assert "step: must be a number" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
 

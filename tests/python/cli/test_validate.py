@@ -200,7 +200,7 @@ def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     failed = run("--out", tmp_path / "file" / "out", "--mode", "paper", *SMALL)
     assert failed.exit_code == 1
-    assert "Not a directory" in failed.stderr
+    assert "within a file, where a folder is needed" in failed.stderr
 
 
 def test_without_the_guaranteed_mode(tmp_path, monkeypatch):

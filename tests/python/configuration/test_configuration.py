@@ -167,7 +167,7 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path):
 
 def test_files_that_cannot_be_read(tmp_path):
     file = tmp_path / "estimate.toml"
-    with pytest.raises(FileError, match=r"estimate.toml: No such file"):
+    with pytest.raises(FileError, match=r"estimate.toml: no such file"):
         read_configuration(file)
     file.write_text("[flow\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"estimate.toml: not TOML: .*line 1"):

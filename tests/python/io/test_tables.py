@@ -214,7 +214,7 @@ def test_parquet_of_other_programs(tmp_path):
         (HEADER, "a header, but no rows below it"),
         ("time_s,y\n0,1\n", "no column 'x'; the columns are time_s, y"),
         ("time_s,x,x,y\n0,1,1,1\n", "two columns 'x'"),
-        ("t;x;y\n0;1;2\n", "no column 'time_s'; the columns are t;x;y"),
+        ("t;x;y\n0;1;2\n", "no column 'time_s'; the columns are t, x, y"),
         (HEADER + "0,1,,\n1,fast,,\n", "line 3, column 2 (x): not a number: 'fast'"),
         (HEADER + "\n\n0,1,,\n\n1,2,0x10,\n", "line 6, column 3 (y): not a number: '0x10'"),
         ("# c\n" + HEADER + "0,1,,\n1,1_000,,\n", "line 4, column 2 (x): not a number: '1_000'"),
@@ -346,7 +346,7 @@ def test_written_files_have_the_permissions_of_any_other(tmp_path):
     (tmp_path / "b.json").write_text("")
     assert stat.S_IMODE((tmp_path / "a.json").stat().st_mode) == stat.S_IMODE((tmp_path / "b.json").stat().st_mode)
     assert (tmp_path / "a.json").read_text() == '{\n  "x": [\n    1\n  ]\n}\n'
-    with pytest.raises(FileError, match="not written: No such file or directory"):
+    with pytest.raises(FileError, match="not written: no such file or folder"):
         write_json(tmp_path / "none" / "a.json", {})
 
 

@@ -214,7 +214,7 @@ def test_no_permission_to_read(tmp_path):
             done = CliRunner().invoke(app, [str(argument) for argument in command])
         finally:
             as_before(user, group)
-        assert_refused(tmp_path, done, "Permission denied")
+        assert_refused(tmp_path, done, "no permission")
 
 
 def test_no_permission_to_write(tmp_path, log):
@@ -229,7 +229,7 @@ def test_no_permission_to_write(tmp_path, log):
     finally:
         as_before(user, group)
     assert done.exit_code == 1
-    assert "Permission denied" in done.output
+    assert "no permission" in done.output
     assert list(folder.iterdir()) == []
 
 

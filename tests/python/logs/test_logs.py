@@ -295,8 +295,8 @@ def test_nanoseconds_since_1970(tmp_path):
     stamps = [1_700_000_000_123_456_789 + 5_000_000 * i for i in range(3)]
     rows = [f"{stamp},{i},0,0,1,0,0,1,0,0" for i, stamp in enumerate(stamps)]
     with pytest.raises(FileError, match=r"column 't': 1700000000123456789 ns lose digits as seconds; timing.origin"):
-        read(tmp_path, *rows, configuration=configured(UP, time_unit="ns"))
-    log = read(tmp_path, *rows, configuration=configured(UP, time_unit="ns", timing={"origin": "first"}))
+        read(tmp_path, *rows, configuration=configured(UP, time_unit="ns", timing={"origin": "file"}))
+    log = read(tmp_path, *rows, configuration=configured(UP, time_unit="ns"))
     assert log.origin == 1_700_000_000
     np.testing.assert_allclose(log.times, 0.123456789 + 0.005 * np.arange(3), rtol=1e-15)
 

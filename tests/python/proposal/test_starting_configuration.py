@@ -328,7 +328,11 @@ def test_what_cannot_be_configured_is_not_written(tmp_path):
         'time_column = "other", time_unit = "s" }'
     )
     mapping.write_text(f"{text}\ndirections = [{accelerometer}, {other}]")
-    assert "never have the same stamp" in refused("bounds", log, mapping, "--out", config)
+    succeed("bounds", log, mapping, "--out", config)
+    near = tomllib.loads(config.read_text())
+    assert near["timing"]["same_within_s"] == pytest.approx(0.45 * STEP, rel=0.05)
+    assert all(sensor["time_offset_bound_s"] >= 0.45 * STEP for sensor in near["directions"])
+    config.unlink()
     mapping.write_text(f"{text}\ndirections = [{accelerometer}]\n[start]\nkind = 'first_measurement'")
     assert "start.kind = 'first_measurement'" in refused("bounds", log, mapping, "--out", config)
     together = other.replace('"other", time_unit', '"t", time_unit')

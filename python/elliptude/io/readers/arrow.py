@@ -26,5 +26,5 @@ def cells_of(column: pa.Array, large: bool) -> Cells:
     """The cells of an Arrow array of numbers, as int64 if a double might lose digits."""
     empty = np.asarray(column.is_null().to_numpy(zero_copy_only=False), dtype=np.bool_)
     if large:
-        return Cells(np.asarray(column.fill_null(0).cast(pa.int64())), empty)
+        return Cells(np.asarray(column.cast(pa.int64()).fill_null(0)), empty)
     return Cells(np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)), empty)

@@ -12,7 +12,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, did_you_mean
 
 BATCH_ROWS = 1 << 17
 """Rows of a Parquet file, or messages of a bag, that are read at a time."""
@@ -43,6 +43,9 @@ class LogFile(Protocol):
 
     def holds_numbers(self, column: str) -> bool:
         """Whether a column has numbers, as far as is visible without reading it all."""
+
+    def time_unit(self, column: str) -> str | None:
+        """The unit of a column of times, since 1970, if its cells are times of day and not numbers."""
 
     def stamps(self, stream: str) -> tuple[str, str] | None:
         """The column and the unit of a stream's own time stamps, if the format defines them."""
@@ -84,7 +87,8 @@ def require_columns(file: LogFile, names: Sequence[str]) -> None:
             there_are = ", ".join(file.columns)
             there_are = there_are if len(there_are) <= 300 else f"{there_are[:296]} ..."
             fault = "two columns" if name in file.columns else "no column"
-            raise FileError(f"{file.path}: {fault} {name!r}; the columns are {there_are}")
+            meant = "" if name in file.columns else did_you_mean(name, file.columns)
+            raise FileError(f"{file.path}: {fault} {name!r}{meant}; the columns are {there_are}")
 
 
 def numbered(values: NDArray[np.generic]) -> Cells:

@@ -7,42 +7,95 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import NoReturn
+from typing import BinaryIO, NoReturn
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import Batch
+from elliptude.io.readers.dialect import (
+    ALL_FOUND_OUT,
+    DELIMITERS,
+    MISSING,
+    NUMBER,
+    STAMP,
+    Dialect,
+    Stated,
+    cells_of_line,
+    encoding_of,
+    find_dialect,
+)
+from elliptude.io.readers.translated import Translated
 
 BATCH_BYTES = 1 << 22
 """Bytes of the text that are read at a time."""
 
 
-class CsvTable:
-    """A CSV file. Arrow reads it; a slow second reading finds what is at fault, and in which line."""
+_BEGINNING = 1 << 18
+"""Bytes of the text that show how the file is written."""
 
-    _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+
+class CsvTable:
+    """A CSV file. Arrow reads it; a slow second reading finds what is at fault, and in which line.
+
+    Parameters
+    ----------
+    path : path-like
+    stated : Stated
+        How it is written, as far as that is not to be found out.
+    lenient : bool
+        Lines with more or fewer columns than the header are left out, and words such as ``NaN`` and ``null`` are empty
+        cells.
+    """
+
     # From 16 digits on a double may not hold a whole number.
     _LARGE = re.compile(r"[+-]?\d{16,18}|[+-]?[0-8]\d{18}", re.ASCII)
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        stated: Stated = ALL_FOUND_OUT,
+        *,
+        lenient: bool = False,
+    ) -> None:
         self.path = Path(path)
         self.label = ""
+        self.lenient = lenient
+        self.units: tuple[str, ...] = ()
+        """What a row below the header says, a unit for each column."""
+        with self._bytes() as stream:
+            self.dialect = Dialect(encoding=stated.encoding or encoding_of(stream.read(_BEGINNING)))
         with self._text() as text:
             for self._header_line, line in enumerate(text, start=1):
                 if line.startswith("#"):
                     self.label = self.label or line.removeprefix("#").strip()
+                elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
+                    stated = replace(
+                        stated, delimiter=stated.delimiter or next(mark for mark in DELIMITERS if mark == match[1])
+                    )
                 elif line.strip():
-                    self.columns = tuple(name.strip() for name in next(csv.reader([line])))
+                    self._begin(line, text, stated)
                     return
         raise FileError(f"{path}: empty, not even a header")
+
+    def _begin(self, header: str, text: io.TextIOWrapper, stated: Stated) -> None:
+        """Look at the header and the rows below it."""
+        beginning = text.read(_BEGINNING)
+        lines = beginning.splitlines()
+        rows = [line for line in (lines if len(beginning) < _BEGINNING else lines[:-1]) if line.strip()]
+        self.dialect = find_dialect(self.path, header, rows, self.dialect.encoding, stated)
+        mark = self.dialect.delimiter
+        self.columns = tuple(cells_of_line(header, mark))
+        if self.dialect.units_row:
+            self.units = tuple(cell.strip("[]() ") for cell in cells_of_line(rows[0], mark))
 
     def stream(self, column: str) -> str:
         """The only one."""
@@ -55,18 +108,38 @@ class CsvTable:
     def holds_numbers(self, column: str) -> bool:
         """Whether its first cell is a number or empty."""
         cell = self._first_cells.get(column, "")
-        return not cell or self._NUMBER.fullmatch(cell) is not None
+        return not cell or self._is_number(cell) or STAMP.fullmatch(cell) is not None
+
+    def time_unit(self, column: str) -> str | None:
+        """Nanoseconds since 1970, if it has times of day."""
+        return "ns" if STAMP.fullmatch(self._first_cells.get(column, "")) else None
+
+    def _is_number(self, cell: str) -> bool:
+        if self.dialect.decimal == ",":
+            cell = "?" if "." in cell else cell.replace(",", ".")
+        return NUMBER.fullmatch(cell) is not None
 
     @cached_property
     def _first_cells(self) -> dict[str, str]:
-        _, first = next(self._rows(), (0, []))
-        return {name: cell.strip(" \t") for name, cell in zip(self.columns, first, strict=False)}
+        """The first cell of each column that is not empty, or a word for that."""
+        found: dict[str, str] = {}
+        for _, cells in islice(self._rows(), 1000):
+            for name, cell in zip(self.columns, cells, strict=False):
+                if name not in found and cell.strip(" \t") not in ("", *MISSING):
+                    found[name] = cell.strip(" \t")
+            if len(found) == len(set(self.columns)):
+                break
+        return found
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
         cells = self._first_cells
         large = {name for name in columns if self._LARGE.fullmatch(cells.get(name, ""))}
         types = {name: pa.int64() if name in large else pa.float64() for name in columns}
+        for name in columns:
+            if match := STAMP.fullmatch(cells.get(name, "")):
+                types[name] = pa.timestamp("ns", tz="UTC" if match["zone"] else None)
+                large.add(name)
         for batch in self._batches(types):
             yield {name: cells_of(batch.column(name), name in large) for name in columns}
 
@@ -77,19 +150,28 @@ class CsvTable:
 
     def _batches(self, types: Mapping[str, pa.DataType]) -> Iterator[pa.RecordBatch]:
         try:
-            with pa.input_stream(os.fspath(self.path), compression="detect") as stream:
+            with self._bytes() as stream:
                 yield from pa.csv.open_csv(
                     stream,
                     read_options=pa.csv.ReadOptions(
-                        column_names=self.columns, skip_rows=self._header_line, block_size=BATCH_BYTES
+                        column_names=self.columns,
+                        skip_rows=self._header_line + self._units_lines,
+                        block_size=BATCH_BYTES,
+                    ),
+                    parse_options=pa.csv.ParseOptions(
+                        delimiter=self._mark, invalid_row_handler=(lambda _: "skip") if self.lenient else None
                     ),
                     convert_options=pa.csv.ConvertOptions(
-                        column_types=types, include_columns=list(types), null_values=[""], strings_can_be_null=False
+                        column_types=types,
+                        include_columns=list(types),
+                        null_values=["", *MISSING] if self.lenient else [""],
+                        strings_can_be_null=False,
+                        decimal_point=self.dialect.decimal,
                     ),
                 )
         except (pa.ArrowException, OSError) as error:
             self._find_fault(types)
-            raise FileError(f"{self.path}: {error}") from error
+            raise FileError(f"{self.path}: it cannot be read as CSV") from error
 
     def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
         """See `Table`."""
@@ -110,18 +192,40 @@ class CsvTable:
             lines[row], _ = next(islice(read, row - before - 1, None))
         return [f"line {lines[row]}" for row in rows]
 
+    def odd_lines(self) -> tuple[list[int], list[int]]:
+        """Lines with more or fewer columns than the header, and lines with words for nothing; read to the end."""
+        uneven: list[int] = []
+        worded: list[int] = []
+        words = set(MISSING)
+        for line, cells in self._all_rows():
+            if len(cells) != len(self.columns):
+                uneven.append(line)
+            elif not words.isdisjoint(cells):
+                worded.append(line)
+        return uneven, worded
+
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():
             if len(cells) != len(self.columns):
+                mark = DELIMITERS[self.dialect.delimiter]
                 raise FileError(
-                    f"{self.path}: line {line}: {len(cells)} columns, but the header has {len(self.columns)}"
+                    f"{self.path}: line {line}: {len(cells)} columns, but the header has {len(self.columns)}, "
+                    f"separated by {mark}"
                 )
             for name, kind in types.items():
                 cell = cells[self.columns.index(name)].strip(" \t")
-                if not cell or kind == pa.string():
+                if not cell or kind == pa.string() or (self.lenient and cell in MISSING):
                     continue
-                if not self._NUMBER.fullmatch(cell):
-                    self._fail(line, name, "not a number", cells[self.columns.index(name)])
+                if pa.types.is_timestamp(kind):
+                    match = STAMP.fullmatch(cell)
+                    if match is None or (match["zone"] is None) != (kind.tz is None):
+                        self._fail(line, name, "not a time of day as the first one in the column is", cell)
+                    continue
+                if not self._is_number(cell):
+                    fault = "not a number"
+                    if self._is_number(cell.replace(",", ".") if self.dialect.decimal == "." else cell):
+                        fault += "; [csv] decimal = ',' in a configuration reads a decimal comma"
+                    self._fail(line, name, fault, cells[self.columns.index(name)])
                 if kind == pa.int64() and not re.fullmatch(r"[+-]?\d{1,18}|[+-]?[0-8]\d{18}", cell, re.ASCII):
                     self._fail(line, name, "not a whole number, as the first one in the column is", cell)
 
@@ -130,22 +234,46 @@ class CsvTable:
         place = f"line {line}, column {self.columns.index(name) + 1} ({name})"
         raise FileError(f"{self.path}: {place}: {fault}" + (f": {content!r}" if content else ""))
 
+    @property
+    def _mark(self) -> str:
+        """What separates columns in what is read."""
+        return "\t" if self.dialect.delimiter == " " else self.dialect.delimiter
+
+    @property
+    def _units_lines(self) -> int:
+        return int(self.dialect.units_row)
+
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """The rows below the header, each with the number of its last line; no empty lines, as Arrow skips them."""
+        """The rows below the header, each with the number of its last line, without those that are left out."""
+        return (row for row in self._all_rows() if not self.lenient or len(row[1]) == len(self.columns))
+
+    def _all_rows(self) -> Iterator[tuple[int, list[str]]]:
+        """All rows below the header; no empty lines, as Arrow skips them."""
+        first = self._header_line + self._units_lines
         with self._text() as text:
-            reader = csv.reader(islice(text, self._header_line, None))
+            reader = csv.reader(islice(text, first, None), delimiter=self._mark)
             try:
-                yield from ((self._header_line + reader.line_num, cells) for cells in reader if cells)
+                yield from ((first + reader.line_num, cells) for cells in reader if cells)
             except csv.Error as error:
-                raise FileError(f"{self.path}: line {self._header_line + reader.line_num}: {error}") from error
+                raise FileError(f"{self.path}: line {first + reader.line_num}: {error}") from error
 
     @contextmanager
     def _text(self) -> Iterator[io.TextIOWrapper]:
+        with (
+            self._bytes() as stream,
+            io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace", newline="") as text,
+        ):
+            yield text
+
+    @contextmanager
+    def _bytes(self) -> Iterator[BinaryIO]:
+        """The file without its compression; once its dialect is known, in UTF-8 and without blanks between columns."""
         try:
-            with (
-                pa.input_stream(os.fspath(self.path), compression="detect") as stream,
-                io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace", newline="") as text,
-            ):
-                yield text
+            with pa.input_stream(os.fspath(self.path), compression="detect") as stream:
+                dialect = getattr(self, "dialect", None)
+                if dialect is None or (dialect.encoding == "utf-8" and dialect.delimiter != " "):
+                    yield stream
+                else:
+                    yield io.BufferedReader(Translated(stream, dialect.encoding, blanks=dialect.delimiter == " "))
         except OSError as error:
-            raise FileError(f"{self.path}: {error.strerror or error}") from error
+            raise FileError(f"{self.path}: {system_fault(error)}") from error

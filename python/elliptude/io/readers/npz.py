@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.base import Batch, Cells, numbered
 
 MOST_COLUMNS = 10_000
@@ -41,7 +41,7 @@ class NpzFile:
                         names = [name] if len(shape) == 1 else [f"{name}[{i}]" for i in range(shape[1])]
                         self._lengths |= dict.fromkeys(names, shape[0])
         except OSError as error:
-            raise FileError(f"{path}: {error.strerror or error}") from error
+            raise FileError(f"{path}: {system_fault(error)}") from error
         except Exception as error:  # zipfile and NumPy raise what their parsing happens to meet
             raise FileError(f"{path}: not an NPZ file: {error}") from error
         self.columns = tuple(self._lengths)
@@ -49,6 +49,10 @@ class NpzFile:
     def stream(self, column: str) -> str:
         """See `LogFile`."""
         return str(self._lengths[column])
+
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
 
     def stamps(self, stream: str) -> None:
         """Any column may hold the times."""
@@ -71,7 +75,7 @@ class NpzFile:
                     values = arrays[name]
                     batch[column] = numbered(values[:, int(index[:-1])] if index else values)
         except OSError as error:
-            raise FileError(f"{self.path}: {error.strerror or error}") from error
+            raise FileError(f"{self.path}: {system_fault(error)}") from error
         except Exception as error:  # as above
             raise FileError(f"{self.path}: not an NPZ file: {error}") from error
         yield batch

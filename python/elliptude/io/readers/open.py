@@ -7,6 +7,7 @@ from typing import TypeAlias
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
@@ -16,7 +17,12 @@ LogSource: TypeAlias = str | os.PathLike[str] | LogFile
 """A log: the path of a file, or what is open already, such as arrays in memory."""
 
 
-def open_log(path: LogSource) -> LogFile:
+def open_log(
+    path: LogSource,
+    stated: Stated = ALL_FOUND_OUT,
+    *,
+    lenient: bool = False,
+) -> LogFile:
     """Open a file in the format that its name ends in.
 
     Parameters
@@ -25,6 +31,10 @@ def open_log(path: LogSource) -> LogFile:
         What is open already stays as it is. Of a file:
         ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; anything else is
         CSV, which may be compressed (``.gz``, ``.bz2``, ``.zst``).
+    stated : Stated
+        How a CSV file is written; what is not stated is found out.
+    lenient : bool
+        As in `CsvTable`.
 
     Returns
     -------
@@ -52,4 +62,4 @@ def open_log(path: LogSource) -> LogFile:
         case ".bag" | ".mcap" | ".db3":
             return BagFile(path)
         case _:
-            return CsvTable(path)
+            return CsvTable(path, stated, lenient=lenient)

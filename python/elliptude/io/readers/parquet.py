@@ -22,7 +22,7 @@ class ParquetTable:
         try:
             schema = pa.parquet.read_schema(path)
         except (pa.ArrowException, OSError) as error:
-            raise FileError(f"{path}: not a Parquet file: {error}") from error
+            raise FileError(f"{path}: not a Parquet file, or damaged") from error
         self.columns = tuple(schema.names)
         self.label = (schema.metadata or {}).get(b"elliptude", b"").decode()
         self._types = {field.name: field.type for field in schema}
@@ -31,6 +31,10 @@ class ParquetTable:
         """The only one."""
         return ""
 
+    def time_unit(self, column: str) -> str | None:
+        """Nanoseconds since 1970, if it has time stamps."""
+        return "ns" if pa.types.is_timestamp(self._types[column]) else None
+
     def stamps(self, stream: str) -> None:
         """Any column may hold the times."""
         return
@@ -38,19 +42,26 @@ class ParquetTable:
     def holds_numbers(self, column: str) -> bool:
         """See `LogFile`."""
         kind = self._types[column]
-        return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
+        return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_timestamp(kind))
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
         self._require_numbers(columns)
-        large = {name for name in columns if self._types[name] in (pa.int64(), pa.uint64())}
+        large = {name for name in columns if self._types[name] in (pa.int64(), pa.uint64()) or self.time_unit(name)}
         try:
             # Arrow would read all of these columns beforehand.
             with pa.parquet.ParquetFile(self.path, pre_buffer=False) as file:
                 for batch in file.iter_batches(BATCH_ROWS, columns=list(columns)):
-                    yield {name: cells_of(batch.column(name), name in large) for name in columns}
+                    yield {name: cells_of(self._counted(batch.column(name)), name in large) for name in columns}
         except (pa.ArrowException, OSError) as error:
-            raise FileError(f"{self.path}: {error}") from error
+            raise FileError(f"{self.path}: damaged: its rows cannot be read") from error
+
+    @staticmethod
+    def _counted(column: pa.Array) -> pa.Array:
+        """Time stamps as nanoseconds, other columns as they are."""
+        if not pa.types.is_timestamp(column.type):
+            return column
+        return column.cast(pa.timestamp("ns", tz=column.type.tz)).cast(pa.int64())
 
     def read(self, numbers: list[str], texts: list[str]) -> pa.Table:
         """See `Table`."""
@@ -60,7 +71,7 @@ class ParquetTable:
             with pa.parquet.ParquetFile(self.path) as file:
                 return file.read(columns=schema.names).select(schema.names).cast(schema)
         except (pa.ArrowException, OSError) as error:
-            raise FileError(f"{self.path}: {error}") from error
+            raise FileError(f"{self.path}: damaged: its rows cannot be read") from error
 
     def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
         """See `Table`."""

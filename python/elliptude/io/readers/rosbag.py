@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.base import BATCH_ROWS, Batch, Cells, numbered
 
 if TYPE_CHECKING:
@@ -52,6 +52,10 @@ class BagFile:
     def holds_numbers(self, column: str) -> bool:
         """All do."""
         return True
+
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
 
     def stamps(self, stream: str) -> tuple[str, str]:
         """The header's stamps where messages have a header, else when the bag took them; ns."""
@@ -96,7 +100,7 @@ class BagFile:
         except (FileError, KeyboardInterrupt, GeneratorExit):
             raise
         except OSError as error:
-            raise FileError(f"{self.path}: {error.strerror or error}") from error
+            raise FileError(f"{self.path}: {system_fault(error)}") from error
         except Exception as error:  # of rosbags and of what it unpacks with
             raise FileError(f"{self.path}: not a bag that rosbags can read: {error}") from error
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.base import Batch, numbered
 
 
@@ -29,7 +29,7 @@ class UlogFile:
             with _Bounded(self.path) as content:
                 log = pyulog.ULog(content)
         except OSError as error:
-            raise FileError(f"{path}: {error.strerror or error}") from error
+            raise FileError(f"{path}: {system_fault(error)}") from error
         except Exception as error:  # pyulog raises what its parsing happens to meet
             raise FileError(f"{path}: not a ULog that pyulog can read: {error}") from error
         self._arrays: dict[str, NDArray[np.generic]] = {
@@ -47,6 +47,10 @@ class UlogFile:
     def holds_numbers(self, column: str) -> bool:
         """All do."""
         return True
+
+    def time_unit(self, column: str) -> None:
+        """No column has times of day."""
+        return
 
     def stamps(self, stream: str) -> tuple[str, str]:
         """The topic's own, µs."""

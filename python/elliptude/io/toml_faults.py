@@ -1,0 +1,158 @@
+"""What is wrong with a TOML file, in words: pydantic's findings by key, with what stands there and what may."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from elliptude.io.files import did_you_mean
+
+_EXPLAINED = {
+    "T": "tesla",
+    "G": "gauss",
+    "mG": "milligauss",
+    "uT": "microtesla",
+    "nT": "nanotesla",
+    "mg": "thousandths of g",
+}
+_WORDS = {
+    "missing": "missing",
+    "finite_number": "must be finite",
+    "greater_than": "must be more than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
+    "too_long": "must have {max_length} values, not {actual_length}",
+    "too_short": "must have at least {min_length} value(s)",
+    "string_too_short": "must not be empty",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "string_type": "must be text in quotes",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "timezone_aware": "needs a time zone, as in 2015-10-13T14:49:00Z",
+}
+"""By pydantic's type of a fault, with its context."""
+
+
+def faults_in_words(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> str:
+    """Every key at fault with what is wrong, each once: the members of a union repeat one another.
+
+    Parameters
+    ----------
+    error : ValidationError
+    data : mapping
+        What was validated.
+    model : type
+        By what.
+
+    Returns
+    -------
+    str
+    """
+    faults = error.errors()
+    plain = {_key_path(fault, data).rstrip(": ") for fault in faults if not fault["type"].endswith("_type")}
+    said = []
+    for fault in faults:
+        path = _key_path(fault, data)
+        above = path.rstrip(": ").rpartition("[")[0]
+        # That a list of names is no matrix is not said where a name is wrong.
+        if fault["type"] == "tuple_type" and any(one == above or one.startswith(f"{above}[") for one in plain if above):
+            continue
+        said.append(path + _fault(fault, model) + _value(fault))
+    return "; ".join(dict.fromkeys(said))
+
+
+def _fault(fault: ErrorDetails, model: type[BaseModel]) -> str:
+    kind, context = fault["type"], fault.get("ctx", {})
+    if kind == "value_error":
+        return fault["msg"].removeprefix("Value error, ")
+    if kind == "extra_forbidden":
+        keys = _known_keys(model, fault["loc"])
+        return "no such key" + (did_you_mean(str(fault["loc"][-1]), keys) or f"; there are {', '.join(sorted(keys))}")
+    if kind == "missing" and isinstance(fault["loc"][-1], int):
+        return "missing: the list has too few values"
+    if kind == "literal_error":
+        expected = str(context["expected"])
+        names = [name for name in _EXPLAINED if f"'{name}'" in expected]
+        explained = "; ".join(f"{name} is {_EXPLAINED[name]}" for name in names if name in {"mG", "uT", "nT", "mg"})
+        return f"must be {expected}" + (f" ({explained})" if explained else "")
+    if kind in {"union_tag_invalid", "union_tag_not_found"}:
+        tags = sorted(_kinds(_models_at(model, fault["loc"])))
+        one_of = " or ".join(f"'{tag}'" for tag in tags)
+        if kind == "union_tag_not_found":
+            return f"kind: missing, must be {one_of}"
+        return f"kind must be {one_of}, not {context['tag']!r}" + did_you_mean(str(context["tag"]), tags)
+    if kind.startswith(("datetime", "date_")):
+        return "must be a date with time and zone, as 2015-10-13T14:49:00Z"
+    return _WORDS.get(kind, "not what may stand here").format(**context)
+
+
+def _value(fault: ErrorDetails) -> str:
+    """What stands there instead, if it is short enough to be said."""
+    value = fault["input"]
+    if fault["type"] in {"missing", "extra_forbidden"} or not isinstance(value, bool | int | float | str):
+        return ""
+    shown = str(value).lower() if isinstance(value, bool) else repr(value)
+    return f", not {textwrap.shorten(shown, 60, placeholder='...')}"
+
+
+def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
+    """Where in the file a fault is, "potential.orbit_rate: "; empty for the file as a whole.
+
+    pydantic names the members of unions among the keys; they are not in the file.
+    """
+    path = ""
+    here: Any = data
+    for depth, part in enumerate(fault["loc"], start=1):
+        is_missing = fault["type"] == "missing" and depth == len(fault["loc"])
+        if isinstance(here, list) and isinstance(part, int):
+            path += f"[{part}]"
+            here = None if is_missing else here[part]
+        elif isinstance(here, Mapping) and (part in here or is_missing):
+            path += f".{part}"
+            here = here.get(part)
+    return f"{path.lstrip('.')}: " if path else ""
+
+
+# --- what may stand where ---------------------------------------------------------------------------------------------
+
+
+def _known_keys(model: type[BaseModel], place: Sequence[int | str]) -> set[str]:
+    return {key for one in _models_at(model, place[:-1]) for key in one.model_fields}
+
+
+def _models_at(model: type[BaseModel], place: Sequence[int | str]) -> set[type[BaseModel]]:
+    """The tables that may stand at a place."""
+    here = {model}
+    for part in place:
+        if isinstance(part, int):
+            continue
+        below = {
+            found for one in here if part in one.model_fields for found in _models_in(one.model_fields[part].annotation)
+        }
+        tagged = {one for one in here if part in _kinds({one})}
+        here = below or tagged or here
+    return here
+
+
+def _models_in(annotation: Any) -> set[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return {found for one in get_args(annotation) for found in _models_in(one)}
+
+
+def _kinds(models: set[type[BaseModel]]) -> set[str]:
+    """What ``kind`` may be in these tables."""
+    fields: list[Any] = [one.model_fields["kind"].annotation for one in models if "kind" in one.model_fields]
+    return {str(name) for one in fields for name in get_args(one)}

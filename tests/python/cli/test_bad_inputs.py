@@ -1,0 +1,213 @@
+"""Bad input, by the command line: one message with place and remedy, in our own words, and nothing half-written."""
+
+import functools
+import gzip
+
+import pytest
+from elliptude import cli
+from typer.testing import CliRunner
+
+HEADER = "t,wx,wy,wz,ax,ay,az,mx,my,mz"
+ROWS = tuple(f"{0.01 * i:.2f},0,0,0,0,0,9.8,0,18,-42" for i in range(400))
+CONFIG = """
+time_column = "t"
+reference_frame = "ENU"
+flow = { kind = "gyro", columns = ["wx", "wy", "wz"], unit = "deg/s", noise_deg_per_s = 1.0 }
+estimator = { mode = "guaranteed" }
+[[directions]]
+name = "up"
+kind = "accelerometer"
+columns = ["ax", "ay", "az"]
+unit = "m/s^2"
+bound_deg = 5.0
+[[directions]]
+name = "field"
+kind = "magnetometer"
+columns = ["mx", "my", "mz"]
+unit = "uT"
+reference_ut = [0.0, 18.0, -42.0]
+bound_deg = 5.0
+"""
+NOT_OURS = (
+    "Traceback", "Extra inputs", "Input should", "Input tag", "Field required", "discriminator", "Tuple should",
+    "String should", "pydantic", "Invalid argument", "Errno", "ArrowInvalid", "CSV parse", "Parquet magic",
+    "numpy", "pickle", "NoneType", "codec can't", "Value error", "KeyError", "Is a directory", "Not a directory",
+)  # fmt: skip
+"""Words of Python and of libraries."""
+
+
+def lines(changes, *, header=HEADER, more=()):
+    return "\n".join([header, *(changes.get(i, row) for i, row in enumerate(ROWS)), *more]) + "\n"
+
+
+def cell(i, column, content):
+    cells = ROWS[i].split(",")
+    cells[column] = content
+    return {i: ",".join(cells)}
+
+
+LOGS = {
+    "empty file": ("", "empty, not even a header"),
+    "only blank lines": ("\n\n\n", "empty, not even a header"),
+    "header alone": (HEADER + "\n", "a header, but no rows below it"),
+    "no header": ("\n".join(ROWS), "its first line has numbers; the names of the columns must stand there"),
+    "letters": (lines(cell(7, 1, "fast")), "line 9, column 2 (wx): not a number: 'fast'"),
+    "decimal comma beside points": (lines(cell(7, 1, '"0,5"')), "line 9, column 2 (wx): not a number; [csv] decimal"),
+    "one decimal point among commas": (
+        "t;wx\n" + "0,5;1\n" * 3 + "0.5;1,5\n", "'0,5' has a decimal comma and '0.5' a decimal point",
+    ),
+    "thousands": ("t;wx\n1;1,000\n2;2,000\n", "does '1,000' mean 1.000 or 1000?"),
+    "two delimiters": ("t,a;b,c\n1,2;3,4\n", "separated by ',' or 2 columns separated by ';'"),
+    "short line": (lines({7: "0.07,0,0"}), "line 9: 3 columns, but the header has 10"),
+    "long line": (lines({7: ROWS[7] + ",1"}), "line 9: 11 columns, but the header has 10"),
+    "cut off": (lines({}, more=("4.0,0,0",)), "line 402: 3 columns"),
+    "NaN": (lines(cell(7, 1, "NaN")), "samples of the gyro"),
+    "infinite": (lines(cell(7, 1, "inf")), "samples of the gyro that are infinite: 1 (line 9)"),
+    "1e300": (lines(cell(7, 1, "1e300")), "line 9, column 2 (wx): 1e+300, which no sensor measures"),
+    "1e400": (lines(cell(7, 1, "1e400")), "line 9, column 2 (wx): not a finite number"),
+    "empty time": (lines(cell(7, 0, "")), "line 9, column 1 (t): empty"),
+    "empty gyro": (lines(cell(7, 1, "") | {}), "line 9"),
+    "half a vector": (lines(cell(7, 4, "")), "samples of up with empty components: 1 (line 9)"),
+    "zero vector": (lines({7: "0.07,0,0,0,0,0,0,0,18,-42"}), "'up' has no direction"),
+    "repeated": (lines({7: ROWS[6]}), "rows that repeat the row above: 1 (line 9)"),
+    "repeated with other values": (lines(cell(7, 0, "0.06") | {}), "line 9, column 1 (t): not after the time of"),
+    "backward": (lines(cell(7, 0, "0.01")), "line 9, column 1 (t): not after the time of the row before"),
+    "set back": (lines({}, more=[row.replace(",0", ",1", 1) for row in ROWS[100:300]]), "the clock was set back here"),
+    "times of day among numbers": (lines(cell(7, 0, "2024-05-01T12:00:00Z")), "line 9, column 1 (t): not a number"),
+    "no time of day": (
+        "t,wx,wy,wz,ax,ay,az,mx,my,mz\n2024-05-01T12:00:00Z" + ROWS[0][4:] + "\nnoon" + ROWS[1][4:] + "\n",
+        "line 3, column 1 (t): not a time of day",
+    ),
+    "misspelt column": (lines({}, header=HEADER.replace("wx", "Wxx")), "no column 'wx'"),
+    "two columns of one name": (lines({}, header=HEADER.replace("wx", "wy")), "no column 'wx'"),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "log.csv"),
+    "zeros": (b"\0" * 1000, "log.csv"),
+    "broken gzip": (gzip.compress(b"t,wx\n1,2\n" * 999)[:50], "log.csv.gz"),
+    "no Parquet": (b"PAR1 no more", "not a Parquet file, or damaged"),
+    "no NPZ": (b"PK\x03\x04 no more", "not an NPZ file"),
+}  # fmt: skip
+
+CONFIGS = {
+    "not TOML": ("flow = [", "not TOML"),
+    "misspelt key": (CONFIG.replace("noise_deg", "nose_deg"), "no such key, did you mean 'noise_deg_per_s'?"),
+    "misspelt table": (CONFIG.replace("estimator =", "estimater ="), "no such key, did you mean 'estimator'?"),
+    "no flow": (CONFIG.replace("flow =", "#"), "flow: missing"),
+    "unknown kind": (CONFIG.replace('"gyro"', '"gryo"'), "kind must be 'gyro' or 'rigid_body', not 'gryo', did"),
+    "no kind": (CONFIG.replace('kind = "gyro", ', ""), "kind: missing, must be 'gyro' or 'rigid_body'"),
+    "unknown unit": (CONFIG.replace('"deg/s"', '"degrees"'), "flow.unit: must be 'rad/s' or 'deg/s', not 'degrees'"),
+    "unknown field unit": (CONFIG.replace('"uT"', '"mT"'), "uT is microtesla; nT is nanotesla), not 'mT'"),
+    "text for a number": (CONFIG.replace("per_s = 1.0", 'per_s = "1"'), "noise_deg_per_s: must be a number, not '1'"),
+    "negative": (CONFIG.replace("per_s = 1.0", "per_s = -1"), "noise_deg_per_s: must be more than 0, not -1"),
+    "infinite bound": (CONFIG.replace("per_s = 1.0", "per_s = inf"), "noise_deg_per_s: must be finite, not inf"),
+    "too large": (CONFIG.replace("bound_deg = 5.0", "bound_deg = 500"), "bound_deg: must be less than 180, not 500"),
+    "two columns": (CONFIG.replace('"wx", "wy", "wz"', '"wx", "wy"'), "flow.columns[2]: missing"),
+    "four columns": (CONFIG.replace('"wx",', '"wx", "w",'), "flow.columns: must have 3 values, not 4"),
+    "the same column twice": (CONFIG.replace('"wx", "wy"', '"wy", "wy"'), "must name different columns"),
+    "text for a list": (CONFIG.replace('["wx", "wy", "wz"]', '"wx"'), "flow.columns: must be a list, not 'wx'"),
+    "number for a table": ("flow = 3", "flow: must be a table, not 3"),
+    "unknown delimiter": (CONFIG + '[csv]\ndelimiter = "x"\n', "csv.delimiter: must be ',', ';'"),
+    "unknown encoding": (CONFIG + '[csv]\nencoding = "klingon"\n', "csv.encoding: must be the name of an encoding"),
+    "no bound": (CONFIG.replace("bound_deg = 5.0", ""), "bound"),
+    "no column": (CONFIG.replace('"ax"', '"AX "'), "did you mean 'ax'?"),
+    "not UTF-8": (CONFIG.encode("utf-16"), "not UTF-8 text"),
+    "no stamps": (CONFIG.replace('"t"', '"time"'), "no column 'time'"),
+    "no time unit": (CONFIG.replace('"t"\n', '"t"\ntime_unit = "min"\n'), "time_unit: must be 's', 'ms', 'us' or 'ns'"),
+}  # fmt: skip
+
+
+def endings(name):
+    return {"broken gzip": ".csv.gz", "no Parquet": ".parquet", "no NPZ": ".npz"}.get(name, ".csv")
+
+
+@functools.cache
+def app():
+    return cli.make_app()
+
+
+def refused(folder, *arguments, exit_code=1):
+    """The one message of a command that must not end well, and leave nothing behind."""
+    before = sorted(folder.rglob("*"))
+    done = CliRunner().invoke(app(), [str(argument) for argument in arguments])
+    assert isinstance(done.exception, SystemExit | None), done.exception
+    assert done.exit_code == exit_code, done.output
+    said = done.stderr
+    for word in NOT_OURS:
+        assert word not in said + done.stdout
+    assert sorted(folder.rglob("*")) == before
+    if exit_code == 1:
+        assert said.count("error: ") == 1, said
+        assert said.startswith("error: ")
+    return " ".join(said.split())
+
+
+def write(path, content):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def estimate(folder, log, config):
+    return refused(folder, "estimate", log, "--config", config, "--out", folder / "out")
+
+
+def test_the_good_ones_are_good(tmp_path):
+    log, config = write(tmp_path / "log.csv", lines({})), write(tmp_path / "config.toml", CONFIG)
+    assert CliRunner().invoke(app(), ["check", str(log), str(config)]).exit_code == 0
+
+
+def test_there_are_many():
+    assert len(LOGS) + len(CONFIGS) >= 55
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_a_bad_log(tmp_path, name):
+    content, message = LOGS[name]
+    log = write(tmp_path / f"log{endings(name)}", content)
+    said = estimate(tmp_path, log, write(tmp_path / "config.toml", CONFIG))
+    assert message in said
+    assert log.name in said
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_bad_configuration(tmp_path, name):
+    content, message = CONFIGS[name]
+    config = write(tmp_path / "config.toml", content)
+    said = estimate(tmp_path, write(tmp_path / "log.csv", lines({})), config)
+    assert message in said
+    assert config.name in said or "log.csv" in said
+
+
+def test_bad_files_and_options(tmp_path):
+    log, config = write(tmp_path / "log.csv", lines({})), write(tmp_path / "config.toml", CONFIG)
+    assert "none.csv: no such file" in estimate(tmp_path, tmp_path / "none.csv", config)
+    assert "none.toml: no such file" in estimate(tmp_path, log, tmp_path / "none.toml")
+    assert "not a regular file" in estimate(tmp_path, tmp_path, config)
+    assert "a folder, where a file is needed" in estimate(tmp_path, log, tmp_path)
+    within = refused(tmp_path, "estimate", log, "--config", config, "--out", log / "out")
+    assert "within a file, where a folder is needed" in within
+    assert "none" in refused(tmp_path, "bounds", log, "--like", "none", exit_code=2)
+    assert "a unit must be stated" in refused(tmp_path, "bounds", log, "--time", "t", "--gyro", "wx,wy,wz", exit_code=2)
+    units = ("--gyro-unit", "deg/s")
+    assert "3 columns, not 2" in refused(tmp_path, "bounds", log, "--time", "t", "--gyro", "wx,wy", *units, exit_code=2)
+    columns = refused(tmp_path, "bounds", log, "--time", "t", "--gyro", "wx,wy,Wz1", *units)
+    assert "no column 'Wz1', did you mean 'wz'?" in columns
+    assert "its columns do not state sensor, axis and unit" in refused(tmp_path, "bounds", log)
+    write(tmp_path / "out.toml", "")
+    existing = refused(tmp_path, "bounds", log, config, "--out", tmp_path / "out.toml")
+    assert "there already; --force replaces it" in existing
+
+
+def test_check_names_all_faults(tmp_path):
+    config = write(tmp_path / "config.toml", CONFIG)
+    log = write(tmp_path / "log.csv", lines(cell(7, 1, "NaN") | {20: ROWS[19]} | cell(30, 4, "")))
+    done = CliRunner().invoke(app(), ["check", str(log), str(config)])
+    assert done.exit_code == 1
+    said = " ".join(done.output.split())
+    for part in (
+        "words such as NaN or null: 1 (line 9)",
+        "repeat the row above: 1 (line 22)",
+        "--repair leaves them out",
+    ):
+        assert part in said
+    done = CliRunner().invoke(app(), ["check", str(log), str(config), "--repair"])
+    assert "repaired: rows that repeat the row above: 1 (line 22), left out" in done.output
+    assert done.exit_code == 0, done.output

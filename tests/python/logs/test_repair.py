@@ -1,0 +1,169 @@
+"""All faults of a log at once, and what is left out of it: never more is known than without a repair."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+from elliptude import logs
+from elliptude.configuration.configuration import Configuration
+from elliptude.io.files import FileError
+from elliptude.logs.log import faults_of, joined
+from elliptude.logs.repair import _in_file, _out_of_order
+
+H = 0.01
+HEADER = "t;gx;gy;gz;ax;ay;az"
+
+
+def configured(*, repair=True, **changes):
+    return Configuration.model_validate(
+        {
+            "time_column": "t",
+            "reference_frame": "ENU",
+            "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"], "noise_deg_per_s": 1.0},
+            "directions": [
+                {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "g", "bound_deg": 1.0}
+            ],
+            "estimator": {"mode": "guaranteed"},
+            "timing": {"repair": repair},
+        }
+        | changes
+    )
+
+
+def row(t, i, up="0;0;1"):
+    return f"{t:.6g};{i};0,5;0;{up}".replace(".", ",")
+
+
+def clean(count=40):
+    return [row(H * i, i) for i in range(count)]
+
+
+def write(tmp_path, rows):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([HEADER, *rows]) + "\n")
+    return path
+
+
+def faults(path, configuration):
+    return {fault.what: (fault.count, fault.places) for fault in faults_of(path, configuration).faults}
+
+
+def test_a_clean_log_is_the_same_with_a_repair(tmp_path):
+    path = write(tmp_path, clean())
+    plain, repaired = (logs.read_log(path, configured(repair=repair)) for repair in (False, True))
+    assert faults_of(path, configured()).faults == []
+    for name in ("times", "rates", "directions", "rows"):
+        np.testing.assert_array_equal(getattr(plain, name), getattr(repaired, name))
+
+
+def test_every_kind_of_fault_is_listed_at_once_and_left_out(tmp_path):
+    rows = clean()
+    rows[5] = f"{0.05:.6g};NaN;NaN;NaN;NaN;NaN;NaN".replace("0.", "0,")
+    rows[8] = row(0.08, "", "0;0;1").replace(";0,5;0;", ";;;")
+    rows[11] = row(0.11, 11, "0;;1")
+    rows[14] = row(0.14, 14, "0;1e300;1")
+    rows[17] = row(0.17, 17, "0;0;0")
+    rows[19] = row(0.19, "inf")
+    rows[22] = row(7.7, 22)
+    rows[25] = ";25;0,5;0;0;0;1"
+    rows[27] += ";9"
+    rows.insert(30, rows[29])
+    rows.insert(33, rows[32].replace(";31;", ";99;"))
+    path = write(tmp_path, rows)
+    assert faults(path, configured()) == {
+        "lines without the 7 columns of the header": (1, ("line 29",)),
+        "lines with words such as NaN or null": (1, ("line 7",)),
+        "rows without a time in 't'": (1, ("line 27",)),
+        "rows whose time in 't' is after that of rows below": (1, ("line 24",)),
+        "rows that repeat the row above": (1, ("line 32",)),
+        "samples of the gyro that are infinite": (1, ("line 21",)),
+        "rows without the gyro": (2, ("line 7", "line 10")),
+        "samples of the gyro that differ at the same time": (2, ("line 34", "line 35")),
+        "samples of up with empty components": (1, ("line 13",)),
+        "samples of up beyond 1e+30": (1, ("line 16",)),
+        "samples of up that are zero": (1, ("line 19",)),
+    }
+    with pytest.raises(FileError) as caught:
+        logs.read_log(path, configured(repair=False))
+    for what in faults(path, configured()):
+        assert f"{what}: " in str(caught.value)
+    assert "--repair leaves them out" in str(caught.value)
+
+    log = logs.read_log(path, configured())
+    # What is measured is what the file says at that time, and nothing is put where something was left out.
+    np.testing.assert_array_equal(np.diff(log.times) > 0.0, True)
+    number = np.rint(log.times / H).astype(int)
+    sampled = np.isin(log.times, log.gyro_times)
+    np.testing.assert_array_equal(log.rates[sampled, 0], number[sampled])
+    assert set(range(40)) - set(number[sampled]) == {5, 8, 19, 22, 25, 27, 31}
+    assert set(number[np.isnan(log.directions[:, 0, 0])]) == {5, 11, 14, 17}
+    # A place is that of the file.
+    assert log.place(int(np.argmax(number == 39))).startswith("line 43")
+
+
+def test_what_is_left_out_of_the_gyro_is_a_gap(tmp_path):
+    from elliptude.estimation import gaps
+
+    rows = clean()
+    rows[20] = row(H * 20, "NaN").replace(";0,5;0;", ";NaN;NaN;")
+    log = logs.read_log(write(tmp_path, rows), configured())
+    longest = gaps.longest_interval(log, configured())
+    np.testing.assert_allclose(np.flatnonzero(np.diff(log.gyro_times) > longest), [19])
+    without = gaps.without_rates_in_gaps(log, longest)
+    assert np.isnan(without.rates[20]).all()
+
+
+@pytest.mark.parametrize("step", [0.2, 0.03, 0.015])
+def test_a_clock_that_was_set_back_is_not_repaired(tmp_path, step):
+    rows = clean() + [row(H * 39 - step + H * i, i + 100) for i in range(1, 40)]
+    path = write(tmp_path, rows)
+    for repair in (True, False):
+        with pytest.raises(FileError, match=r"line 42, column 1 \(t\): the clock was set back here"):
+            logs.read_log(path, configured(repair=repair))
+
+
+def order(times, marks=None):
+    marks = np.arange(len(times), dtype=np.uint64) if marks is None else np.array(marks, dtype=np.uint64)
+    return tuple(part.tolist() for part in _out_of_order(np.array(times), marks[:, None]))
+
+
+def test_rows_out_of_order():
+    regular = [1.0 + H * i for i in range(50)]
+    assert order(regular) == ([], [], [])
+
+    def changed(changes):
+        return [changes.get(i, time) for i, time in enumerate(regular)]
+
+    assert order(changed({20: 0.5})) == ([20], [], [])
+    assert order(changed({20: 99.0})) == ([], [20], [])
+    assert order(changed({0: 99.0})) == ([], [0], [])
+    assert order(changed({49: 0.1})) == ([49], [], [])
+    assert order(changed({20: regular[21], 21: regular[20]})) == ([21], [], [])
+    again = regular + regular[20:23] + [1.0 + H * (50 + i) for i in range(5)]
+    assert order(again, [*range(50), 20, 21, 22, *range(60, 65)]) == ([50, 51, 52], [], [])
+    # Those rows with other values: the clock was set back.
+    assert order(again)[2] == [50]
+    assert order(regular + [time - 0.3 for time in regular])[2] == [50]
+
+
+def test_rows_in_the_file():
+    left_out = np.array([2, 3, 7])
+    assert [_in_file(left_out, row) for row in range(7)] == [0, 1, 4, 5, 6, 8, 9]
+
+
+def test_parquet_nan_and_batches(tmp_path, monkeypatch):
+    count = 1000
+    columns = {name: np.ones(count) for name in ("gx", "gy", "gz", "ax", "ay", "az")}
+    columns["gx"][[10, 700]] = np.nan
+    stamps = H * np.arange(count)
+    stamps[500] = stamps[499]
+    pa.parquet.write_table(pa.table({"t": stamps, **columns}), tmp_path / "log.parquet")
+    monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", 64)
+    path = tmp_path / "log.parquet"
+    assert faults(path, configured()) == {
+        "rows that repeat the row above": (1, ("row 501",)),
+        "samples of the gyro with NaN": (2, ("row 11", "row 701")),
+    }
+    log = joined(list(logs.read_pieces(path, configured())))
+    assert len(log.times) == count - 1
+    assert len(log.gyro_times) == count - 3
