@@ -1,4 +1,4 @@
-"""A first result with an installed elliptude: a set by the library, and a simulated log estimated by the command line."""
+"""A first result with an installed elliptude: a set by the library, and a simulated log by the command line."""
 
 import json
 import subprocess
@@ -36,9 +36,10 @@ def by_the_command_line() -> None:
         measurements, configuration = folder / "measurements.csv", folder / "estimate.toml"
         elliptude("estimate", measurements, "--config", configuration, "--out", folder / "result")
         summary = json.loads((folder / "result" / "summary.json").read_text(encoding="utf-8"))
-    print(f"command line: {summary['updates']} updates, {summary['inside_share_of_rows']:.0%} of the rows hold the truth")
+    inside = summary["inside_share_of_rows"]
+    print(f"command line: {summary['updates']} updates, {inside:.0%} of the rows hold the truth")
     assert summary["updates"] == 20
-    assert summary["inside_share_of_rows"] == 1
+    assert inside == 1
 
 
 by_the_library()

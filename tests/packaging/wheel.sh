@@ -9,12 +9,18 @@ wheel=$(realpath "$1")
 mkdir "$2"
 folder=$(cd "$2" && pwd)
 
-# A wheel is for the oldest processor of its kind: no instruction of AVX, which x86-64 does not promise.
+# A wheel is for the oldest processor of its kind. What x86-64 does not promise is AVX, whose instructions begin with v, and what SSE3
+# to SSE4.2 brought, of which these are the ones that compilers like to use.
+newer='\b(v[a-z0-9]+ .*%[xyz]mm|haddp[sd]|pshufb|round[sp][sd]|blendvp[sd]|ptest|popcnt|crc32)'
 unzipped=$folder/unzipped
 "${PYTHON:-python3}" -m zipfile -e "$wheel" "$unzipped"
 for module in "$unzipped"/elliptude/_*.so; do
-    if [ "$(uname -m)" = x86_64 ] && objdump -d --no-show-raw-insn "$module" | grep -qE '%[yz]mm[0-9]'; then
-        echo "$module has instructions that an x86-64 may lack" >&2
+    [ "$(uname -m)" = x86_64 ] || continue
+    objdump -d --no-show-raw-insn "$module" >"$folder/instructions"
+    grep -q '%xmm0' "$folder/instructions"
+    if grep -E "$newer" "$folder/instructions" >"$folder/newer"; then
+        echo "$module has instructions that an x86-64 may lack, among them:" >&2
+        head -n 3 "$folder/newer" >&2
         exit 1
     fi
 done

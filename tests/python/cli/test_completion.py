@@ -1,4 +1,4 @@
-"""Completion by the shell: the answers that a shell asks for, and the Tab key where `--install-completion` was called."""
+"""Completion by the shell: the answers that a shell asks for, and the Tab key after `--install-completion`."""
 
 import os
 import shutil
