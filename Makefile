@@ -61,6 +61,12 @@ fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/fuzz ## Fuzz the core and the read
 	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
 	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) $(FUZZ_TARGETS) --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
+.PHONY: wheel
+wheel: $(VENV)/wheel ## Build a wheel for any Linux since glibc 2.17 in dist/, and try it where there is no compiler
+	tools/build_wheel.sh .venv/bin
+	rm -rf build/wheel/alone
+	PYTHON=.venv/bin/python ELLIPTUDE_WHEEL_SECONDS=30 tests/packaging/wheel.sh "$$(ls -t dist/elliptude-*.whl | head -n 1)" build/wheel/alone
+
 .PHONY: demo
 demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
 	.venv/bin/elliptude demo --out build/demo
@@ -118,6 +124,10 @@ $(VENV)/dev: $(VENV)/requirements
 
 $(VENV)/compare: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py compare)
+	touch $@
+
+$(VENV)/wheel: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py wheel)
 	touch $@
 
 $(VENV)/fuzz: $(VENV)/requirements

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -36,6 +36,10 @@ for purpose in "$@"; do
             need_package libclang-rt-dev
             ;;
         browser) need_command chromium chromium ;;
+        shells)
+            need_command zsh zsh
+            need_command fish fish
+            ;;
         *)
             echo "unknown purpose: $purpose" >&2
             exit 2

@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# wheel.sh WHEEL FOLDER: installs a wheel with the command line into a new virtual environment, FOLDER, where no program but Python's own
+# is found, thus no compiler, and where nothing else may be compiled; then gets a first result. Says how long that took.
+# ELLIPTUDE_WHEEL_SECONDS: fails if it takes longer. PYTHON: the one that the wheel is for. PIP_CACHE_DIR: what pip has downloaded
+# before; nothing if it is not set. Needs the network (PyPI).
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+wheel=$(realpath "$1")
+mkdir "$2"
+folder=$(cd "$2" && pwd)
+
+# A wheel is for the oldest processor of its kind. What x86-64 does not promise is AVX, whose instructions begin with v, and what SSE3
+# to SSE4.2 brought, of which these are the ones that compilers like to use.
+newer='\b(v[a-z0-9]+ .*%[xyz]mm|haddp[sd]|pshufb|round[sp][sd]|blendvp[sd]|ptest|popcnt|crc32)'
+unzipped=$folder/unzipped
+"${PYTHON:-python3}" -m zipfile -e "$wheel" "$unzipped"
+for module in "$unzipped"/elliptude/_*.so; do
+    [ "$(uname -m)" = x86_64 ] || continue
+    objdump -d --no-show-raw-insn "$module" >"$folder/instructions"
+    grep -q '%xmm0' "$folder/instructions"
+    if grep -E "$newer" "$folder/instructions" >"$folder/newer"; then
+        echo "$module has instructions that an x86-64 may lack, among them:" >&2
+        head -n 3 "$folder/newer" >&2
+        exit 1
+    fi
+done
+
+began=$EPOCHREALTIME
+"${PYTHON:-python3}" -m venv "$folder"
+alone=(env -i "PATH=$folder/bin" "HOME=$folder" "LC_ALL=C.UTF-8" ${PIP_CACHE_DIR:+"PIP_CACHE_DIR=$PIP_CACHE_DIR"})
+for compiler in cc c++ gcc g++ clang cmake; do
+    if "${alone[@]}" "$folder/bin/python" -c "import shutil, sys; sys.exit(shutil.which('$compiler') is None)"; then
+        echo "there is a $compiler" >&2
+        exit 1
+    fi
+done
+"${alone[@]}" "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --only-binary :all: "${wheel}[cli]"
+installed=$EPOCHREALTIME
+"${alone[@]}" "$folder/bin/python" "$here/first_result.py"
+ended=$EPOCHREALTIME
+
+seconds=$(awk "BEGIN { printf \"%.1f\", $ended - $began }")
+awk "BEGIN { printf \"installed in %.1f s, first result in %.1f s\\n\", $installed - $began, $ended - $installed }"
+if awk "BEGIN { exit !($seconds > ${ELLIPTUDE_WHEEL_SECONDS:-inf}) }"; then
+    echo "$seconds s is more than ${ELLIPTUDE_WHEEL_SECONDS} s" >&2
+    exit 1
+fi
