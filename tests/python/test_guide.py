@@ -23,7 +23,7 @@ def blocks(language):
 
 def test_the_commands_run_one_after_the_other(tmp_path):
     lines = [line for block in blocks("sh") for line in block.splitlines()]
-    assert len(lines) == 5
+    assert len(lines) == 6
     for line in lines:
         command, *arguments = shlex.split(line)
         assert command == "elliptude"
@@ -34,6 +34,8 @@ def test_the_commands_run_one_after_the_other(tmp_path):
             with (tmp_path / "log" / "estimate.toml").open("a") as configuration:
                 configuration.write("\n".join(blocks("toml")))
     assert json.loads((tmp_path / "result" / "summary.json").read_text())["mode"] == "guaranteed"
+    gained = json.loads((tmp_path / "smoothed" / "summary.json").read_text())["smoothing"]["largest_angle_deg"]
+    assert gained["smoothed"] < gained["forward"]
     for name in ("report.html", "compared.html", "result/results.csv", "pictures/axes.png"):
         assert (tmp_path / name).stat().st_size > 1000
     page = (tmp_path / "compared.html").read_text(encoding="utf-8")

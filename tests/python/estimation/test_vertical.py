@@ -233,7 +233,7 @@ def turns_of(log, changes, **more):
         )
     )
     rows = guaranteed_run.direction_rows(log, configuration)
-    return guaranteed_run._turns(log, configuration, rows, None)
+    return guaranteed_run.turns_of(log.times, log.rates, configuration, rows)
 
 
 def test_a_gyro_that_holds_its_rate_has_no_turns():
