@@ -3,7 +3,6 @@
 Directions, measured angular velocity and what to compare with; see ``docs/logs.md`` for each key.
 """
 
-import codecs
 import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
@@ -37,8 +36,8 @@ _ROTATION_TOLERANCE = 1e-4
 
 def _known_encoding(name: str) -> str:
     try:
-        codecs.lookup(name)
-    except LookupError as error:
+        b"".decode(name)
+    except (LookupError, UnicodeError) as error:
         raise ValueError("must be the name of an encoding, such as 'utf-8', 'utf-16' or 'latin-1'") from error
     return name
 

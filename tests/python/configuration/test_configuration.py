@@ -186,7 +186,7 @@ def test_nothing_changes_after_reading():
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ("directions.0.bound_deg", -7.0, r"greater than 0, not -7\.0"),
+        ("directions.0.bound_deg", -7.0, r"more than 0, not -7\.0"),
         ("rate.bound_deg_per_s", 1e200, "from 1e-130 to 1e130"),
         ("directions.0.bound_deg", 1e-300, "from 1e-130 to 1e130"),
         ("flow.unknown_torque_n_m", 1e300, "from 1e-130 to 1e130"),

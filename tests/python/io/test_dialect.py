@@ -79,6 +79,10 @@ def test_what_is_stated_is_not_found_out(tmp_path):
     np.testing.assert_array_equal(rows_of(file), [[1.2, 3.4]])
 
 
+def test_columns_that_are_counted_have_names(tmp_path):
+    assert open_log(write(tmp_path, ",0,1\n0,0.5,1.5\n")).columns == ("", "0", "1")
+
+
 def test_a_text_of_digits_and_commas_is_no_decimal_comma(tmp_path):
     file = open_log(write(tmp_path, 't,x,note\n0.5,1.5,"3,4"\n'))
     assert file.dialect.decimal == "."

@@ -126,7 +126,9 @@ def find_dialect(path: Path, header: str, rows: Sequence[str], encoding: str, st
         cells = [cells_of_line(row, delimiter) for row in rows[:_MOST_ROWS]]
     except csv.Error as error:
         raise FileError(f"{path}: not CSV: {error}") from error
-    if names and all(NUMBER.fullmatch(name.replace(",", ".")) for name in names if name) and any(names):
+    named = [name for name in names if name]
+    counted = any(named == [str(first + i) for i in range(len(named))] for first in (0, 1))  # pandas does so
+    if named and not counted and all(NUMBER.fullmatch(name.replace(",", ".")) for name in named):
         raise FileError(f"{path}: its first line has numbers; the names of the columns must stand there")
     units_row = stated.units_row
     if units_row is None:
