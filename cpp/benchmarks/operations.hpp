@@ -356,6 +356,40 @@ double guaranteed_cycle(long count) {
   return sum;
 }
 
+/// The same cycle with linearized errors, as in the paper.
+template <typename Estimator, SizeCriterion<double, 6>::Kind kind>
+double first_order_cycle(long count) {
+  static const std::array<Cycle, cycle_count> cycles = typical_cycles();
+  using Flow = RigidBodyFlow<double, GravityGradient<double>>;
+  using Filter = AttitudeFilter<Flow, Estimator>;
+  const auto motion = gravity_gradient_motion();
+  Flow flow;
+  expect_ok(Flow::make(motion.body, motion.potential, motion.h, 2, Matrix3d(Matrix3d::Zero()), flow));
+  const auto criterion = kind == SizeCriterion<double, 6>::Kind::trace ? SizeCriterion<double, 6>::trace()
+                                                                       : SizeCriterion<double, 6>::volume();
+  MeasuredDirections<double> directions;
+  expect_ok(MeasuredDirections<double>::make(cycles[0].directions.data(), cycles[0].directions.size(), WahbaMethod::svd,
+                                             directions));
+  StateEllipsoid<RigidBodyState<double>> start;
+  expect_ok(measured_state(directions, cycles[0].angular_velocity, criterion, start));
+  Filter started;
+  expect_ok(Filter::make(flow, criterion, cycles[0].time, start, started));
+  Filter filter;
+  Update<double> update;
+  double sum = 0;
+  for (long i = 0; i < count; ++i) {
+    const std::size_t at = 1 + static_cast<std::size_t>(i) % (cycle_count - 1);
+    if (at == 1) {
+      filter = started;
+    }
+    expect_ok(filter.predict(cycles[at].time, {}));
+    expect_ok(
+        filter.update(cycles[at].directions.data(), cycles[at].directions.size(), cycles[at].angular_velocity, update));
+    sum += filter.ellipsoid().shape.trace();
+  }
+  return sum;
+}
+
 // --- attitude from directions ------------------------------------------------------------------------------------------
 
 constexpr std::size_t wahba_samples = 64;
@@ -475,7 +509,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 37> all{{
+inline constexpr std::array<Operation, 41> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -495,6 +529,10 @@ inline constexpr std::array<Operation, 37> all{{
     {"fuse_3_cones_and_rate_trace", fuse_quadrics<Kind::trace>},
     {"fuse_3_cones_and_rate_volume", fuse_quadrics<Kind::volume>},
     {"gyro_row_2_directions", gyro_row},
+    {"paper_cycle_trace", first_order_cycle<PaperEstimator, Kind::trace>},
+    {"paper_cycle_volume", first_order_cycle<PaperEstimator, Kind::volume>},
+    {"first_order_cycle_trace", first_order_cycle<FirstOrderEstimator, Kind::trace>},
+    {"first_order_cycle_volume", first_order_cycle<FirstOrderEstimator, Kind::volume>},
     {"guaranteed_cycle_trace", guaranteed_cycle<Kind::trace, false>},
     {"guaranteed_cycle_volume", guaranteed_cycle<Kind::volume, false>},
     {"guaranteed_cycle_with_bounds_trace", guaranteed_cycle<Kind::trace, true>},

@@ -83,6 +83,47 @@ TEST_CASE("The measured ellipsoid is the sum of the printed formula") {
   CHECK(ellipsoid.center.angular_velocity == rate.value);
 }
 
+TEST_CASE("By any criterion the measured ellipsoid is as small as the sum of all its terms at once") {
+  Random random(4);
+  for (int trial = 0; trial < 30; ++trial) {
+    const auto directions = measured(random, random.rotation(), 2 + trial % 4, 0.05);
+    MeasuredDirections<double> result;
+    REQUIRE(MeasuredDirections<double>::make(directions.data(), directions.size(), WahbaMethod::svd, result) ==
+            Status::ok);
+    const AngularVelocity<double> rate{Vector3<double>(1, 2, 3), 1e-2 * random.positive_definite<3>(10)};
+    std::array<Ellipsoid<double, 6>, 6> terms;
+    terms.fill({Vector6<double>::Zero(), Matrix6<double>::Zero()});
+    for (std::size_t i = 0; i < result.count(); ++i) {
+      terms[i].shape.topLeftCorner<3, 3>() = result.term(i);
+    }
+    terms[result.count()].shape.bottomRightCorner<3, 3>() = rate.bound;
+    using Criterion = SizeCriterion<double, 6>;
+    for (const Criterion& criterion :
+         {Criterion::trace(), Criterion::weighted_trace(random.positive_definite<6>(100)), Criterion::volume()}) {
+      StateEllipsoid<RigidBodyState<double>> ellipsoid;
+      REQUIRE(measured_state(result, rate, criterion, ellipsoid) == Status::ok);
+      Ellipsoid<double, 6> sum;
+      REQUIRE(minimal_sum(terms.data(), result.count() + 1, criterion, sum) == Status::ok);
+      if (criterion.kind == Criterion::Kind::volume) {
+        // Each is within 1e-6 of the least.
+        CHECK(std::abs(std::log(ellipsoid.shape.determinant() / sum.shape.determinant())) <= 1e-6);
+      } else {
+        CHECK((ellipsoid.shape - sum.shape).norm() <= 1e-12 * sum.shape.norm());
+      }
+    }
+  }
+  // A rate that is known exactly has no volume.
+  const auto directions = measured(random, random.rotation(), 3, 0.05);
+  MeasuredDirections<double> result;
+  REQUIRE(MeasuredDirections<double>::make(directions.data(), directions.size(), WahbaMethod::svd, result) ==
+          Status::ok);
+  StateEllipsoid<RigidBodyState<double>> ellipsoid;
+  const AngularVelocity<double> exact{Vector3<double>(1, 2, 3), Matrix3<double>::Zero()};
+  CHECK(measured_state(result, exact, SizeCriterion<double, 6>::volume(), ellipsoid) == Status::not_positive_definite);
+  REQUIRE(measured_state(result, exact, SizeCriterion<double, 6>::trace(), ellipsoid) == Status::ok);
+  CHECK(ellipsoid.shape.bottomRightCorner<3, 3>().isZero(0));
+}
+
 TEST_CASE("The two rows of one direction contain what every small error of it does") {
   Random random(3);
   double worst = 0;

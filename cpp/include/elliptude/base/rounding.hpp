@@ -59,8 +59,6 @@ inline constexpr int image = 128;
 inline constexpr int many_terms = 128;
 /// Entries of ½ (M + Mᵀ) for a sum M of two shapes.
 inline constexpr int small_sum = 16;
-/// A change of shares this small is rounding.
-inline constexpr int settled = 8;
 /// Loss of an ellipsoid's quadric at its points, relative to |x̂|ᵀ|A||y|.
 [[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
 /// A number up to this many ε has less than three right digits.

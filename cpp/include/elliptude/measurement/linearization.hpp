@@ -89,9 +89,9 @@ class MeasuredDirections {
   std::size_t count_ = 0;
 };
 
-/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat
-/// ellipsoids that each error makes in [ζ; δω].
-/// \return the status of `validate` for the angular velocity, and the status of `minimal_sum`.
+/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat ellipsoids
+/// that each error makes in [ζ; δω]. Those of the directions have an ellipsoid of ζ alone as their sum, for the criterion's part.
+/// \return the status of `validate` for the angular velocity and the criterion, of `minimal_sum`, and of `product_of_shapes`.
 template <typename Scalar>
 [[nodiscard]] Status measured_state(const MeasuredDirections<Scalar>& directions,
                                     const AngularVelocity<Scalar>& angular_velocity,
@@ -100,20 +100,20 @@ template <typename Scalar>
   if (const Status status = validate(angular_velocity); status != Status::ok) {
     return status;
   }
-  std::array<Ellipsoid<Scalar, 6>, MeasuredDirections<Scalar>::most_directions + 1> terms;
-  for (std::size_t i = 0; i <= directions.count(); ++i) {
-    terms[i] = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
-    if (i < directions.count()) {
-      terms[i].shape.template topLeftCorner<3, 3>() = directions.term(i);
-    } else {
-      terms[i].shape.template bottomRightCorner<3, 3>() = angular_velocity.bound;
-    }
-  }
-  Ellipsoid<Scalar, 6> sum;
-  if (const Status status = minimal_sum(terms.data(), directions.count() + 1, criterion, sum); status != Status::ok) {
+  if (const Status status = validate(criterion); status != Status::ok) {
     return status;
   }
-  measured = {{directions.attitude(), angular_velocity.value}, sum.shape};
+  MeasuredAttitude<Scalar> attitude;
+  if (const Status status = directions.measured_attitude(criterion.template of_first<3>(), attitude);
+      status != Status::ok) {
+    return status;
+  }
+  Matrix6<Scalar> shape;
+  if (const Status status = product_of_shapes(attitude.bound, angular_velocity.bound, criterion, shape);
+      status != Status::ok) {
+    return status;
+  }
+  measured = {{directions.attitude(), angular_velocity.value}, shape};
   return Status::ok;
 }
 

@@ -31,6 +31,12 @@ struct SizeCriterion {
     return {Kind::weighted_trace, weight};
   }
   [[nodiscard]] static SizeCriterion volume() noexcept { return {Kind::volume, Matrix<Scalar, N>::Identity()}; }
+
+  /// The same for the first M numbers alone.
+  template <int M>
+  [[nodiscard]] SizeCriterion<Scalar, M> of_first() const noexcept {
+    return {static_cast<typename SizeCriterion<Scalar, M>::Kind>(kind), weight.template topLeftCorner<M, M>()};
+  }
 };
 
 template <typename Scalar, int N>
