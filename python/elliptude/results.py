@@ -387,7 +387,7 @@ class AhrsResult:
     """
 
     times: FloatArray
-    """In s, shape (n,)."""
+    """In s, from the first whole second where they count from 1970, shape (n,)."""
     quaternions: FloatArray
     """(qw, qx, qy, qz) of the attitude, the center of its set, shape (n, 4)."""
     attitudes: FloatArray

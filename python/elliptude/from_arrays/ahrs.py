@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.rules import Carried, rule_for
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
 from elliptude.estimation.estimator import estimate
@@ -61,11 +62,10 @@ def ahrs(
     except InconsistentMeasurement:
         raise
     except ValueError as error:
-        if statements != "hand":
+        if statements not in get_args(Carried):
             raise
-        raise ValueError(
-            f"statements='hand': {error}. statements='recording' takes bounds from what the recording itself shows"
-        ) from error
+        remedy = "statements='recording' takes bounds from what the recording itself shows"
+        raise ValueError(f"statements={statements!r}: {error}. {remedy}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
     dropped = dropped_columns(run)
@@ -119,7 +119,8 @@ def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, str])
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit
-    return ArrayLog(columns, _NAME), mapping.of_sensors("time[:]", "s", named)
+    file = ArrayLog(columns, _NAME)
+    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False)
 
 
 def _require_plausible(name: str, unit: str, length: float) -> None:
@@ -139,8 +140,7 @@ def _require_plausible(name: str, unit: str, length: float) -> None:
 def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike[str]) -> Configuration:
     """What `elliptude bounds` would write for the recording; or with a rule that says all bounds."""
     if statements != "recording":
-        rule = {"kind": "hand_held"} if statements == "hand" else {"kind": "file", "file": os.fspath(statements)}
-        ruled = validate(file.path, ruled_configuration(tables, rule), Configuration)
+        ruled = validate(file.path, ruled_configuration(tables, _rule(statements)), Configuration)
         assert ruled.rule is not None
         ruled.rule.rule()  # a file that is no rule is better found before the work
         return ruled
@@ -158,6 +158,15 @@ def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike
         shared_stamps=recording.shared_stamps,
     )
     return validate(file.path, document.unwrap(), Configuration)
+
+
+def _rule(statements: str | os.PathLike[str]) -> Tables:
+    """The table ``rule`` of a configuration: by how a sensor is carried, or in a file."""
+    for carried in get_args(Carried):
+        if statements == carried:
+            stated = rule_for(carried).model_dump(mode="json", exclude_none=True)
+            return {"kind": "hand_held"} if carried == "hand" else {"kind": "stated"} | stated
+    return {"kind": "file", "file": os.fspath(statements)}
 
 
 def _of_three(angles: FloatArray | None, end: int) -> FloatArray:

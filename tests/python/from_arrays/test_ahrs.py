@@ -7,7 +7,9 @@ import sys
 import elliptude as el
 import numpy as np
 import pytest
+import tomlkit
 from elliptude import cli
+from elliptude.configuration.rules import rule_for
 from elliptude.io.tables import Result
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -90,6 +92,33 @@ def test_the_numbers_are_those_of_the_commands(tmp_path, recording, statements, 
     assert (found.claims != "none").mean() > 0.9
     assert found.are_proposals == (statements != "hand")
     assert found.heading == ("from magnetic east" if with_field else "from the first row")
+
+
+def test_times_since_1970_are_counted_as_the_commands_do(tmp_path, recording):
+    times, rates, forces, fields, _ = recording
+    log, config = tmp_path / "log.csv", tmp_path / "config.toml"
+    write(log, 1_700_000_000.25 + times, rates, forces, fields)
+    run("bounds", log, "--out", config)
+    run("estimate", log, "--config", config, "--out", tmp_path / "result")
+    expected = Result.read(tmp_path / "result" / "results.csv")
+    found = el.ahrs(1_700_000_000.25 + times, rates, forces, fields, statements="recording", mag_unit="uT")
+    np.testing.assert_array_equal(found.times, expected.times)
+    np.testing.assert_array_equal(found.quaternions, expected.quaternions)
+    assert found.times[0] == 0.25
+
+
+@pytest.mark.parametrize("carried", ["drone", "car", "boat"])
+def test_how_a_sensor_is_carried_is_a_rule(tmp_path, carried):
+    path = tmp_path / "rule.toml"
+    path.write_text(tomlkit.dumps(rule_for(carried).model_dump(mode="json", exclude_none=True)))
+    times, rates, forces, fields, _ = made(count=1500, resting=1100)  # a boat's rule asks for 10 s
+    by_hand, named, read = (
+        el.ahrs(times, rates, forces, fields, statements=one, mag_unit="uT") for one in ("hand", carried, path)
+    )
+    np.testing.assert_array_equal(named.quaternions, read.quaternions)
+    np.testing.assert_array_equal(named.up_bounds, read.up_bounds)
+    assert not named.are_proposals
+    assert not np.array_equal(named.up_bounds, by_hand.up_bounds)
 
 
 def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
