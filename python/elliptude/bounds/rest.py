@@ -89,8 +89,8 @@ def why_no_rest(
 def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
     """The standard deviation of a sensor's noise along an axis, from how samples differ from those beside them.
 
-    Second differences of white noise have six times its variance, and next to nothing of a motion that is slow against
-    the samples. The quietest fifth of the pieces counts.
+    Third differences of white noise have twenty times its variance, and next to nothing of a motion that is slow
+    against the samples. The quietest fifth of the pieces counts.
 
     Parameters
     ----------
@@ -107,10 +107,10 @@ def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
         In the unit of the values; 0 if there are too few samples.
     """
     stamps, rows = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    if len(stamps) < 3:
+    if len(stamps) < 4:
         return 0.0
-    squares = np.mean((rows[2:] - 2.0 * rows[1:-1] + rows[:-2]) ** 2, axis=1) / 6.0
-    starts, _, counts = _pieces(stamps[1:-1], duration)
+    squares = np.mean(np.diff(rows, n=3, axis=0) ** 2, axis=1) / 20.0
+    starts, _, counts = _pieces(stamps[:-3], duration)
     there = np.isfinite(squares)
     found = np.add.reduceat(there.astype(np.intp), starts)
     enough = 2 * found > counts

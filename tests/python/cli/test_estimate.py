@@ -131,7 +131,7 @@ def test_a_figure_that_fails_leaves_no_summary(tmp_path, simulated, monkeypatch)
     monkeypatch.setattr("elliptude.report.figures.save", full)
     done = estimate(simulated, out, "--force")
     assert done.exit_code == 1
-    assert "No space left" in done.output
+    assert "no space left" in done.output
     assert not (out / "summary.json").exists()
     assert not [file for file in out.iterdir() if file.name.startswith(".")]
 
