@@ -276,7 +276,7 @@ def _judge(log: Path, config: Path | None) -> tuple[Run, Configuration | None]:
     configuration = read_configuration(config)
     if configuration.estimator.mode != "guaranteed":
         raise FileError(f"{config}: estimator.mode: monitor needs 'guaranteed', not {configuration.estimator.mode!r}")
-    estimator = PieceEstimator(configuration)
+    estimator = PieceEstimator(configuration.with_best("none"))
     pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
     try:
         (result,) = estimator.run(pieces)

@@ -18,6 +18,7 @@ from elliptude import smoothing
 from elliptude.cli.options import Force, SummaryAsJson, refuse_to_replace
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
+from elliptude.configuration.estimator import BestEstimate
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.guaranteed_run import run_guaranteed
@@ -64,7 +65,7 @@ def estimate(
         ),
     ] = False,
     best: Annotated[
-        Literal["vqf", "center", "none"] | None,
+        BestEstimate | None,
         typer.Option(
             help="The estimate beside the set, in the guaranteed mode; if left out, VQF's where it is installed and "
             "fits the sensors, else the center.",
@@ -91,8 +92,7 @@ def estimate(
     if best is not None:
         if configuration.estimator.mode != "guaranteed":
             raise FileError("--best needs estimator.mode = 'guaranteed'")
-        of_estimator = configuration.estimator.model_copy(update={"best": best})
-        configuration = configuration.model_copy(update={"estimator": of_estimator})
+        configuration = configuration.with_best(best)
     files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)

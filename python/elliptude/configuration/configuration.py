@@ -55,6 +55,7 @@ from elliptude.configuration.calibration import (
     calibrated_bounds,
 )
 from elliptude.configuration.estimator import (
+    BestEstimate,
     Estimator,
     FirstMeasurementStart,
     GivenStart,
@@ -283,6 +284,10 @@ class Configuration(Model):
         if isinstance(sensor, Accelerometer):
             return rule.accelerometer.sensor()
         return VectorSensorBounds() if rule.magnetometer is None else rule.magnetometer.sensor()
+
+    def with_best(self, best: BestEstimate) -> Self:
+        """The same with another choice of the estimate beside the sets."""
+        return self.model_copy(update={"estimator": self.estimator.model_copy(update={"best": best})})
 
     @property
     def proposed_from(self) -> str | None:

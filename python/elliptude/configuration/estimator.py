@@ -1,6 +1,6 @@
 """The estimator, its start, and the rule for its bounds, as a configuration states them."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,6 +21,9 @@ from elliptude.io.toml import (
 )
 from elliptude.typing import FloatArray
 
+BestEstimate: TypeAlias = Literal["vqf", "center", "none"]
+"""Whose estimate stands beside the sets of the guaranteed mode."""
+
 
 class Estimator(Model):
     """Which estimator, what it minimises, and what it does when sets do not meet."""
@@ -35,7 +38,7 @@ class Estimator(Model):
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
     regain_after: Annotated[int, Field(ge=1)] = 10
     # The estimate beside the set. If left out: VQF's where it is installed and fits the sensors, else the center.
-    best: Literal["vqf", "center", "none"] | None = None
+    best: BestEstimate | None = None
 
     @model_validator(mode="before")
     @classmethod
