@@ -100,6 +100,7 @@ def judge(log: questions.Log, random: np.random.Generator, criterion: Any) -> tu
     (forward, caps), (backward, caps_backward) = passes
     run: Any = SimpleNamespace(
         sets=forward,
+        starts_heading=False,
         caps=caps,
         rows=SimpleNamespace(up=questions.UP),
         vertical=vertical_of(forward, caps, questions.UP),

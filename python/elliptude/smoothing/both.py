@@ -77,6 +77,9 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         )
     vertical, of_common = vertical_of(single, caps, up), vertical_of(common_set, caps, up)
     takes = known & _no_wider(common_set, of_common, forward, passes.forward.vertical)
+    if passes.forward.starts_heading:
+        # Headings count from the first row's center.
+        takes[0] = False
     return Both(
         _rows_of(single, common_set, takes),
         _chosen_vertical(

@@ -85,7 +85,8 @@ def _fuse(
     """Put into some rows of ``sets`` and ``meet`` what the pairs there have in common."""
     one, other = first.take(rows), second.take(rows)
     centers, shapes = _seen_from(one, other)
-    scales = np.sqrt(np.diagonal(one.shapes, axis1=1, axis2=2))
+    squares = np.diagonal(one.shapes, axis1=1, axis2=2)
+    scales = np.sqrt(np.where(squares > 0.0, squares, 1.0))
     conditions: FloatArray = (
         np.atleast_1d(np.linalg.cond(one.shapes / (scales[:, :, None] * scales[:, None, :])))
         if len(rows)
@@ -113,9 +114,9 @@ def log_sizes(shapes: FloatArray, weight: FloatArray | None = None) -> FloatArra
 
 def _seen_from(one: StateSets, other: StateSets) -> tuple[FloatArray, FloatArray]:
     """Centers (n, k) and shapes of ellipsoids about the other sets, in coordinates about the first centers, (20.4)."""
-    g = _gibbs_between(other.attitudes, one.attitudes)
+    g, is_near = _gibbs_between(other.attitudes, one.attitudes)
     squares = np.einsum("ni,nij,nj->n", g, other.shapes[:, :3, :3], g)
-    e = (1.0 + 1e-12) * 0.5 * np.sqrt(np.maximum(squares, 0.0))
+    e = np.where(is_near, (1.0 + 1e-12) * 0.5 * np.sqrt(np.maximum(squares, 0.0)), np.inf)
     b = np.eye(3) - hat(g) + g[:, :, None] * g[:, None, :]
     shapes = _stretched(b, e, other.shapes)
     offsets = other.vectors - one.vectors
@@ -130,21 +131,17 @@ def _recentred(attitudes: FloatArray, centers: FloatArray, shapes: FloatArray) -
     squares = np.einsum("ni,nij,nj->n", g, shapes[:, :3, :3], g)
     e = (1.0 + 1e-12) * 0.5 * np.sqrt(np.maximum(squares, 0.0)) / scale
     b = (np.eye(3) - hat(g)) / scale[:, None, None]
-    known = np.isfinite(g).all(axis=1)
-    moved = np.full_like(attitudes, np.nan)
-    if known.any():
-        moved[known] = renormalized(attitudes[known] @ cayley(g[known]))
-    return moved, _stretched(b, e, shapes)
+    return renormalized(attitudes @ cayley(g)), _stretched(b, e, shapes)
 
 
-def _gibbs_between(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Gibbs vectors tan(θ/2) n of the turns from attitudes to others, shape (n, 3); NaN for half turns."""
+def _gibbs_between(before: FloatArray, after: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Gibbs vectors tan(θ/2) n of the turns from attitudes to others, and whether these are far from half turns."""
     turns = before.swapaxes(1, 2) @ after
-    g = np.full((len(turns), 3), np.nan)
-    short = np.trace(turns, axis1=1, axis2=2) > -0.9
-    if short.any():
-        g[short] = cayley_inverse(renormalized(turns[short]))
-    return g
+    g = np.zeros((len(turns), 3))
+    is_near = np.asarray(np.trace(turns, axis1=1, axis2=2) > -0.9)
+    if is_near.any():
+        g[is_near] = cayley_inverse(renormalized(turns[is_near]))
+    return g, is_near
 
 
 def _stretched(b: FloatArray, e: FloatArray, shapes: FloatArray) -> FloatArray:

@@ -115,6 +115,26 @@ def test_sets_that_only_touch():
     assert forms(found.sets, turn[None], np.empty((1, 0)))[0] <= 1.0
 
 
+def test_centers_half_a_turn_apart():
+    """Nothing is found about both there, and nothing is proved: sets in this chart end at half turns of their own."""
+    one, _, _, _ = pairs(6, 8, 3, reach=1.0, near=0.5)
+    turn = so3.exp(np.array([0.0, np.pi, 0.0]))
+    other = StateSets(
+        np.where(np.arange(8)[:, None, None] < 4, one.attitudes @ turn, one.attitudes), one.vectors, one.shapes
+    )
+    found = common(one, other)
+    assert found.meet.all()
+    assert np.isnan(found.sets.shapes[:4]).all()
+    assert np.isfinite(found.sets.shapes[4:]).all()
+
+
+def test_a_point_is_left_as_it_is():
+    """A flat first set is not fused; a flat second one is all that both have in common."""
+    point, ball = (StateSets(np.eye(3)[None], np.empty((1, 0)), size * np.eye(3)[None]) for size in (0.0, 0.1))
+    assert np.isnan(common(point, ball).sets.shapes).all()
+    assert np.max(np.abs(common(ball, point).sets.shapes)) < 1e-15
+
+
 def test_no_set_has_nothing_in_common_with_any():
     one, other, _, _ = pairs(4, 10, 3, reach=0.2, near=1.0)
     other.shapes[3] = np.nan

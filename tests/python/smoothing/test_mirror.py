@@ -143,6 +143,8 @@ def test_a_potential_of_ones_own_is_refused():
 # --- gyro -------------------------------------------------------------------------------------------------------------
 
 NOISE, BIAS, DRIFT, SCALE = 2e-4, 3e-3, 2e-3, 5e-3
+KNOWN = np.array([0.05, -0.03, 0.02])
+"""rad/s; a bias that is stated, beside what is left of it."""
 
 
 def gyro_log(interval_rate, seed=0, count=60, step=0.05, scale=SCALE):
@@ -167,7 +169,7 @@ def gyro_log(interval_rate, seed=0, count=60, step=0.05, scale=SCALE):
         times=times,
         directions=np.full((count, 1, 3), np.nan),
         references=np.tile([0.0, 0.0, 1.0], (count, 1, 1)),
-        rates=true + true @ k.T + biases + noise,
+        rates=true + true @ k.T + KNOWN + biases + noise,
         true_attitudes=np.array(attitudes),
         true_vectors=biases,
     )
@@ -180,6 +182,7 @@ def gyro_configuration(log, interval_rate, estimate_bias, anchor=None, scale=SCA
         "interval_rate": interval_rate,
         "noise_deg_per_s": np.rad2deg(NOISE),
         "bias_deg_per_s": np.rad2deg(BIAS),
+        "known_bias_deg_per_s": np.rad2deg(KNOWN).tolist(),
         "drift_deg_per_s2": np.rad2deg(DRIFT),
         "scale_error": scale,
         "estimate_bias": estimate_bias,
