@@ -196,7 +196,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _estimate_pieces(
-    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool
+    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool = False
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)

@@ -126,7 +126,7 @@ def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = Fals
         trial.touch(exist_ok=False)
         trial.unlink()
     except OSError as error:
-        raise FileError(f"{final}: not written: {error.strerror or error}") from error
+        raise FileError(f"{final}: not written: {system_fault(error)}") from error
 
 
 def write_json(path: str | os.PathLike[str], data: object) -> None:

@@ -22,7 +22,7 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import Dialect
-from elliptude.io.readers.open import LogSource, open_log
+from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.proposals import Recording
@@ -278,11 +278,11 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
     FileError
         If it cannot be read, or is too short.
     """
-    file = open_log(path)
-    samples = {one.name: one for one in log.read_samples(file, configuration)}
+    name = path if isinstance(path, str | os.PathLike) else path.path
+    samples = {one.name: one for one in log.read_samples(path, configuration)}
     gyro = samples["the gyro"]
     if len(gyro.times) < 3:
-        raise FileError(f"{file.path}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
+        raise FileError(f"{name}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
     vectors: dict[str, FloatArray] = {}
     together = np.ones(len(gyro.times), dtype=np.bool_)
     for sensor in configuration.directions:
@@ -292,7 +292,7 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
             together &= np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
-        reference = reference_attitudes.read_reference(file.path, configuration)
+        reference = reference_attitudes.read_reference(name, configuration)
         gap = _LARGEST_GAP * float(np.median(np.diff(reference.times))) if len(reference.times) > 1 else 0.0
         rows, rotations = reference_attitudes.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
         if configuration.reference_frame not in {None, "J2000"}:

@@ -133,7 +133,7 @@ def test_folder_that_cannot_be_made(tmp_path):
     failed = run("simulate", "free", "--out", tmp_path / "file" / "out")
     assert failed.exit_code == 1
     first = tmp_path / "file" / "out" / "measurements.csv"
-    assert failed.stderr == f"error: {first}: not written: Not a directory\n"
+    assert failed.stderr == f"error: {first}: not written: within a file, where a folder is needed\n"
 
 
 def test_interrupt(tmp_path):

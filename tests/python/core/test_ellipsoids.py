@@ -69,7 +69,7 @@ def test_minimal_sum(rng, n, count, criterion):
     if criterion == "trace":
         assert_close(total.shape, reference.sum_minimum_trace(shapes, weight))
     else:
-        # Near the fixed point the volume is flat: log det is promised within 1e-6, which leaves the shape half as many digits.
+        # Near the fixed point the volume is flat: log det is promised within 1e-6, the shape has half as many digits.
         expected = reference.sum_minimum_volume(shapes)
         least = reference.log_size(expected, "volume")
         assert least - 1e-10 * n <= reference.log_size(total.shape, "volume") <= least + 1e-6

@@ -8,7 +8,6 @@ import pytest
 from elliptude import estimation, logs
 from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.estimation import estimator
 from elliptude.io import tables
 from elliptude.io.readers.csv import CsvTable
 from rich.console import Console
@@ -111,7 +110,7 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
 
             monkeypatch.setattr(module, name, told)
 
-        watched(estimator, "run_guaranteed")
+        watched(estimate, "run_guaranteed")
         watched(estimate, "write_columns")
         watched(estimate, "finish")
         estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
@@ -189,18 +188,17 @@ def test_a_fault_of_a_row_that_is_reached_from_an_anchor_has_the_row(tmp_path, m
     assert str(caught.value).startswith(f"line 22 (0.190000 s): {what}[19] ")
 
 
-def test_a_message_that_speaks_of_rows_is_left_as_it_is(monkeypatch):
+def test_a_message_that_speaks_of_rows_is_left_as_it_is():
     """The row is not looked for in the text."""
     log = logs.Log(times=np.arange(3.0), directions=np.zeros((3, 0, 3)), references=np.zeros((3, 0, 3)))
 
     def fails(*_):
         raise ValueError("a sensor named 'at row 2' is not there")
 
-    monkeypatch.setattr(estimator, "run_guaranteed", fails)
     fields = {
         "flow": {"kind": "gyro", "columns": ["x", "y", "z"], "noise_deg_per_s": 1.0},
         "directions": [{"name": "up", "columns": ["a", "b", "c"], "reference": [0, 0, 1], "bound_deg": 1.0}],
         "estimator": {"mode": "guaranteed"},
     }
     with pytest.raises(ValueError, match=r"^a sensor named 'at row 2' is not there$"):
-        estimation.estimate(log, Configuration.model_validate(fields))
+        estimation.estimate(log, Configuration.model_validate(fields), fails)

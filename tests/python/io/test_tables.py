@@ -356,5 +356,5 @@ def test_spaces_about_names_do_not_matter(tmp_path):
 
 
 def test_the_columns_there_are_without_a_space(tmp_path):
-    with pytest.raises(FileError, match="no column 'time_s'; the columns are time_s;x"):
-        read(write(tmp_path, "time_s;x\n0;1\n"))
+    with pytest.raises(FileError, match="no column 'y'; the columns are time_s, x"):
+        tables.read_columns(write(tmp_path, "time_s, x\n0, 1\n"), numbers=["y"])

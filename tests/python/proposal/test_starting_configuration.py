@@ -352,7 +352,7 @@ def test_a_report_that_cannot_be_is_said_before_the_estimation(tmp_path, monkeyp
     log, config, out = write_csv(tmp_path / "log.csv", HEADER), tmp_path / "config.toml", tmp_path / "out"
     succeed("bounds", log, "--out", config)
     arguments = ("estimate", log, "--config", config, "--out", out, "--report")
-    assert "no such folder" in refused(*arguments, tmp_path / "nowhere" / "report.html")
+    assert "no such file or folder" in refused(*arguments, tmp_path / "nowhere" / "report.html")
     (tmp_path / "there.html").touch()
     assert "--force" in refused(*arguments, tmp_path / "there.html")
 

@@ -156,6 +156,7 @@ def judged(claims, least, limits):
         bounds=np.full((n, 3), 0.3),
         least=np.full((n, 3), least),
         claims=np.full((n, 3), claims, dtype=np.uint8),
+        headings=np.full((n, 2), [-0.3, 0.3]),
         questions=("total", "tilt", "heading"),
         limits=limits,
     )
