@@ -658,7 +658,7 @@ TEST_CASE("the product of two sets holds both, and no other share makes it small
   }
 }
 
-TEST_CASE("the product of a set and a point is as flat as the point; one without volume has none of the least volume") {
+TEST_CASE("the product of a set and a point is as flat as the point, and none of the least volume") {
   const Matrix<double, 2> disc = Matrix<double, 2>::Identity();
   const Matrix<double, 2> point = Matrix<double, 2>::Zero();
   Matrix<double, 4> product = Matrix<double, 4>::Constant(7);
