@@ -54,6 +54,8 @@ class Survey:
     faults: list[Fault] = field(default_factory=list)
     hopeless: list[str] = field(default_factory=list)
     """What no repair mends."""
+    ahead: list[str] = field(default_factory=list)
+    """Where a stamp is after those of rows below, so that its own is wrong and not theirs."""
     rows: dict[str, _Rows] = field(default_factory=dict)
     """Rows of each stream that are left out, in order."""
     samples: dict[str, _Rows] = field(default_factory=dict)
@@ -102,6 +104,32 @@ def survey(file: LogFile, clocks: Sequence[Clock]) -> Survey:
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         _look_at_stream(file, [clock for clock in clocks if clock.stream == stream], found)
     return found
+
+
+def require_rows_in_time(file: LogFile, found: Survey) -> None:
+    """Refuse a log in which leaving out rows that are late would leave stamps that are wrong.
+
+    Where a clock was set back, the stamps before and after the rows that are late do not say how much time went by
+    between them; where one stamp is ahead, it is the one that is wrong, and all that follows it would be late.
+
+    Parameters
+    ----------
+    file : LogFile
+    found : Survey
+        Of it.
+
+    Raises
+    ------
+    FileError
+        If it is such a log.
+    """
+    if found.hopeless:
+        raise FileError(f"{file.path}: {'; '.join(found.hopeless)}; timing.backward = 'drop' does not mend it either")
+    if found.ahead:
+        raise FileError(
+            f"{file.path}: {found.ahead[0]}: after the time of rows below: timing.backward = 'drop' would keep this "
+            "time, and leave out those. --repair leaves out the row whose time is wrong (timing.repair = true)"
+        )
 
 
 def _add(found: Survey, file: LogFile, rows: _Rows, what: str, done: str) -> None:
@@ -231,6 +259,7 @@ def _look_at_stamps(
     late, ahead, hopeless = _out_of_order(times[kept], marks[kept])
     _add(found, file, kept[late], f"rows whose time in {clock.column!r} is before that of a row above", "left out")
     _add(found, file, kept[ahead], f"rows whose time in {clock.column!r} is after that of rows below", "left out")
+    found.ahead += [file.place(clock.column, int(row)) for row in kept[ahead[:1]]]
     left_out[kept[late]] = left_out[kept[ahead]] = True
     for row in kept[hopeless[:1]]:
         found.hopeless.append(
@@ -274,7 +303,7 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
         repeats = all(_is_repeated(int(row), latest, times, marks) for row in run[:1000]) and len(run) <= 1000
         fits = repeats or (end < len(times) and after - times[latest] >= _A_STEP * (len(run) + 1) * usual)
         if end < len(times) or len(run) == 1:
-            fits = fits or _have_places(times[run], times[max(i - 1000, 0) : end + 1], usual)
+            fits = fits or _have_places(times[run], np.append(times[max(i - 1000, 0) : i], times[end : end + 1]), usual)
         if len(run) > 1 and goes_on and room >= 2.0 * _A_STEP * usual and not repeats:
             ahead.append(latest)
             latest = i
@@ -296,9 +325,9 @@ def _is_repeated(row: int, latest: int, times: FloatArray, marks: NDArray[Any]) 
     return bool((same & (marks[begin : latest + 1] == marks[row]).all(axis=1)).any())
 
 
-def _have_places(late: FloatArray, around: FloatArray, usual: float) -> bool:
+def _have_places(late: FloatArray, others: FloatArray, usual: float) -> bool:
     """Whether rows that are late would be a step away from all others if they stood in the order of time."""
-    ordered = np.sort(around)
+    ordered = np.sort(np.concatenate([np.unique(others), late]))
     near = (ordered >= late.min() - 2.0 * usual) & (ordered <= late.max() + 2.0 * usual)
     return bool(len(late) <= 1000 and (np.diff(ordered[near]) >= _A_STEP * usual).all())
 
