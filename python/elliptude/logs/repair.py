@@ -22,6 +22,8 @@ from elliptude.typing import FloatArray
 
 # Of the usual step between stamps: two rows that are further apart may be neighbours, and have room for no other.
 _A_STEP = 0.9
+# A step that so many of all are shorter than is a long one, but no pause.
+_NO_PAUSE = 0.95
 MOST_PLACES = 20
 """How many places of a fault are kept, the first ones."""
 _MOST_SAID = 3
@@ -280,6 +282,7 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
 
     A row may be left out if the others show that its own stamp alone is wrong: there is room for it between its
     neighbours, or at its stamp, or it repeats a row. After a clock is set back rows go on at once: there is no room.
+    Where there is room for many more rows than these, the log paused, and the clock may have been set in the pause.
     """
     late: list[int] = []
     ahead: list[int] = []
@@ -288,6 +291,12 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
     if not (steps < 0.0).any():
         return (np.empty(0, np.intp),) * 3
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    long = float(np.quantile(steps[steps > 0.0], _NO_PAUSE)) if (steps > 0.0).any() else 0.0
+
+    def have_room(count: int, room: float) -> bool:
+        """Whether the time between two rows is that of this many rows, and a lost one perhaps."""
+        return _A_STEP * (count + 1) * usual <= room <= (count + 2) * long
+
     latest, before = 0, -1  # the last row that is kept, and the one before it
     i = 1
     while i < len(times):
@@ -301,10 +310,10 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
         run = np.arange(i, end)
         after = times[end] if end < len(times) else np.inf
         repeats = all(_is_repeated(int(row), latest, times, marks) for row in run[:1000]) and len(run) <= 1000
-        fits = repeats or (end < len(times) and after - times[latest] >= _A_STEP * (len(run) + 1) * usual)
+        fits = repeats or (end < len(times) and have_room(len(run), after - times[latest]))
         if end < len(times) or len(run) == 1:
             fits = fits or _have_places(times[run], np.append(times[max(i - 1000, 0) : i], times[end : end + 1]), usual)
-        if len(run) > 1 and goes_on and room >= 2.0 * _A_STEP * usual and not repeats:
+        if len(run) > 1 and goes_on and (before < 0 or have_room(1, room)) and not repeats:
             ahead.append(latest)
             latest = i
             i += 1
