@@ -35,7 +35,7 @@ from elliptude.io.readers.base import LogFile, require_columns
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
-from elliptude.logs.repair import Repaired, Survey, survey
+from elliptude.logs.repair import Repaired, Survey, require_rows_in_time, survey
 from elliptude.typing import FloatArray
 
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
@@ -185,10 +185,16 @@ def open_configured(path: LogSource, configuration: Configuration) -> LogFile:
     Raises
     ------
     FileError
-        As `elliptude.io.readers.open.open_log`; or if something is wrong that a repair cannot leave out.
+        As `elliptude.io.readers.open.open_log`; or if something is wrong that a repair cannot leave out, or that
+        leaving out rows that are late would hide.
     """
     file = open_log(path, configuration.csv.stated(), lenient=configuration.timing.repair)
-    return Repaired(file, survey(file, _clocks(file, configuration))) if configuration.timing.repair else file
+    if configuration.timing.repair:
+        return Repaired(file, survey(file, _clocks(file, configuration)))
+    if configuration.timing.backward == "drop":
+        # The rows that are left out may be all that shows how much time went by.
+        require_rows_in_time(file, faults_of(path, configuration))
+    return file
 
 
 def faults_of(path: LogSource, configuration: Configuration) -> Survey:

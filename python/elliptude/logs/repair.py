@@ -22,6 +22,8 @@ from elliptude.typing import FloatArray
 
 # Of the usual step between stamps: two rows that are further apart may be neighbours, and have room for no other.
 _A_STEP = 0.9
+# A step that so many of all are shorter than is a long one, but no pause.
+_NO_PAUSE = 0.95
 MOST_PLACES = 20
 """How many places of a fault are kept, the first ones."""
 _MOST_SAID = 3
@@ -54,6 +56,8 @@ class Survey:
     faults: list[Fault] = field(default_factory=list)
     hopeless: list[str] = field(default_factory=list)
     """What no repair mends."""
+    ahead: list[str] = field(default_factory=list)
+    """Where a stamp is after those of rows below, so that its own is wrong and not theirs."""
     rows: dict[str, _Rows] = field(default_factory=dict)
     """Rows of each stream that are left out, in order."""
     samples: dict[str, _Rows] = field(default_factory=dict)
@@ -102,6 +106,32 @@ def survey(file: LogFile, clocks: Sequence[Clock]) -> Survey:
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         _look_at_stream(file, [clock for clock in clocks if clock.stream == stream], found)
     return found
+
+
+def require_rows_in_time(file: LogFile, found: Survey) -> None:
+    """Refuse a log in which leaving out rows that are late would leave stamps that are wrong.
+
+    Where a clock was set back, the stamps before and after the rows that are late do not say how much time went by
+    between them; where one stamp is ahead, it is the one that is wrong, and all that follows it would be late.
+
+    Parameters
+    ----------
+    file : LogFile
+    found : Survey
+        Of it.
+
+    Raises
+    ------
+    FileError
+        If it is such a log.
+    """
+    if found.hopeless:
+        raise FileError(f"{file.path}: {'; '.join(found.hopeless)}; timing.backward = 'drop' does not mend it either")
+    if found.ahead:
+        raise FileError(
+            f"{file.path}: {found.ahead[0]}: after the time of rows below: timing.backward = 'drop' would keep this "
+            "time, and leave out those. --repair leaves out the row whose time is wrong (timing.repair = true)"
+        )
 
 
 def _add(found: Survey, file: LogFile, rows: _Rows, what: str, done: str) -> None:
@@ -231,6 +261,7 @@ def _look_at_stamps(
     late, ahead, hopeless = _out_of_order(times[kept], marks[kept])
     _add(found, file, kept[late], f"rows whose time in {clock.column!r} is before that of a row above", "left out")
     _add(found, file, kept[ahead], f"rows whose time in {clock.column!r} is after that of rows below", "left out")
+    found.ahead += [file.place(clock.column, int(row)) for row in kept[ahead[:1]]]
     left_out[kept[late]] = left_out[kept[ahead]] = True
     for row in kept[hopeless[:1]]:
         found.hopeless.append(
@@ -251,6 +282,7 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
 
     A row may be left out if the others show that its own stamp alone is wrong: there is room for it between its
     neighbours, or at its stamp, or it repeats a row. After a clock is set back rows go on at once: there is no room.
+    Where there is room for many more rows than these, the log paused, and the clock may have been set in the pause.
     """
     late: list[int] = []
     ahead: list[int] = []
@@ -259,6 +291,12 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
     if not (steps < 0.0).any():
         return (np.empty(0, np.intp),) * 3
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    long = float(np.quantile(steps[steps > 0.0], _NO_PAUSE)) if (steps > 0.0).any() else 0.0
+
+    def have_room(count: int, room: float) -> bool:
+        """Whether the time between two rows is that of this many rows, and a lost one perhaps."""
+        return _A_STEP * (count + 1) * usual <= room <= (count + 2) * long
+
     latest, before = 0, -1  # the last row that is kept, and the one before it
     i = 1
     while i < len(times):
@@ -272,10 +310,10 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
         run = np.arange(i, end)
         after = times[end] if end < len(times) else np.inf
         repeats = all(_is_repeated(int(row), latest, times, marks) for row in run[:1000]) and len(run) <= 1000
-        fits = repeats or (end < len(times) and after - times[latest] >= _A_STEP * (len(run) + 1) * usual)
+        fits = repeats or (end < len(times) and have_room(len(run), after - times[latest]))
         if end < len(times) or len(run) == 1:
-            fits = fits or _have_places(times[run], times[max(i - 1000, 0) : end + 1], usual)
-        if len(run) > 1 and goes_on and room >= 2.0 * _A_STEP * usual and not repeats:
+            fits = fits or _have_places(times[run], np.append(times[max(i - 1000, 0) : i], times[end : end + 1]), usual)
+        if len(run) > 1 and goes_on and (before < 0 or have_room(1, room)) and not repeats:
             ahead.append(latest)
             latest = i
             i += 1
@@ -296,9 +334,9 @@ def _is_repeated(row: int, latest: int, times: FloatArray, marks: NDArray[Any]) 
     return bool((same & (marks[begin : latest + 1] == marks[row]).all(axis=1)).any())
 
 
-def _have_places(late: FloatArray, around: FloatArray, usual: float) -> bool:
+def _have_places(late: FloatArray, others: FloatArray, usual: float) -> bool:
     """Whether rows that are late would be a step away from all others if they stood in the order of time."""
-    ordered = np.sort(around)
+    ordered = np.sort(np.concatenate([np.unique(others), late]))
     near = (ordered >= late.min() - 2.0 * usual) & (ordered <= late.max() + 2.0 * usual)
     return bool(len(late) <= 1000 and (np.diff(ordered[near]) >= _A_STEP * usual).all())
 

@@ -70,21 +70,26 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         of_fused = Sets.of(_only(fused, known))
         single = _narrowed(single, [of_backward, of_fused], up)
         common_set = _narrowed(common_set, [of_forward, of_backward, of_fused], up)
+    before = passes.forward.vertical
     if apart.any() or caps_apart.any():
         # A statement is wrong, and may be wrong elsewhere without showing it.
-        single, common_set = (
-            replace(sets, claims=np.maximum(sets.claims, CONDITIONAL).astype(np.uint8)) for sets in (single, common_set)
+        single, common_set, weakened = (
+            replace(sets, claims=np.maximum(sets.claims, CONDITIONAL).astype(np.uint8))
+            for sets in (single, common_set, forward)
         )
+        # What the pass forward knew of up by its sets rests on no more; by its cap it may.
+        of_cap = passes.forward.caps
+        if of_cap is not None and caps_apart.any():
+            of_cap = replace(of_cap, claims=np.maximum(of_cap.claims, CONDITIONAL).astype(np.uint8))
+        before = vertical_of(weakened, of_cap, up)
     vertical, of_common = vertical_of(single, caps, up), vertical_of(common_set, caps, up)
-    takes = known & _no_wider(common_set, of_common, forward, passes.forward.vertical)
+    takes = known & _no_wider(common_set, of_common, forward, before)
     if passes.forward.starts_heading:
         # Headings count from the first row's center.
         takes[0] = False
     return Both(
         _rows_of(single, common_set, takes),
-        _chosen_vertical(
-            passes.forward.vertical, vertical, of_common, takes, takes | (backward.claims < forward.claims)
-        ),
+        _chosen_vertical(before, vertical, of_common, takes, takes | (backward.claims < forward.claims)),
         caps,
         np.flatnonzero(apart | caps_apart),
     )
@@ -165,14 +170,16 @@ def _narrowed(sets: GuaranteedLog, sources: list[Sets], up: FloatArray) -> Guara
     """Bounds of the centers' tilt, heading and angle, narrowed by what sources say of them; all of them hold."""
     assert sets.question_bounds is not None
     bounds = sets.question_bounds.copy()
+    headings = bounds[:, 1:3].copy()
     for source in sources:
         seen = monitor(source, sets.attitudes, up=up)
         bounds[:, 0] = np.fmin(bounds[:, 0], seen.bounds[:, 1])
-        bounds[:, 1:3] = arcs.common(bounds[:, 1:3], seen.headings)
+        headings = arcs.common(headings, seen.headings)
         bounds[:, 3] = np.fmin(bounds[:, 3], seen.bounds[:, 0])
-    # An arc beyond half a turn to either side says nothing that an interval could.
-    beyond = (bounds[:, 1] < -np.pi) | (bounds[:, 2] > np.pi)
-    bounds[beyond, 1], bounds[beyond, 2] = -np.pi, np.pi
+    # An arc beyond half a turn to either side says nothing that an interval could: what was known before stays.
+    beyond = (headings[:, 0] < -np.pi) | (headings[:, 1] > np.pi)
+    headings[beyond] = np.where(np.isfinite(bounds[beyond, 1:3]), bounds[beyond, 1:3], [-np.pi, np.pi])
+    bounds[:, 1:3] = headings
     return replace(sets, question_bounds=bounds)
 
 

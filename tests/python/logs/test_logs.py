@@ -335,17 +335,39 @@ def test_rows_that_are_refused(tmp_path, rows, timing, message):
 def test_rows_that_are_left_out(tmp_path):
     rows = [
         "0,0,0,0,1,0,0,1,0,0",
-        "2,2,0,0,2,0,0,1,0,0",
-        "1,1,0,0,3,0,0,1,0,0",
-        "2,9,0,0,4,0,0,1,0,0",
-        "3,3,0,0,,nan,,1,0,0",
+        "1,1,0,0,1,0,0,1,0,0",
+        "2,2,0,0,1,0,0,1,0,0",
+        "4,4,0,0,2,0,0,1,0,0",
+        "4,9,0,0,4,0,0,1,0,0",
+        "3,3,0,0,3,0,0,1,0,0",
+        "5,5,0,0,,nan,,1,0,0",
+        "6,6,0,0,1,0,0,1,0,0",
     ]
     timing = {"backward": "drop", "repeated": "merge", "not_a_number": "missing"}
     log = read(tmp_path, *rows, configuration=configured(UP, timing=timing))
-    np.testing.assert_array_equal(log.times, [0.0, 2.0, 3.0])
-    np.testing.assert_array_equal(log.rates[:, 0], [0.0, 2.0, 3.0])
-    np.testing.assert_array_equal(log.directions[:, 0, 0], [1.0, 2.0, np.nan])
-    np.testing.assert_array_equal(log.rows, [0, 1, 4])
+    np.testing.assert_array_equal(log.times, [0.0, 1.0, 2.0, 4.0, 5.0, 6.0])
+    np.testing.assert_array_equal(log.rates[:, 0], log.times)
+    np.testing.assert_array_equal(log.directions[:, 0, 0], [1.0, 1.0, 1.0, 2.0, np.nan, 1.0])
+    np.testing.assert_array_equal(log.rows, [0, 1, 2, 3, 6, 7])
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        # Set back by 4 s: of the 9 s that went by, the rows that are left would show 5.
+        ([0, 1, 2, 3, 4, 5, 2, 3, 4, 5, 6, 7], "line 8, column 1 .*: the clock was set back here"),
+        ([0, 1, 2, 3, 4, 5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5], "line 8, column 1 .*: the clock was set back here"),
+        # One stamp far ahead: the row after it would seem to be a second later.
+        ([0, 1, 2, 9, 4, 5, 6, 7, 8, 9, 10, 11], "line 5, column 1 .*: after the time of rows below"),
+    ],
+)
+def test_late_rows_are_left_out_only_where_the_others_are_right(tmp_path, times, message):
+    rows = [f"{time},{i},0,0,1,0,0,1,0,0" for i, time in enumerate(times)]
+    configuration = configured(UP, timing={"backward": "drop", "repeated": "merge"})
+    path = csv(tmp_path, *rows)
+    for reader in (logs.read_log, logs.read_samples):
+        with pytest.raises(FileError, match=message):
+            reader(path, configuration)
 
 
 def test_columns_of_different_lengths(tmp_path):

@@ -146,6 +146,23 @@ def test_rows_out_of_order():
     assert order(regular + [time - 0.3 for time in regular])[2] == [50]
 
 
+def test_a_clock_that_was_set_back_beside_a_pause():
+    """There is room for the rows, but for many more: the stamps on both sides may be of different clocks."""
+    regular = [1.0 + H * i for i in range(50)]
+    last = regular[-1]
+    # 5 s without rows, one row, and the clock is set back by 3 s: of 5 s the others would show 2.
+    first_row_late = [last + 5.0, *(last + 2.0 + H * i for i in range(1, 50))]
+    assert order(regular + first_row_late) == ([], [], [51])
+    # Set back by half a second, three rows, and 5 s without any.
+    before_a_pause = [*(last - 0.4963 + H * i for i in range(1, 4)), *(last + 4.5 + H * i for i in range(50))]
+    assert order(regular + before_a_pause) == ([], [], [50])
+    # One more row that is lost is no pause.
+    lost = [*regular[:20], 99.0, *regular[22:]]
+    assert order(lost) == ([], [20], [])
+    lost = [*regular[:20], 0.5, *regular[22:]]
+    assert order(lost) == ([20], [], [])
+
+
 def test_rows_in_the_file():
     left_out = np.array([2, 3, 7])
     assert [_in_file(left_out, row) for row in range(7)] == [0, 1, 4, 5, 6, 8, 9]
