@@ -24,9 +24,9 @@ class Bounded(NamedTuple):
     value: FloatArray
     """rad, shape (N,)."""
     least: FloatArray
-    """rad, at most the value, shape (N,). The truth is between both ends up to whole turns; −π and π: anywhere."""
+    """rad, shape (N,). The truth is between both ends up to whole turns; −π and π: anywhere. The value need not be."""
     most: FloatArray
-    """rad, at least the value, shape (N,)."""
+    """rad, at least `least`, shape (N,)."""
 
 
 def roll_and_pitch(thirds: FloatArray, angles: FloatArray) -> tuple[Bounded, Bounded]:
