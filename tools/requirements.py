@@ -1,6 +1,7 @@
 """Print requirements from pyproject.toml, one a line: `requirements.py build runtime test dev`.
 
-`build` stands for the build system's, `runtime` for the package's own; any other word for that extra, with those that it includes.
+`build` stands for the build system's, `runtime` for the package's own; any other word for that extra, with those that
+it includes.
 """
 
 import re
