@@ -101,6 +101,9 @@ TEST_CASE("direction filter: a measurement that contradicts is reported, dropped
     CHECK(update.contradicts);
     CHECK(update.dropped == (policy == Policy::drop_measurement));
     CHECK(update.claim == Claim::conditional);
+    const Cap& kept = policy == Policy::drop_measurement ? before : lie;
+    CHECK(angle_between(filter.cap().center, kept.center) <= 1e-15);
+    CHECK(filter.cap().angle == kept.angle);
     // After `regain_after` updates in agreement the claim is unconditional, with the truth inside.
     for (int k = 0; k < 10; ++k) {
       motion.turn(filter, 0.001);
