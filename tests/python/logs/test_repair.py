@@ -56,6 +56,14 @@ def test_a_clean_log_is_the_same_with_a_repair(tmp_path):
         np.testing.assert_array_equal(getattr(plain, name), getattr(repaired, name))
 
 
+def test_one_sample_at_fault_is_left_out_where_no_cell_is_empty(tmp_path):
+    rows = clean()
+    rows[17] = row(0.17, 17, "0;0;0")
+    log = logs.read_log(write(tmp_path, rows), configured())
+    assert len(log.times) == len(rows)
+    assert np.flatnonzero(np.isnan(log.directions[:, 0]).all(axis=1)).tolist() == [17]
+
+
 def test_every_kind_of_fault_is_listed_at_once_and_left_out(tmp_path):
     rows = clean()
     rows[5] = f"{0.05:.6g};NaN;NaN;NaN;NaN;NaN;NaN".replace("0.", "0,")
