@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from elliptude.io.readers.base import Batch, numbered
+from elliptude.io.readers.base import Batch, NumbersAlone, numbered
 from elliptude.typing import FloatArray
 
 
-class ArrayLog:
+class ArrayLog(NumbersAlone):
     """Columns in memory. Their names are those of a slice, such as ``gyr[:, 0]``; NaN is what was not measured."""
 
     def __init__(self, columns: Mapping[str, FloatArray], name: str) -> None:
@@ -18,18 +18,6 @@ class ArrayLog:
     def stream(self, column: str) -> str:
         """All columns share their rows."""
         return ""
-
-    def time_unit(self, column: str) -> None:
-        """No column has times of day."""
-        return
-
-    def stamps(self, stream: str) -> None:
-        """Any column may hold the times."""
-        return
-
-    def holds_numbers(self, column: str) -> bool:
-        """All do."""
-        return True
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """All rows in one batch."""

@@ -69,6 +69,22 @@ class LogFile(Protocol):
         """
 
 
+class NumbersAlone:
+    """What files of numbers have in common: no times of day, and no stamps of their own."""
+
+    def holds_numbers(self, column: str) -> bool:
+        """All do."""
+        return True
+
+    def time_unit(self, column: str) -> str | None:
+        """No column has times of day."""
+        return None
+
+    def stamps(self, stream: str) -> tuple[str, str] | None:
+        """Any column may hold the times."""
+        return None
+
+
 def require_columns(file: LogFile, names: Sequence[str]) -> None:
     """Raise FileError unless each column is there, once.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.arrow import cells_of
-from elliptude.io.readers.base import Batch
+from elliptude.io.readers.base import Batch, NumbersAlone
 from elliptude.io.readers.dialect import (
     ALL_FOUND_OUT,
     DELIMITERS,
@@ -43,7 +43,7 @@ _BEGINNING = 1 << 18
 """Bytes of the text that show how the file is written."""
 
 
-class CsvTable:
+class CsvTable(NumbersAlone):
     """A CSV file. Arrow reads it; a slow second reading finds what is at fault, and in which line.
 
     Parameters
@@ -100,10 +100,6 @@ class CsvTable:
     def stream(self, column: str) -> str:
         """The only one."""
         return ""
-
-    def stamps(self, stream: str) -> None:
-        """Any column may hold the times."""
-        return
 
     def holds_numbers(self, column: str) -> bool:
         """Whether its first cell is a number or empty."""

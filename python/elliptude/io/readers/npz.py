@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, system_fault
-from elliptude.io.readers.base import Batch, Cells, numbered
+from elliptude.io.readers.base import Batch, Cells, NumbersAlone, numbered
 
 MOST_COLUMNS = 10_000
 """The widest array that is read as columns."""
 
 
-class NpzFile:
+class NpzFile(NumbersAlone):
     """A NumPy archive. Array ``t`` (N,) is the column ``t``, array ``gyr`` (N, 3) the columns ``gyr[0]`` to ``gyr[2]``.
 
     Arrays of other shapes, and what is neither number nor boolean, are no columns. Arrays of the same length make a
@@ -49,18 +49,6 @@ class NpzFile:
     def stream(self, column: str) -> str:
         """See `LogFile`."""
         return str(self._lengths[column])
-
-    def time_unit(self, column: str) -> None:
-        """No column has times of day."""
-        return
-
-    def stamps(self, stream: str) -> None:
-        """Any column may hold the times."""
-        return
-
-    def holds_numbers(self, column: str) -> bool:
-        """All do."""
-        return True
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """All rows in one batch; an array is taken from the archive once."""

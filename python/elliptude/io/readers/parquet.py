@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from elliptude.io.files import FileError
 from elliptude.io.readers.arrow import cells_of
-from elliptude.io.readers.base import BATCH_ROWS, Batch
+from elliptude.io.readers.base import BATCH_ROWS, Batch, NumbersAlone
 
 
-class ParquetTable:
+class ParquetTable(NumbersAlone):
     """A Parquet file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -34,10 +34,6 @@ class ParquetTable:
     def time_unit(self, column: str) -> str | None:
         """Nanoseconds since 1970, if it has time stamps."""
         return "ns" if pa.types.is_timestamp(self._types[column]) else None
-
-    def stamps(self, stream: str) -> None:
-        """Any column may hold the times."""
-        return
 
     def holds_numbers(self, column: str) -> bool:
         """See `LogFile`."""

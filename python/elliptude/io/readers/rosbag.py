@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from elliptude.io.files import FileError, system_fault
-from elliptude.io.readers.base import BATCH_ROWS, Batch, Cells, numbered
+from elliptude.io.readers.base import BATCH_ROWS, Batch, Cells, NumbersAlone, numbered
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -24,7 +24,7 @@ _STAMPS = {"builtin_interfaces/msg/Time"}
 _LARGEST_ARRAY = 64
 
 
-class BagFile:
+class BagFile(NumbersAlone):
     """A bag. A column is ``/topic.field``, with a dot or an index for each level: ``/imu.angular_velocity.x``.
 
     Each topic is a stream in the order in which its messages were recorded, read message by message. A time stamp is
@@ -48,14 +48,6 @@ class BagFile:
     def stream(self, column: str) -> str:
         """The topic."""
         return column.partition(".")[0]
-
-    def holds_numbers(self, column: str) -> bool:
-        """All do."""
-        return True
-
-    def time_unit(self, column: str) -> None:
-        """No column has times of day."""
-        return
 
     def stamps(self, stream: str) -> tuple[str, str]:
         """The header's stamps where messages have a header, else when the bag took them; ns."""

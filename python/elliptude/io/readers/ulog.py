@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, system_fault
-from elliptude.io.readers.base import Batch, numbered
+from elliptude.io.readers.base import Batch, NumbersAlone, numbered
 
 
-class UlogFile:
+class UlogFile(NumbersAlone):
     """A ULog, whole in memory. A column is ``topic.field``, or ``topic:1.field`` of the topic's second instance.
 
     Each topic is a stream with the column ``timestamp`` in µs. Fields have pyulog's names, such as
@@ -43,14 +43,6 @@ class UlogFile:
     def stream(self, column: str) -> str:
         """The topic."""
         return column.partition(".")[0]
-
-    def holds_numbers(self, column: str) -> bool:
-        """All do."""
-        return True
-
-    def time_unit(self, column: str) -> None:
-        """No column has times of day."""
-        return
 
     def stamps(self, stream: str) -> tuple[str, str]:
         """The topic's own, µs."""
