@@ -1,9 +1,28 @@
 """Which rows of a recording are at rest."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.typing import FloatArray
+
+
+class _Stillness(NamedTuple):
+    """How still a sensor is in each of m pieces of N rows."""
+
+    starts: NDArray[np.intp]
+    """The row where each starts, shape (m,)."""
+    piece: NDArray[np.intp]
+    """To which each row belongs, shape (N,)."""
+    counts: NDArray[np.intp]
+    """How many rows each has, shape (m,)."""
+    turning: FloatArray
+    """The largest deviation of a rate from the mean, rad/s, shape (m,)."""
+    mean_rates: FloatArray
+    """The length of the mean rate, rad/s, shape (m,)."""
+    shaking: FloatArray
+    """The largest deviation of a specific force from the mean, m/s², shape (m,)."""
 
 
 def rest_rows(
@@ -36,12 +55,9 @@ def rest_rows(
     (N,) array of bool
         False in pieces with a missing row.
     """
-    stamps = np.asarray(times, dtype=np.float64)
-    starts, piece, counts = _pieces(stamps, duration)
-    turning, mean_rates = _deviations(angular_velocities, starts, piece, counts)
-    shaking, _ = _deviations(specific_forces, starts, piece, counts)
-    resting = (counts > 1) & (turning <= rate_deviation) & (mean_rates <= rate) & (shaking <= acceleration_deviation)
-    rows: NDArray[np.bool_] = resting[piece]
+    seen = _stillness(np.asarray(times, dtype=np.float64), angular_velocities, specific_forces, duration)
+    resting = (seen.turning <= rate_deviation) & (seen.mean_rates <= rate) & (seen.shaking <= acceleration_deviation)
+    rows: NDArray[np.bool_] = (resting & (seen.counts > 1))[seen.piece]
     return rows
 
 
@@ -57,33 +73,31 @@ def why_no_rest(
 ) -> str:
     """Which limit the piece fails that comes nearest to a rest, in words; arguments as for `rest_rows`."""
     stamps = np.asarray(times, dtype=np.float64)
-    starts, piece, counts = _pieces(stamps, duration)
-    turning, mean_rates = _deviations(angular_velocities, starts, piece, counts)
-    shaking, _ = _deviations(specific_forces, starts, piece, counts)
+    seen = _stillness(stamps, angular_velocities, specific_forces, duration)
     degrees = np.rad2deg(1.0)
     limits = (
         (
-            turning,
+            seen.turning,
             rate_deviation,
             degrees,
             "the gyro deviates from its mean by {:.3g}, at most {:.3g} deg/s are a rest",
         ),
-        (mean_rates, rate, degrees, "the gyro's mean is {:.3g}, at most {:.3g} deg/s are a rest"),
+        (seen.mean_rates, rate, degrees, "the gyro's mean is {:.3g}, at most {:.3g} deg/s are a rest"),
         (
-            shaking,
+            seen.shaking,
             acceleration_deviation,
             1.0,
             "the specific force deviates by {:.3g}, at most {:.3g} m/s^2 are a rest",
         ),
     )
     ratios = np.array([values / most for values, most, _, _ in limits])
-    ratios[:, (counts < 2) | ~np.isfinite(ratios).all(axis=0)] = np.inf
+    ratios[:, (seen.counts < 2) | ~np.isfinite(ratios).all(axis=0)] = np.inf
     nearest = int(np.argmin(ratios.max(axis=0)))
     if not np.isfinite(ratios[:, nearest]).all():
         return f"no {duration:g} s have all samples"
     values, most, scale, words = limits[int(np.argmax(ratios[:, nearest]))]
     said = words.format(scale * values[nearest], scale * most)
-    return f"in the quietest {duration:g} s, from {stamps[starts[nearest]]:.6g} s on, {said}"
+    return f"in the quietest {duration:g} s, from {stamps[seen.starts[nearest]]:.6g} s on, {said}"
 
 
 def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
@@ -116,6 +130,15 @@ def noise_of(times: ArrayLike, values: ArrayLike, *, duration: float) -> float:
     enough = 2 * found > counts
     means = np.add.reduceat(np.where(there, squares, 0.0), starts)[enough] / found[enough]
     return float(np.sqrt(np.quantile(means, 0.2))) if len(means) else 0.0
+
+
+def _stillness(
+    stamps: FloatArray, angular_velocities: ArrayLike, specific_forces: ArrayLike, duration: float
+) -> _Stillness:
+    starts, piece, counts = _pieces(stamps, duration)
+    turning, mean_rates = _deviations(angular_velocities, starts, piece, counts)
+    shaking, _ = _deviations(specific_forces, starts, piece, counts)
+    return _Stillness(starts, piece, counts, turning, mean_rates, shaking)
 
 
 def _pieces(stamps: FloatArray, duration: float) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:

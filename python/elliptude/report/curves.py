@@ -227,17 +227,22 @@ def _angles(run: Run, rows: NDArray[np.intp], angles: FloatArray, label: str) ->
     return {"data": traces, "layout": layout}
 
 
-def _angle_trace(name: str, time: FloatArray, angle: FloatArray, is_first: bool) -> dict[str, Any]:
-    """An angle over time, degrees."""
+def _lines(name: str, x: Sequence[float | None], y: Sequence[float | None], is_first: bool) -> dict[str, Any]:
+    """A curve that shares its entry of the legend with others of its name."""
     return {
         "type": "scatter",
         "mode": "lines",
         "name": name,
         "legendgroup": name,
         "showlegend": is_first,
-        "x": [float(one) for one in time],
-        "y": _list(angle),
+        "x": x,
+        "y": y,
     }
+
+
+def _angle_trace(name: str, time: FloatArray, angle: FloatArray, is_first: bool) -> dict[str, Any]:
+    """An angle over time, degrees."""
+    return _lines(name, [float(one) for one in time], _list(angle), is_first)
 
 
 def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]:
@@ -248,14 +253,7 @@ def _bound_trace(times: FloatArray, bound: FloatArray, i: int) -> dict[str, Any]
 
 def _band_trace(name: str, x: list[float | None], y: list[float | None], *, is_first: bool) -> dict[str, Any]:
     """A band by its outline."""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "name": name,
-        "legendgroup": name,
-        "showlegend": is_first,
-        "x": x,
-        "y": y,
+    return _lines(name, x, y, is_first) | {
         "fill": "toself",
         "fillcolor": _LIGHT_BLUE,
         "line": {"color": _BLUE, "width": 1},
