@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 from reference import so3
+from scipy.spatial.transform import Rotation
 
 generators = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 dimensions = st.integers(1, 6)
@@ -16,6 +17,15 @@ def direction(rng, n=3):
 
 def rotation(rng, angle=np.pi):
     return so3.exp(rng.uniform(0.0, angle) * direction(rng))
+
+
+def turning_body(rng, times):
+    """Rates that are constant from one time to the next, and the attitudes at the times."""
+    rates = 0.5 * np.sin(np.outer(times, [0.7, 1.1, 1.3]) + rng.uniform(0.0, 6.0, 3))
+    attitudes = [Rotation.random(rng=rng).as_matrix()]
+    for rate in (times[1] - times[0]) * rates[:-1]:
+        attitudes.append(attitudes[-1] @ so3.exp(rate))
+    return rates, np.array(attitudes)
 
 
 def shape(rng, n, least=0.1, most=10.0):

@@ -19,6 +19,7 @@ from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io import tables
 from elliptude.logs import Log
 from elliptude.simulation import fermi
+from inputs import turning_body
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_proposals import made
@@ -37,11 +38,7 @@ def gyro_log(
     """
     draws = np.random.default_rng(seed)
     times = step * np.arange(count)
-    true = 0.5 * np.sin(np.outer(times, [0.7, 1.1, 1.3]) + draws.uniform(0.0, 6.0, 3))
-    attitudes = [Rotation.random(rng=draws).as_matrix()]
-    for rate in true[:-1]:
-        attitudes.append(attitudes[-1] @ so3.exp(step * rate))
-    attitudes = np.array(attitudes)
+    true, attitudes = turning_body(draws, times)
     k = scale * Rotation.random(rng=draws).as_matrix()
     axis = so3_unit(draws)
     if increment is None:

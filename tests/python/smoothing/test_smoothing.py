@@ -13,6 +13,7 @@ from elliptude.results import CLAIMS
 from elliptude.simulation import scenarios
 from elliptude.simulation import simulated as simulation
 from elliptude.simulation.configured import configuration_tables
+from inputs import turning_body
 from reference import so3
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -88,11 +89,7 @@ def gyro_log(seed=0, count=300, step=0.05, *, bound=0.05, noise=0.002, bias=0.01
     """Directions with errors at their bounds, now and then; a constant bias."""
     draws = np.random.default_rng(seed)
     times = step * np.arange(count)
-    true = 0.5 * np.sin(np.outer(times, [0.7, 1.1, 1.3]) + draws.uniform(0.0, 6.0, 3))
-    attitudes = [Rotation.random(rng=draws).as_matrix()]
-    for rate in true[:-1]:
-        attitudes.append(attitudes[-1] @ so3.exp(step * rate))
-    attitudes = np.array(attitudes)
+    true, attitudes = turning_body(draws, times)
 
     def unit(*shape):
         vectors = draws.standard_normal((*shape, 3))
