@@ -69,6 +69,21 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
+namespace detail {
+
+/// Whether each pivot of a factor is more than rounding, a share of the matrix's own diagonal.
+template <typename Scalar, int N>
+[[nodiscard]] bool has_accurate_pivots(const Matrix<Scalar, N>& a, const Matrix<Scalar, N>& factor,
+                                       const Scalar& rounding) noexcept {
+  bool accurate = true;
+  for (int j = 0; j < N; ++j) {
+    accurate = accurate && factor(j, j) * factor(j, j) > rounding * a(j, j);
+  }
+  return accurate;
+}
+
+}  // namespace detail
+
 /// `cholesky` for a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
 /// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised diagonal: by
 /// 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7), and if that is not
@@ -79,6 +94,12 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
+  Matrix<Scalar, N> factor;
+  Status status = cholesky(a, factor);
+  if (status == Status::ok && detail::has_accurate_pivots(a, factor, rounding)) {
+    l = factor;
+    return Status::ok;
+  }
   Matrix<Scalar, N> raised = a;
   Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
   for (int j = 0; j < N; ++j) {
@@ -96,13 +117,8 @@ template <typename Scalar, int N>
       }
     }
   }
-  Matrix<Scalar, N> factor;
-  Status status = cholesky(raised, factor);
-  bool accurate = status == Status::ok;
-  for (int j = 0; j < N; ++j) {
-    accurate = accurate && factor(j, j) * factor(j, j) > rounding * raised(j, j);
-  }
-  if (!accurate) {
+  status = cholesky(raised, factor);
+  if (status != Status::ok || !detail::has_accurate_pivots(raised, factor, rounding)) {
     raised.diagonal() *= Scalar(1) + rounding;
     status = cholesky(raised, factor);
   }

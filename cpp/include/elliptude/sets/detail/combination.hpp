@@ -24,9 +24,9 @@ struct Combination {
   Matrix<Scalar, N> root;     ///< lower triangle with A⁻¹ = rootᵀ root
   Matrix<Scalar, N> inverse;  ///< A⁻¹
   Vector<Scalar, N> center;   ///< −A⁻¹v
-  Scalar level;               ///< N
   Scalar quadric_slack;       ///< k − uᵀMu − 2vᵀu at the center
   Scalar ball_slack;          ///< 1 − ‖center‖², which is dN/dq
+  Scalar level;               ///< N
 
   /// Whether the center lies in both sets, a proof that they meet.
   [[nodiscard]] bool is_common_point() const noexcept { return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0); }
@@ -67,24 +67,28 @@ struct Problem {
     }
     result.root = lower_inverse(l);
     result.inverse = square_of_lower(result.root);
-    result.center.noalias() = -result.inverse.lazyProduct(v);
-    evaluate(q, result);
+    put_center(Vector<Scalar, N>(-result.inverse.lazyProduct(v)), q, true, result);
     // The level is at most N at any point, and less than it by the center's rounding times A.
     for (int k = 0; k < 2 && result.level < Scalar(0); ++k) {
       const Vector<Scalar, N> residual = a.lazyProduct(result.center) + v;
-      Combination<Scalar, N> refined = result;
-      refined.center -= result.inverse.lazyProduct(residual);
-      evaluate(q, refined);
-      result = refined.level > result.level ? refined : result;
+      put_center(Vector<Scalar, N>(result.center - result.inverse.lazyProduct(residual)), q, false, result);
     }
     return Status::ok;
   }
 
  private:
-  void evaluate(const Scalar& q, Combination<Scalar, N>& at) const noexcept {
-    at.quadric_slack = slack(at.center);
-    at.ball_slack = Scalar(1) - at.center.squaredNorm();
-    at.level = at.quadric_slack + q * at.ball_slack;
+  /// \param anyway if not, only where the level is higher than that of the present center.
+  void put_center(const Vector<Scalar, N>& center, const Scalar& q, bool anyway,
+                  Combination<Scalar, N>& result) const noexcept {
+    const Scalar quadric_slack = slack(center);
+    const Scalar ball_slack = Scalar(1) - center.squaredNorm();
+    const Scalar level = quadric_slack + q * ball_slack;
+    if (anyway || level > result.level) {
+      result.center = center;
+      result.quadric_slack = quadric_slack;
+      result.ball_slack = ball_slack;
+      result.level = level;
+    }
   }
 };
 
@@ -188,7 +192,7 @@ class RelativeSize {
 /// The end of a search: the combination, its share, and whether the search met a common point of the two sets.
 template <typename Scalar, int N>
 struct Found {
-  Combination<Scalar, N> combination;
+  Combination<Scalar, N>& combination;
   Scalar share;
   bool common_point;
 
@@ -295,7 +299,7 @@ template <typename Scalar, int N, typename Slack>
 /// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
 /// x = origin + factor u; the second set alone where that is smallest.
 /// \param start a q to search from, such as `problem.typical_weight()`.
-/// \param best the combination that it is, unless `share` is 1.
+/// \param best the combination that it is, unless `share` is 1; it changes without success too.
 /// \return as `least_combination`.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
@@ -315,8 +319,7 @@ template <typename Scalar, int N, typename Slack>
   if (!(start > Scalar(0))) {  // the quadric says nothing, or that nothing is possible
     return slack_at_origin >= Scalar(0) ? second_set_alone() : Status::empty_intersection;
   }
-  Found<Scalar, N> found;
-  found.common_point = slack_at_origin >= Scalar(0);
+  Found<Scalar, N> found{best, Scalar(0), slack_at_origin >= Scalar(0)};
   const bool idle = slack_at_origin >= size.idle_slack(problem.m);
   if (!idle) {
     if (const Status status = least_combination(problem, size, start, found); status != Status::ok) {
@@ -326,7 +329,6 @@ template <typename Scalar, int N, typename Slack>
   if (!found.common_point && provably_empty(problem, start)) {
     return Status::empty_intersection;
   }
-  best = found.combination;
   if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
     return second_set_alone();
   }

@@ -6,14 +6,12 @@
 
 #include <algorithm>
 
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/sets/quadric.hpp"
 
 namespace elliptude {
-
-/// How many quadrics can be fused at once.
-inline constexpr std::size_t most_quadrics = 40;
 
 namespace detail {
 
@@ -165,43 +163,41 @@ class ManyQuadrics {
     const Matrix<Scalar, N>& x = it.inverse;
     const Matrix<Scalar, lead> x_corner = corner<lead>(x);
     const Matrix<Scalar, lead> v_corner = corner<lead>(v);
-    std::array<Matrix<Scalar, N>, most> z;            // A⁻¹AₖV, not of leading constraints
-    std::array<Matrix<Scalar, lead>, most> z_corner;  // its first corner, of all
+    std::array<Matrix<Scalar, lead>, most> z_corner;  // the first corner of A⁻¹AₖV
     std::array<Vector<Scalar, N>, most> r;            // rₖ, its first numbers of leading ones
     std::array<Vector<Scalar, N>, most> t;            // A⁻¹rₖ
-    for (std::size_t k = 0; k < count; ++k) {
-      const Constraint<Scalar, N>& constraint = constraints[k];
+    for (std::size_t j = 0; j < count; ++j) {
+      const Constraint<Scalar, N>& constraint = constraints[j];
+      Matrix<Scalar, N> z;  // A⁻¹AⱼV, not of a leading constraint
       if (constraint.leading) {
         const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
-        z_corner[k].noalias() = half.lazyProduct(v_corner);
+        z_corner[j].noalias() = half.lazyProduct(v_corner);
         const Vector<Scalar, lead> own =
             constraint.part.a.lazyProduct(it.center.template head<lead>()) + constraint.part.g;
-        r[k].template head<lead>() = own;
-        t[k].noalias() = x.template leftCols<lead>().lazyProduct(own);
-        continue;
-      }
-      if (is_ball(k)) {
-        z[k].noalias() = x.lazyProduct(v);
-        r[k] = it.center;
+        r[j].template head<lead>() = own;
+        t[j].noalias() = x.template leftCols<lead>().lazyProduct(own);
       } else {
-        const Matrix<Scalar, N> half = x.lazyProduct(constraint.quadric.a);
-        z[k].noalias() = half.lazyProduct(v);
-        r[k] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
+        if (is_ball(j)) {
+          z.noalias() = x.lazyProduct(v);
+          r[j] = it.center;
+        } else {
+          const Matrix<Scalar, N> half = x.lazyProduct(constraint.quadric.a);
+          z.noalias() = half.lazyProduct(v);
+          r[j] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
+        }
+        z_corner[j] = corner<lead>(z);
+        t[j].noalias() = x.lazyProduct(r[j]);
       }
-      z_corner[k] = corner<lead>(z[k]);
-      t[k].noalias() = x.lazyProduct(r[k]);
-    }
-    for (std::size_t j = 0; j < count; ++j) {
       for (std::size_t k = 0; k <= j; ++k) {
         Scalar entry;
         Scalar inner;
-        if (constraints[j].leading || constraints[k].leading) {
-          const std::size_t one = constraints[j].leading ? j : k;
-          const std::size_t other = constraints[j].leading ? k : j;
+        if (constraint.leading || constraints[k].leading) {
+          const std::size_t one = constraint.leading ? j : k;
+          const std::size_t other = constraint.leading ? k : j;
           entry = trace_of_product(constraints[one].part.a, z_corner[other]);
           inner = r[one].template head<lead>().dot(t[other].template head<lead>());
         } else {
-          entry = is_ball(k) ? z[j].trace() : trace_of_product(constraints[k].quadric.a, z[j]);
+          entry = is_ball(k) ? z.trace() : trace_of_product(constraints[k].quadric.a, z);
           inner = r[k].dot(t[j]);
         }
         if (!by_volume) {

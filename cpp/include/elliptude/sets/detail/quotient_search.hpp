@@ -1,24 +1,21 @@
 #pragma once
 
 /// \file
-/// The search for the multipliers of one question: a semidefinite problem of N + 1 rows and few unknowns, by a primal-dual
-/// interior-point method.
+/// The search for the multipliers of one question: a semidefinite problem of N + 1 rows and few unknowns, by an interior-point method.
 /// (theory, section 16.11)
 
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
 
 namespace elliptude {
 
-/// How many quadrics one question takes into account.
-inline constexpr std::size_t most_questioned = 8;
-
 namespace detail {
 
-/// Minimises s = x₀ over Z = Σ xₖBₖ − F ⪰ 0, μₖ = xₖ ≥ 0 from k = 1 on, with B₀ = G and Bₖ = −Mₖ, of which M₁ is the unit ball's.
-/// Beside it runs the dual, X ⪰ 0 and w ≥ 0 with tr(GX) = 1, tr(MₖX) = wₖ: steps aim at ZX = τI, μₖwₖ = τ with ever smaller τ. Every
-/// Z ≻ 0 on the way is a bound; in the end the least s for the multipliers found is taken.
+/// Minimises s = x₀ over Z = Σ xₖBₖ − F ⪰ 0, μₖ = xₖ ≥ 0 from k = 1 on, with B₀ = G and Bₖ = −Mₖ, of which M₁ is the unit ball's,
+/// by Newton's steps towards the least s − τ (log det Z + Σ log μₖ) with ever smaller τ. Every Z ≻ 0 on the way is a bound; in the
+/// end the least s for the multipliers found is taken.
 template <typename Scalar, int N>
 class QuotientSearch {
  public:
@@ -89,24 +86,12 @@ class QuotientSearch {
 
  private:
   static constexpr std::size_t most = most_questioned + 2;
+  static constexpr int longest_move = 4;
   using Unknowns = std::array<Scalar, most>;
-
-  /// A step of both problems.
-  struct Step {
-    Unknowns x;
-    Form z;
-    Form primal;
-    Unknowns w;
-  };
 
   /// A bound of the norm: the largest sum of a row's absolute values.
   [[nodiscard]] static Scalar largest_row(const Form& form) noexcept {
     return form.cwiseAbs().rowwise().sum().maxCoeff();
-  }
-
-  /// tr(AB) of a symmetric A.
-  [[nodiscard]] static Scalar trace_of_product(const Form& a, const Form& b) noexcept {
-    return a.cwiseProduct(b).sum();
   }
 
   /// Σ xₖBₖ.
@@ -139,8 +124,7 @@ class QuotientSearch {
     return rounding::share<Scalar>(rounding::quotient) * size;
   }
 
-  /// Multipliers of one, that of the ball large enough to outweigh the others well, and s likewise; X and w with the same product
-  /// everywhere.
+  /// Multipliers of one, that of the ball large enough to outweigh the others and F well, and s likewise.
   [[nodiscard]] bool find_start() noexcept {
     const Scalar others(static_cast<scalar::Value<Scalar>>(count_ - 1));  // with F, each of norm one at most
     x_[1] = others + Scalar(1);
@@ -156,134 +140,96 @@ class QuotientSearch {
       }
       x_[0] *= Scalar(2);
     }
-    RootFreeFactor<Scalar, N + 1> factor;
-    if (factorize(lowered(x_, relief_), factor) != Status::ok) {
-      return false;
-    }
     z_ = lowered(x_, relief_);
-    primal_ = square_of_lower(inverse_root(factor));
-    const Scalar tau = Scalar(1) / trace_of_product(forms_[0], primal_);
-    primal_ *= tau;
-    for (std::size_t k = 1; k < count_; ++k) {
-      w_[k] = tau / x_[k];
-    }
-    return scalar::isfinite(tau) && scalar::all_finite(primal_);
+    gap_ = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+    return is_positive_definite(z_);
   }
 
-  /// tr(ZX) + Σ μₖwₖ after shares of a step of both problems.
-  [[nodiscard]] Scalar gap(const Step& step, const Scalar& dual_share, const Scalar& primal_share) const noexcept {
-    Scalar sum = trace_of_product(Form(z_ + dual_share * step.z), Form(primal_ + primal_share * step.primal));
-    for (std::size_t k = 1; k < count_; ++k) {
-      sum += (x_[k] + dual_share * step.x[k]) * (w_[k] + primal_share * step.w[k]);
-    }
-    return sum;
-  }
-
-  [[nodiscard]] Scalar gap() const noexcept {
-    Scalar sum = trace_of_product(z_, primal_);
-    for (std::size_t k = 1; k < count_; ++k) {
-      sum += x_[k] * w_[k];
-    }
-    return sum;
-  }
-
-  /// Whether no more than about 1 % is left to gain.
+  /// Whether about 1 % is left to gain.
   [[nodiscard]] bool is_close() const noexcept {
     const Scalar size = scalar::abs(x_[0]);
     const Scalar least = scalar::constant<Scalar>(1e-8L);
-    return gap() < scalar::constant<Scalar>(0.01L) * (size > least ? size : least);
+    return gap_ < scalar::constant<Scalar>(0.01L) * (size > least ? size : least);
   }
 
-  /// A step of Mehrotra's predictor and corrector.
-  /// \return whether there was one.
-  [[nodiscard]] bool take_step() noexcept {
+  /// The barrier's slope and its second derivatives, tr(BⱼZ⁻¹BₖZ⁻¹) + [1/μₖ²], factored.
+  /// \return whether they are positive definite, as they are but for rounding.
+  [[nodiscard]] bool factor_system(Unknowns& slope) noexcept {
     RootFreeFactor<Scalar, N + 1> factor;
     if (factorize(z_, factor) != Status::ok) {
       return false;
     }
     const Form inverse = square_of_lower(inverse_root(factor));
+    std::array<Form, most> images;
     for (std::size_t k = 0; k < count_; ++k) {
-      const Form half = primal_.lazyProduct(forms_[k]);
-      const Form image = half.lazyProduct(inverse);
-      for (std::size_t j = k; j < count_; ++j) {
-        system_[j * most + k] = trace_of_product(forms_[j], image);
+      images[k] = forms_[k].lazyProduct(inverse);
+      slope[k] = images[k].trace();
+      const Form transposed = images[k].transpose();
+      for (std::size_t j = 0; j <= k; ++j) {
+        system_[k * most + j] = images[j].cwiseProduct(transposed).sum();
       }
       if (k > 0) {
-        system_[k * most + k] += w_[k] / x_[k];
+        slope[k] += Scalar(1) / x_[k];
+        system_[k * most + k] += Scalar(1) / (x_[k] * x_[k]);
       }
     }
-    if (!factor_in_place(system_.data(), most, count_)) {
+    return factor_in_place(system_.data(), most, count_);
+  }
+
+  /// A step of Newton's method. With H and h the barrier's second derivatives and slope it is H⁻¹(h − e₀/τ), and τ is the one that
+  /// makes it four units long in the metric of H; one unit would be sure to stay inside.
+  /// \return whether there was one.
+  [[nodiscard]] bool take_step() noexcept {
+    Unknowns slope;
+    if (!factor_system(slope)) {
       return false;
     }
-    Unknowns products;
-    products.fill(Scalar(0));
-    Step step;
-    aim_at(Scalar(0), inverse, Form(Form::Zero()), products, step);
-    const Scalar whole = gap();
-    const Scalar coarse = scalar::constant<Scalar>(0.5L);
-    const Scalar dual = longest(z_, step.z, x_, step.x, Scalar(1), coarse);
-    const Scalar primal = longest(primal_, step.primal, w_, step.w, Scalar(1), coarse);
-    Scalar left = gap(step, dual, primal) / whole;
-    const Scalar least = scalar::constant<Scalar>(0.05L);
-    left = left > least ? (left < Scalar(1) ? left : Scalar(1)) : least;
-    const Form second = symmetrized(Form(Form(step.primal.lazyProduct(step.z)).lazyProduct(inverse)));
-    for (std::size_t k = 1; k < count_; ++k) {
-      products[k] = step.x[k] * step.w[k];
+    Unknowns inwards = slope;
+    Unknowns down;
+    down.fill(Scalar(0));
+    down[0] = Scalar(1);
+    solve_in_place(system_.data(), most, count_, inwards.data());
+    solve_in_place(system_.data(), most, count_, down.data());
+    Scalar rest(-longest_move * longest_move);
+    for (std::size_t k = 0; k < count_; ++k) {
+      rest += slope[k] * inwards[k];
     }
+    // down₀/τ² − 2 inwards₀/τ + hᵀH⁻¹h is the squared length.
+    const Scalar root = inwards[0] * inwards[0] - down[0] * rest;
+    if (!(root >= Scalar(0))) {
+      return false;
+    }
+    const Scalar per_tau = (inwards[0] + scalar::sqrt(root)) / down[0];
+    Unknowns move;
+    for (std::size_t k = 0; k < count_; ++k) {
+      move[k] = inwards[k] - per_tau * down[k];
+    }
+    const Scalar length = scalar::constant<Scalar>(0.8L) * longest(move);
+    for (std::size_t k = 0; k < count_; ++k) {
+      x_[k] += length * move[k];
+    }
+    z_ = lowered(x_, relief_);
     const Scalar unknowns(static_cast<scalar::Value<Scalar>>(N + static_cast<int>(count_)));
-    aim_at(Scalar(left * whole / unknowns), inverse, second, products, step);
+    gap_ = unknowns / per_tau;
+    return length > scalar::constant<Scalar>(1e-6L);
+  }
+
+  /// How much of a step stays inside; shorter and shorter where the matrix decides.
+  [[nodiscard]] Scalar longest(const Unknowns& move) const noexcept {
     const Scalar inside = scalar::constant<Scalar>(0.95L);
-    const Scalar fine = scalar::constant<Scalar>(0.8L);
-    const Scalar dual_share = longest(z_, step.z, x_, step.x, inside, fine);
-    const Scalar primal_share = longest(primal_, step.primal, w_, step.w, inside, fine);
-    Unknowns next = x_;
-    for (std::size_t k = 0; k < count_; ++k) {
-      next[k] += dual_share * step.x[k];
-      w_[k] += k > 0 ? Scalar(primal_share * step.w[k]) : Scalar(0);
-    }
-    const Form z = lowered(next, relief_);
-    if (!is_positive_definite(z)) {
-      return false;  // so close to the boundary that rounding decides
-    }
-    x_ = next;
-    z_ = z;
-    primal_ += primal_share * step.primal;
-    return dual_share > scalar::constant<Scalar>(1e-6L);
-  }
-
-  /// The step that takes all products to τ, less what they would miss in second order.
-  void aim_at(const Scalar& tau, const Form& inverse, const Form& second, const Unknowns& products,
-              Step& step) const noexcept {
-    const Form target = tau * inverse - second;
-    for (std::size_t k = 0; k < count_; ++k) {
-      step.x[k] = trace_of_product(forms_[k], target);
-      step.x[k] += k == 0 ? Scalar(-1) : Scalar((tau - products[k]) / x_[k]);
-    }
-    solve_in_place(system_.data(), most, count_, step.x.data());
-    step.z = combined(step.x);
-    const Form half = primal_.lazyProduct(step.z);
-    step.primal = target - primal_ - symmetrized(Form(half.lazyProduct(inverse)));
-    for (std::size_t k = 1; k < count_; ++k) {
-      step.w[k] = (tau - products[k] - w_[k] * step.x[k]) / x_[k] - w_[k];
-    }
-  }
-
-  /// How much of a step stays inside, up to a share of the way to the boundary; shorter and shorter by a ratio where the matrix
-  /// decides.
-  [[nodiscard]] Scalar longest(const Form& form, const Form& move, const Unknowns& numbers, const Unknowns& along,
-                               const Scalar& share, const Scalar& ratio) const noexcept {
     Scalar length(1);
     for (std::size_t k = 1; k < count_; ++k) {
-      if (length * along[k] < -share * numbers[k]) {
-        length = -share * numbers[k] / along[k];
+      if (length * move[k] < -inside * x_[k]) {
+        length = -inside * x_[k] / move[k];
       }
     }
+    const Form change = combined(move);
     constexpr int most_trials = 30;
     for (int trial = 0; trial < most_trials; ++trial) {
-      if (is_positive_definite(Form(form + (length / share) * move))) {
+      if (is_positive_definite(Form(z_ + length * change))) {
         return length;
       }
-      length *= ratio;
+      length *= scalar::constant<Scalar>(0.7L);
     }
     return Scalar(0);
   }
@@ -305,8 +251,8 @@ class QuotientSearch {
         return false;
       }
     }
-    Scalar low = x_[0] - Scalar(2) * gap();
-    low = low < high ? low : high;
+    Scalar low = x_[0] - Scalar(2) * gap_;
+    low = low < high && scalar::isfinite(low) ? low : high;
     constexpr int most_halvings = 6;
     for (step = 0; step < most_halvings; ++step) {
       const Scalar middle = scalar::constant<Scalar>(0.5L) * (low + high);
@@ -324,8 +270,7 @@ class QuotientSearch {
   Scalar relief_;
   Unknowns x_;  // s, and the multipliers
   Form z_;
-  Form primal_;  // X
-  Unknowns w_;
+  Scalar gap_;  // about what s may still fall, on the path where the barrier's slope is e₀/τ
   std::array<Scalar, most * most> system_;
 };
 
