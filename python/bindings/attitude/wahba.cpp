@@ -15,13 +15,16 @@ using Directions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
   if (name == "svd") {
     return WahbaMethod::svd;
   }
+  if (name == "foam") {
+    return WahbaMethod::foam;
+  }
   if (name == "davenport") {
     return WahbaMethod::davenport;
   }
   if (name == "qr") {
     return WahbaMethod::qr;
   }
-  value_error("method must be 'svd', 'davenport' or 'qr', not '" + name + "'");
+  value_error("method must be 'svd', 'foam', 'davenport' or 'qr', not '" + name + "'");
 }
 
 /// Directions (..., m, 3), none of them zero.
@@ -282,8 +285,9 @@ body : array_like, shape (..., m, 3)
     The same directions b̃ᵢ as measured in body axes.
 weights : array_like, shape (..., m), optional
     wᵢ, not negative, not all zero; ones unless given.
-method : {'svd', 'davenport', 'qr'}, optional
-    'svd' is Markley's, 'davenport' the q-method, 'qr' the paper's Theorem 1 (eq. soln), which applies only if
+method : {'svd', 'foam', 'davenport', 'qr'}, optional
+    'svd' is Markley's; 'foam' his fast one, which falls back on 'svd' where the condition may be above a thousand, and whose
+    ``condition`` is right to half of the digits; 'davenport' the q-method; 'qr' the paper's Theorem 1 (eq. soln), which applies only if
     L = Σ wᵢ eᵢ b̃ᵢᵀ has det L > 0. All find the same attitude where they apply.
 
 Returns

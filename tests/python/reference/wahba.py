@@ -42,6 +42,19 @@ def solve_davenport(reference: Array, body: Array, weights: Array) -> Array:
     return so3.rotation_from_quaternion(vectors[:, -1])
 
 
+def solve_foam(reference: Array, body: Array, weights: Array) -> Array:
+    """Markley's matrix by (8.6), with the largest root of (8.5) from NumPy's polynomials."""
+    profile = attitude_profile(reference, body, weights)
+    square, determinant = float(np.sum(profile**2)), float(np.linalg.det(profile))
+    u, values, v = np.linalg.svd(profile)
+    cofactors = np.linalg.det(u) * np.linalg.det(v) * u @ np.diag(np.prod(values) / values) @ v
+    quartic = [1.0, 0.0, -2.0 * square, -8.0 * determinant, square**2 - 4.0 * float(np.sum(cofactors**2))]
+    root = float(np.max(np.roots(quartic).real))
+    kappa = 0.5 * (root**2 - square)
+    matrix = (kappa + square) * profile + root * cofactors - profile @ profile.T @ profile
+    return np.asarray(matrix / (kappa * root - determinant))
+
+
 def solve_qr(reference: Array, body: Array, weights: Array) -> Array:
     """The paper's C = S L, S = Q sqrt((R R')^-1) Q', L = Q R (soln, LQR, meaRex).
 

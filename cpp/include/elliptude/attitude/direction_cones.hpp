@@ -13,6 +13,7 @@
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/detail/weight_search.hpp"
 #include "elliptude/attitude/wahba.hpp"
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/linear/svd.hpp"
@@ -102,7 +103,7 @@ template <typename Chart, typename Scalar>
 template <typename Scalar>
 class DirectionCones {
  public:
-  static constexpr std::size_t most_directions = 32;
+  static constexpr std::size_t most_directions = elliptude::most_directions;
   using Weights = std::array<Scalar, most_directions>;
 
   /// \param reference 3 × m, directions eᵢ in reference axes, of any length.

@@ -20,9 +20,10 @@ struct WahbaSolution {
   Scalar condition;  ///< largest over smallest curvature of the cost at C: large if a rotation is almost free
 };
 
-/// Which algorithm solves it. All three find the same attitude where they apply.
+/// Which algorithm solves it. All four find the same attitude where they apply.
 enum class WahbaMethod : std::uint8_t {
   svd,        ///< Markley: L = UΣVᵀ, C = U diag(1, 1, det U det V) Vᵀ. The default.
+  foam,       ///< Markley's fast optimal attitude matrix, several times faster; `svd` where the condition is large
   davenport,  ///< the unit quaternion as the top eigenvector of Davenport's matrix
   qr,         ///< the paper's Theorem 1, only for det L > 0
 };
@@ -141,6 +142,113 @@ template <typename Scalar>
   return Status::ok;
 }
 
+namespace detail {
+
+/// What `attitude_by_foam` finds without a decomposition.
+template <typename Scalar>
+struct FoamSolution {
+  Matrix3<Scalar> attitude;
+  Matrix3<Scalar> curvature;  ///< tr(A) I − ½(A + Aᵀ), A = CᵀL: the cost's second derivatives
+};
+
+/// The largest root of the quartic of which λ = σ₁ + σ₂ + s₃ is one, (λ² − ‖L‖²)² = 8λ det L + 4‖adj L‖², by Newton's steps from
+/// above, where it is convex. (theory, eq. 8.5)
+/// \return whether it has settled: where the root is double, the steps are short and slow.
+template <typename Scalar>
+[[nodiscard]] bool foam_root(const Scalar& square, const Scalar& determinant, const Scalar& adjugate_square,
+                             Scalar& lambda) noexcept {
+  // σ₁σ₂ + σ₂σ₃ + σ₃σ₁ ≤ √3 ‖adj L‖.
+  lambda = scalar::sqrt(Scalar(square + scalar::constant<Scalar>(3.4641016151377546L) * scalar::sqrt(adjugate_square)));
+  constexpr int most_steps = 8;
+  for (int step = 0; step < most_steps; ++step) {
+    const Scalar gap = lambda * lambda - square;
+    const Scalar value = gap * gap - Scalar(8) * lambda * determinant - Scalar(4) * adjugate_square;
+    const Scalar change = value / (Scalar(4) * lambda * gap - Scalar(8) * determinant);
+    lambda -= change;
+    // The error that is left is of the size of its square.
+    if (scalar::abs(change) <= rounding::root<Scalar>() * lambda) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// Markley's FOAM, and one step of Newton's method on the cost, for a profile of size one.
+/// \return whether the condition is below 2000, which leaves the method digits enough.
+template <typename Scalar>
+[[nodiscard]] bool solve_by_foam(const Matrix3<Scalar>& profile, FoamSolution<Scalar>& solution) noexcept {
+  const Vector3<Scalar> l0 = profile.col(0);
+  const Vector3<Scalar> l1 = profile.col(1);
+  const Vector3<Scalar> l2 = profile.col(2);
+  Matrix3<Scalar> cofactors;  // adj Lᵀ
+  cofactors.col(0) = l1.cross(l2);
+  cofactors.col(1) = l2.cross(l0);
+  cofactors.col(2) = l0.cross(l1);
+  const Scalar determinant = l0.dot(Vector3<Scalar>(cofactors.col(0)));
+  const Scalar square = profile.squaredNorm();
+  Scalar lambda;
+  if (!foam_root(square, determinant, Scalar(cofactors.squaredNorm()), lambda)) {
+    return false;
+  }
+  const Scalar kappa = scalar::constant<Scalar>(0.5L) * (lambda * lambda - square);
+  // ζ = (σ₁ + σ₂)(σ₂ + s₃)(s₃ + σ₁), so that ζ/λ³ is at most twice the reciprocal of the condition.
+  const Scalar zeta = kappa * lambda - determinant;
+  constexpr long double least_share = 1e-3L;
+  if (!(zeta > scalar::constant<Scalar>(least_share) * lambda * lambda * lambda)) {
+    return false;
+  }
+  const Matrix3<Scalar> gram = profile.transpose().lazyProduct(profile);
+  const Matrix3<Scalar> rough =
+      renormalized<Scalar>(((kappa + square) * profile + lambda * cofactors - profile.lazyProduct(gram)) / zeta);
+  const Matrix3<Scalar> a = rough.transpose().lazyProduct(profile);
+  solution.curvature = a.trace() * Matrix3<Scalar>::Identity() - symmetrized(a);
+  const Vector3<Scalar> k0 = solution.curvature.col(0);
+  const Vector3<Scalar> k1 = solution.curvature.col(1);
+  const Vector3<Scalar> k2 = solution.curvature.col(2);
+  const Vector3<Scalar> slope = vee(Matrix3<Scalar>(a - a.transpose()));
+  const Vector3<Scalar> k12 = k1.cross(k2);
+  const Vector3<Scalar> turn =
+      Vector3<Scalar>(k12.dot(slope), k2.cross(k0).dot(slope), k0.cross(k1).dot(slope)) / k0.dot(k12);
+  solution.attitude = renormalized<Scalar>(rough + rough.lazyProduct(hat(turn)));
+  return true;
+}
+
+/// The largest over the smallest eigenvalue of a positive definite matrix in closed form, right to half of the digits.
+template <typename Scalar>
+[[nodiscard]] Scalar condition_in_closed_form(const Matrix3<Scalar>& matrix) noexcept {
+  const Scalar mean = matrix.trace() / Scalar(3);
+  const Matrix3<Scalar> rest = matrix - mean * Matrix3<Scalar>::Identity();
+  const Scalar spread = scalar::sqrt(Scalar(rest.squaredNorm() / Scalar(6)));
+  if (!(spread > rounding::share<Scalar>(rounding::singular) * mean)) {
+    return Scalar(1);
+  }
+  // The eigenvalues are mean + 2 spread cos(φ + 2πk/3) with cos 3φ = det(rest/spread)/2.
+  Scalar cosine = scalar::constant<Scalar>(0.5L) * Matrix3<Scalar>(rest / spread).determinant();
+  cosine = cosine > Scalar(1) ? Scalar(1) : (cosine < Scalar(-1) ? Scalar(-1) : cosine);
+  const Scalar phi = scalar::atan2(scalar::sqrt(Scalar(Scalar(1) - cosine * cosine)), cosine) / Scalar(3);
+  const Scalar along = scalar::cos(phi);
+  const Scalar across = scalar::sin(phi);
+  const Scalar smallest = mean - spread * (along + scalar::constant<Scalar>(1.7320508075688773L) * across);
+  return (mean + Scalar(2) * spread * along) / smallest;
+}
+
+}  // namespace detail
+
+/// Markley's FOAM: C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ without a decomposition, and one step of Newton's method; `svd` where
+/// the condition may be above a thousand. The condition is right to half of the digits. (theory, eq. 8.6)
+/// \return `not_finite`; `attitude_undetermined`.
+template <typename Scalar>
+[[nodiscard]] Status attitude_by_foam(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude,
+                                      Scalar& condition) noexcept {
+  detail::FoamSolution<Scalar> solution;
+  if (!detail::solve_by_foam(profile, solution)) {
+    return attitude_by_svd(profile, attitude, condition);
+  }
+  attitude = solution.attitude;
+  condition = detail::condition_in_closed_form(solution.curvature);
+  return Status::ok;
+}
+
 /// The paper's Theorem 1: L = QR with Q in SO(3), C = SL, S = Q √((RRᵀ)⁻¹) Qᵀ. It is the polar factor of L, and a rotation only
 /// if det L > 0. Forming RRᵀ squares the condition of L.
 /// \return `not_finite`; `improper_profile` if det L is not positive or L is singular to rounding.
@@ -212,12 +320,30 @@ template <typename Scalar>
   switch (method) {
     case WahbaMethod::svd:
       return attitude_by_svd(profile, attitude, condition);
+    case WahbaMethod::foam:
+      return attitude_by_foam(detail::of_size_one(profile), attitude, condition);
     case WahbaMethod::davenport:
       return attitude_by_davenport(detail::of_size_one(profile), attitude, condition);
     case WahbaMethod::qr:
       return attitude_by_qr(detail::of_size_one(profile), attitude, condition);
   }
   return Status::out_of_range;
+}
+
+/// The same without the condition, which may cost as much as the attitude.
+template <typename Scalar>
+[[nodiscard]] Status attitude_of_profile(const Matrix3<Scalar>& profile, WahbaMethod method,
+                                         Matrix3<Scalar>& attitude) noexcept {
+  if (method == WahbaMethod::foam) {
+    detail::FoamSolution<Scalar> solution;
+    if (detail::solve_by_foam(detail::of_size_one(profile), solution)) {
+      attitude = solution.attitude;
+      return Status::ok;
+    }
+    method = WahbaMethod::svd;
+  }
+  Scalar condition;
+  return attitude_of_profile(profile, method, attitude, condition);
 }
 
 /// Solves Wahba's problem. Two directions that are not collinear are enough for `svd` and `davenport`.

@@ -16,7 +16,8 @@ struct Update {
 };
 
 /// A filter is valid at all times: a function that does not return `ok` has changed nothing. If an update after a prediction
-/// fails, the prediction remains, as if there had been no measurement.
+/// fails, the prediction remains, as if there had been no measurement. A filter that `make` has not made has a set that is not
+/// finite, at time zero: it predicts and updates nothing.
 template <typename FlowType, typename Estimator>
 class AttitudeFilter {
  public:
@@ -97,7 +98,7 @@ class AttitudeFilter {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
                   "the gyro's rate is the input of GyroFlow, not a measurement");
     MeasuredDirections<Scalar> measured;
-    if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
+    if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, measured);
         status != Status::ok) {
       return status == Status::attitude_undetermined ? update_in_turn(directions, count, angular_velocity, update)
                                                      : status;
@@ -123,7 +124,7 @@ class AttitudeFilter {
       return Status::out_of_range;
     }
     MeasuredDirections<Scalar> measured;
-    const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::svd, measured);
+    const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, measured);
     if (status == Status::ok) {
       MeasuredAttitude<Scalar> attitude;
       SymmetricEigen<Scalar, 3> reach;
@@ -229,12 +230,17 @@ class AttitudeFilter {
     return status;
   }
 
+  [[nodiscard]] static StateEllipsoid<State> unmade() noexcept {
+    const Scalar none(std::numeric_limits<scalar::Value<Scalar>>::quiet_NaN());
+    return {{Matrix3<Scalar>::Identity(), Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Constant(none)};
+  }
+
   Flow flow_;
-  SizeCriterion<Scalar, 6> criterion_;
-  Scalar time_;
-  StateEllipsoid<State> ellipsoid_;
-  Matrix6<Scalar> transition_;
-  Matrix6<Scalar> prior_shape_;
+  SizeCriterion<Scalar, 6> criterion_ = SizeCriterion<Scalar, 6>::volume();
+  Scalar time_{0};
+  StateEllipsoid<State> ellipsoid_ = unmade();
+  Matrix6<Scalar> transition_ = Matrix6<Scalar>::Identity();
+  Matrix6<Scalar> prior_shape_ = ellipsoid_.shape;
 };
 
 }  // namespace elliptude

@@ -21,7 +21,8 @@ struct Prediction {
   Matrix6<StateScalar<State>> transition;  ///< A^f (paper, eq. flow)
 };
 
-/// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid.
+/// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid. One that `make` has not made
+/// has no step, and predicts nothing: `too_many_steps`.
 template <typename Scalar, typename Potential>
 class RigidBodyFlow : public PredictionLimits {
  public:
@@ -84,22 +85,30 @@ class RigidBodyFlow : public PredictionLimits {
     }
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
-    Prediction<State> result;
-    FlowLinearization<Scalar> linearization;
-    if (unknown_torque_.isZero(Scalar(0))) {
-      if (const Status status =
-              integrate_linearized(body_, potential_, composition_, time, h, steps, input.control_torque,
-                                   ellipsoid.center, result.ellipsoid.center, linearization, interruption());
-          status != Status::ok) {
-        return status;
-      }
-      result.transition = linearization.state;
-      result.ellipsoid.shape = transformed_shape(linearization.state, ellipsoid.shape);
-      prediction = result;
-      return Status::ok;
+    if (!unknown_torque_.isZero(Scalar(0))) {
+      return predict_pushed(time, h, steps, input, ellipsoid, criterion, prediction);
     }
-    result.ellipsoid = ellipsoid;
-    result.transition.setIdentity();
+    State center;
+    FlowLinearization<Scalar> linearization;
+    if (const Status status =
+            integrate_linearized(body_, potential_, composition_, time, h, steps, input.control_torque,
+                                 ellipsoid.center, center, linearization, interruption());
+        status != Status::ok) {
+      return status;
+    }
+    prediction.ellipsoid.shape = transformed_shape(linearization.state, ellipsoid.shape);
+    prediction.ellipsoid.center = center;
+    prediction.transition = linearization.state;
+    return Status::ok;
+  }
+
+ private:
+  /// The prediction in so many steps of h, with the unknown torque anything in its ellipsoid in each.
+  [[nodiscard]] Status predict_pushed(const Scalar& time, const Scalar& h, long steps, const Input& input,
+                                      const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
+                                      Prediction<State>& prediction) const noexcept {
+    Prediction<State> result{ellipsoid, Matrix6<Scalar>::Identity()};
+    FlowLinearization<Scalar> linearization;
     for (long step = 0; step < steps; ++step) {
       if (interruption().after(step)) {
         return Status::interrupted;
@@ -125,12 +134,11 @@ class RigidBodyFlow : public PredictionLimits {
     return Status::ok;
   }
 
- private:
   RigidBody<Scalar> body_;
   Potential potential_;
-  Composition<Scalar> composition_;
-  Scalar longest_step_;
-  Matrix3<Scalar> unknown_torque_;
+  Composition<Scalar> composition_{};
+  Scalar longest_step_{0};
+  Matrix3<Scalar> unknown_torque_ = Matrix3<Scalar>::Zero();
 };
 
 /// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
@@ -216,8 +224,8 @@ class GyroFlow {
   }
 
  private:
-  Matrix3<Scalar> noise_;
-  Matrix3<Scalar> drift_;
+  Matrix3<Scalar> noise_ = Matrix3<Scalar>::Zero();
+  Matrix3<Scalar> drift_ = Matrix3<Scalar>::Zero();
 };
 
 }  // namespace elliptude

@@ -88,7 +88,7 @@ template <typename State>
     return status;
   }
   Scalar margin;
-  if (const Status overlap = overlap_margin(measured.in_coordinates(), seen, margin); overlap != Status::ok) {
+  if (const Status overlap = detail::overlap_of_valid(measured.in_coordinates(), seen, margin); overlap != Status::ok) {
     return overlap;
   }
   fusion.margin = margin;

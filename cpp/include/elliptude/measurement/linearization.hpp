@@ -5,6 +5,7 @@
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/attitude/wahba.hpp"
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/measurement/types.hpp"
@@ -16,7 +17,7 @@ namespace elliptude {
 template <typename Scalar>
 class MeasuredDirections {
  public:
-  static constexpr std::size_t most_directions = 32;
+  static constexpr std::size_t most_directions = elliptude::most_directions;
 
   /// \return the status of `validate` for a direction; `attitude_undetermined` for fewer than two, or collinear ones;
   /// `out_of_range` for more than `most_directions`.
@@ -42,8 +43,7 @@ class MeasuredDirections {
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
       profile += profile_term(Scalar(directions[i].weight / largest), e, b);
     }
-    Scalar condition;
-    if (const Status status = attitude_of_profile(profile, method, result.attitude_, condition); status != Status::ok) {
+    if (const Status status = attitude_of_profile(profile, method, result.attitude_); status != Status::ok) {
       return status;
     }
     const Matrix3<Scalar> a = result.attitude_.transpose() * profile;

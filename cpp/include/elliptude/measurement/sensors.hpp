@@ -16,13 +16,12 @@ struct Measurements {
   const MeasuredAttitude<Scalar>* attitude = nullptr;
 };
 
-/// One bit for each measurement of an update.
+/// One bit for each measurement of an update: the directions, of which there are at most 32, and two more.
 using Sensors = std::uint64_t;
 
-inline constexpr std::size_t most_sensor_directions = 32;
 [[nodiscard]] constexpr Sensors direction_bit(std::size_t i) noexcept { return Sensors(1) << i; }
-inline constexpr Sensors angular_velocity_bit = Sensors(1) << most_sensor_directions;
-inline constexpr Sensors attitude_bit = Sensors(1) << (most_sensor_directions + 1);
+inline constexpr Sensors angular_velocity_bit = Sensors(1) << 32;
+inline constexpr Sensors attitude_bit = Sensors(1) << 33;
 
 namespace detail::sensors {
 
