@@ -20,7 +20,7 @@ from elliptude.results import (
     WahbaSet,
     WahbaSolution,
 )
-from elliptude.typing import AttitudeLike, PotentialLike
+from elliptude.typing import AttitudeLike, PotentialLike, TorqueLike
 
 __version__: str
 
@@ -144,6 +144,40 @@ class GravityGradient(Potential):
     def orbit(self) -> _Floats: ...
 
 @final
+class LinearPotential(Potential):
+    def __init__(self, moment: ArrayLike, direction: ArrayLike, turn: ArrayLike | None = None) -> None: ...
+    @property
+    def moment(self) -> _Floats: ...
+    @property
+    def direction(self) -> _Floats: ...
+    @property
+    def turn(self) -> _Floats: ...
+
+@final
+class QuadraticPotential(Potential):
+    def __init__(self, matrix: ArrayLike, direction: ArrayLike, turn: ArrayLike | None = None) -> None: ...
+    @property
+    def matrix(self) -> _Floats: ...
+    @property
+    def direction(self) -> _Floats: ...
+    @property
+    def turn(self) -> _Floats: ...
+
+@final
+class StatedTorque(Potential):
+    def __init__(
+        self, torque: Potential | TorqueLike, *, rate: float, error: float, curvature: float | None = None
+    ) -> None: ...
+    @property
+    def stated(self) -> Potential | TorqueLike: ...
+    @property
+    def rate(self) -> float: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def curvature(self) -> float: ...
+
+@final
 class SumPotential(Potential):
     def __init__(self, potentials: Iterable[Potential | PotentialLike]) -> None: ...
     @property
@@ -208,7 +242,7 @@ def wahba(
     reference: ArrayLike,
     body: ArrayLike,
     weights: ArrayLike | None = None,
-    method: Literal["svd", "davenport", "qr"] = "svd",
+    method: Literal["svd", "foam", "davenport", "qr"] = "svd",
 ) -> WahbaSolution: ...
 def wahba_set(
     reference: ArrayLike,

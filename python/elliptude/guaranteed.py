@@ -72,11 +72,44 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
         size = "" if known is None else f", within {np.rad2deg(known.extent().largest_angle):.3g}°"
         return f"<GuaranteedFilter: time {self.time:.6g} s, claim {self.claim!r}{size}>"
 
+    @property
+    def why_no_set(self) -> str | None:
+        """In words, why `claim` is 'none' and there is no set; None if there is one.
+
+        A set holds the attitude and the vector, which is a body's angular velocity or a gyro's bias. Directions and
+        attitudes say nothing of the vector: a star tracker alone starts no set.
+        """
+        if self.knows_attitude:
+            return None
+        if self._vector is None and self.vector_bound is None:
+            vector, also = (
+                ("the gyro's bias", "")
+                if isinstance(self.flow, _core.GuaranteedGyroFlow)
+                else ("the angular velocity", "measure it (update with angular_velocity and rate_bound), or ")
+            )
+            return (
+                f"nothing bounds {vector}, which the set holds beside the attitude, and directions and attitudes say "
+                f"nothing of it: {also}state vector_bound or a start"
+            )
+        return (
+            "no update has determined the attitude since the filter began or last forgot it: that takes two directions "
+            "that are not parallel, or an attitude, in one update"
+        )
+
     def to_dict(self) -> dict[str, Any]:
-        """The whole state of the filter, as numbers, strings, lists and dictionaries."""
+        """The whole state of the filter, as numbers, strings, lists and dictionaries.
+
+        Raises
+        ------
+        TypeError
+            If the flow has a torque by functions, which only pickle can store.
+        """
+        return self._fields(_flow_to_dict(self.flow))
+
+    def _fields(self, flow: _Flow | dict[str, Any]) -> dict[str, Any]:
         return {
             "format": self.FORMAT_VERSION,
-            "flow": _flow_to_dict(self.flow),
+            "flow": flow,
             "time": self.time,
             "criterion": self.criterion,
             "weight": None if self.weight is None else self.weight.tolist(),
@@ -95,8 +128,9 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
     @classmethod
     def _made_from(cls, fields: dict[str, Any]) -> Self:
         ellipsoid, bound, vector = fields["ellipsoid"], fields["vector_bound"], fields["vector"]
+        flow = fields["flow"]
         stored = cls(
-            _flow_from_dict(fields["flow"]),
+            flow if isinstance(flow, _Flow) else _flow_from_dict(flow),  # pickle keeps the flow itself
             time=fields["time"],
             criterion=fields["criterion"],
             weight=fields["weight"],
@@ -116,8 +150,8 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
         return stored
 
     def __getstate__(self) -> dict[str, Any]:
-        """What pickle keeps."""
-        return self.to_dict()
+        """What pickle keeps; the flow is pickled, so a torque by functions must be picklable."""
+        return self._fields(self.flow)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restores what `__getstate__` kept."""

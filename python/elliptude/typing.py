@@ -23,6 +23,19 @@ AttitudeLike: TypeAlias = ArrayLike | SupportsAsMatrix
 """An attitude from body to reference axes, shape (..., 3, 3): an array, or SciPy's ``Rotation``."""
 
 
+class TorqueLike(Protocol):
+    """A torque of your own, written in Python, for `elliptude.StatedTorque`.
+
+    The attitude comes as an array of shape (3, 3), from body to reference axes, the time in s.
+    """
+
+    def torque(self, attitude: NDArray[np.float64], time: float, /) -> ArrayLike:
+        """The torque M in N m, body axes, shape (3,)."""
+
+    def torque_jacobian(self, attitude: NDArray[np.float64], time: float, /) -> ArrayLike:
+        """The torque's derivative ∂M/∂ζ in N m/rad, shape (3, 3), where C = Ĉ exp(S(ζ))."""
+
+
 class PotentialLike(Protocol):
     """A potential of your own, written in Python.
 

@@ -6,6 +6,7 @@
 // clang-format off
 #include "elliptude/version.hpp"
 
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/status.hpp"
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/base/scalar.hpp"
@@ -43,6 +44,7 @@
 
 #include "elliptude/dynamics/rigid_body.hpp"
 #include "elliptude/dynamics/potential.hpp"
+#include "elliptude/dynamics/own_potential.hpp"
 #include "elliptude/dynamics/integrator.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
@@ -54,6 +56,7 @@
 
 #include "elliptude/guaranteed/torque_forms.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"
+#include "elliptude/guaranteed/own_torque_expansion.hpp"
 #include "elliptude/guaranteed/motion_series.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
 #include "elliptude/guaranteed/body_flow.hpp"

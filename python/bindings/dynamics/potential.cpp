@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "dynamics/built_in_potential.hpp"
 #include "module.hpp"
 
 namespace elliptude::python {
@@ -36,40 +37,6 @@ template <typename Result, typename Function>
 
 const Vector3<double> failed_vector = Vector3<double>::Constant(nan);
 const Matrix3<double> failed_matrix = Matrix3<double>::Constant(nan);
-
-/// One of the core's potentials, and the settings that it was made of.
-template <typename Core, typename Settings>
-class BuiltIn final : public Potential {
- public:
-  BuiltIn(const Core& core, const Settings& settings) noexcept : core_(core), settings_(settings) {}
-
-  [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
-
-  [[nodiscard]] double energy(const Matrix3<double>& attitude, double time,
-                              Failure& /*failure*/) const noexcept override {
-    return core_.energy(attitude, time);
-  }
-  [[nodiscard]] Vector3<double> torque(const Matrix3<double>& attitude, double time,
-                                       Failure& /*failure*/) const noexcept override {
-    return core_.torque(attitude, time);
-  }
-  [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, double time,
-                                                Failure& /*failure*/) const noexcept override {
-    return core_.torque_jacobian(attitude, time);
-  }
-  [[nodiscard]] std::optional<double> torque_curvature_bound() const override { return core_.torque_curvature_bound(); }
-  [[nodiscard]] Added add_to(BoundedPotential& sum) const noexcept override {
-    if constexpr (std::is_same_v<Core, FreeBody<double>>) {
-      return Added::yes;
-    } else {
-      return sum.add(core_) ? Added::yes : Added::too_many;
-    }
-  }
-
- private:
-  Core core_;
-  Settings settings_;
-};
 
 struct NoSettings {};
 using FreeBodyPotential = BuiltIn<FreeBody<double>, NoSettings>;
@@ -242,14 +209,6 @@ class PythonPotential final : public Potential {
   return function;
 }
 
-[[nodiscard]] double not_negative(const py::object& value, const std::string& name) {
-  const double number = single(value, name, {}).number(0);
-  if (!(number >= 0)) {
-    value_error(name + " must not be negative, but is " + text(number));
-  }
-  return number;
-}
-
 /// f(attitude, time, failure) of attitudes and times that broadcast.
 template <typename Function>
 [[nodiscard]] py::object of_attitude_and_time(const py::object& attitude, const py::object& time, const Shape& item,
@@ -265,15 +224,42 @@ template <typename Function>
 
 }  // namespace
 
-PotentialReference::PotentialReference(py::object object, const std::string& name) : object_(std::move(object)) {
+Failure& failure_of_this_thread() noexcept {
+  thread_local Failure failure;
+  return failure;
+}
+
+void rethrow_failure_of_this_thread() {
+  const Failure failure = std::exchange(failure_of_this_thread(), Failure());
+  failure.rethrow();
+}
+
+Vector3<double> TorqueOfPotential::torque(const Matrix3<double>& attitude, const double& time) const noexcept {
+  return potential->torque(attitude, time, failure_of_this_thread());
+}
+
+Matrix3<double> TorqueOfPotential::torque_jacobian(const Matrix3<double>& attitude, const double& time) const noexcept {
+  return potential->torque_jacobian(attitude, time, failure_of_this_thread());
+}
+
+double not_negative(const py::object& value, const std::string& name) {
+  const double number = single(value, name, {}).number(0);
+  if (!(number >= 0)) {
+    value_error(name + " must not be negative, but is " + text(number));
+  }
+  return number;
+}
+
+PotentialReference::PotentialReference(py::object object, const std::string& name, bool has_energy)
+    : object_(std::move(object)) {
   if (py::isinstance<Potential>(object_)) {
     target_ = &object_.cast<const Potential&>();
     return;
   }
   for (const char* method : {"energy", "torque", "torque_jacobian"}) {
-    if (!py::hasattr(object_, method)) {
-      throw py::type_error(name + " must be a potential, but " + Py_TYPE(object_.ptr())->tp_name + " has no method " +
-                           method + "(attitude, time)");
+    if ((has_energy || std::string(method) != "energy") && !py::hasattr(object_, method)) {
+      throw py::type_error(name + " must be a " + (has_energy ? "potential" : "torque") + ", but " +
+                           Py_TYPE(object_.ptr())->tp_name + " has no method " + method + "(attitude, time)");
     }
   }
   adapter_ = std::make_shared<PythonPotential>(object_);

@@ -30,6 +30,11 @@ class Failure {
   std::exception_ptr exception_;
 };
 
+/// What a potential in a guaranteed flow of this thread has raised: such a flow outlives a call, its failure does not.
+[[nodiscard]] Failure& failure_of_this_thread() noexcept;
+/// \throws what it holds, if anything, which it then holds no more.
+void rethrow_failure_of_this_thread();
+
 /// elliptude::Potential in Python; for the meaning of its functions see the core's dynamics/potential.hpp.
 class Potential {
  public:
@@ -75,7 +80,8 @@ struct PotentialInCall {
 class PotentialReference {
  public:
   /// \throws TypeError unless it has the methods.
-  PotentialReference(py::object object, const std::string& name);
+  /// \param has_energy whether it must have an energy too.
+  PotentialReference(py::object object, const std::string& name, bool has_energy = true);
 
   [[nodiscard]] const Potential& operator*() const noexcept { return *target_; }
   [[nodiscard]] const py::object& object() const noexcept { return object_; }

@@ -31,7 +31,8 @@ namespace {
     case Potential::Added::no_bounds:
       value_error(
           "potential offers no bounds of its torque, which a guaranteed flow needs: use FreeBody, UniformGravity, "
-          "GravityGradient or a SumPotential of these, and bound what differs from them by unknown_torque");
+          "GravityGradient, LinearPotential, QuadraticPotential, or state what bounds a torque of your own by "
+          "StatedTorque(potential, curvature=..., rate=..., error=...); a SumPotential adds them up");
     case Potential::Added::too_many:
       value_error("potential must be a sum of at most " + std::to_string(BoundedPotential::most_terms) +
                   " potentials other than FreeBody");
@@ -104,9 +105,10 @@ How a rigid body in a potential moves, in continuous time, with a set that holds
 Parameters
 ----------
 body : RigidBody
-potential : FreeBody, UniformGravity, GravityGradient or a SumPotential of these, optional
-    A free body if omitted; a sum of at most 8 terms. A potential written in Python has no bounds of its torque: bound that
-    torque by `unknown_torque` instead.
+potential : FreeBody, UniformGravity, GravityGradient, LinearPotential, QuadraticPotential, StatedTorque or a SumPotential, optional
+    A free body if omitted; a sum of at most 8 terms. A potential written in Python has no bounds of its torque until they are
+    stated: `StatedTorque`. A `StatedTorque` adds to the set some curvature ‖θ‖² of unknown torque, where θ is the set's largest
+    angle and half of a step's turn: take short steps.
 step : float
     The longest step, s; an interval is divided into the fewest equal steps that are no longer. The set holds the motion
     whatever the step; a shorter one makes it smaller, and takes longer.

@@ -14,7 +14,7 @@ void require_below_half_turn(const Matrix3<double>& bound, const std::string& la
 }
 
 void require_direction_count(Index m) {
-  constexpr auto most = static_cast<Index>(most_sensor_directions);
+  constexpr auto most = static_cast<Index>(most_directions);
   if (m < 1 || m > most) {
     value_error("directions must be 1 to " + std::to_string(most) + ", not " + std::to_string(m));
   }

@@ -72,9 +72,27 @@ template <typename Filter>
               "?");
 }
 
+/// `predict` of a filter. What a potential in Python raises is raised again, also where the flow could do without that call, and the filter
+/// is as it was.
+template <typename Filter>
+[[nodiscard]] Status predict_or_rethrow(Filter& filter, double time, const Inputs& inputs) {
+  if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
+    const Filter before = filter;
+    failure_of_this_thread() = Failure();
+    const Status status = filter.predict(time, input_of<Filter>(inputs));
+    if (failure_of_this_thread().happened()) {
+      filter = before;
+      rethrow_failure_of_this_thread();
+    }
+    return status;
+  } else {
+    return filter.predict(time, input_of<Filter>(inputs));
+  }
+}
+
 template <typename Filter>
 void predict_to(Filter& filter, double time, const Inputs& inputs) {
-  const Status status = filter.predict(time, input_of<Filter>(inputs));
+  const Status status = predict_or_rethrow(filter, time, inputs);
   if (status == Status::ok) {
     return;
   }
@@ -86,6 +104,9 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
     raise_backwards(time, filter.time());
   }
   if constexpr (std::is_same_v<Filter, GuaranteedFilter<GuaranteedBodyFlow>>) {
+    if (status == Status::callback_failed) {
+      value_error("potential: its torque or torque_jacobian is not finite");
+    }
     if (status == Status::too_many_steps) {
       raise_too_many_steps(time, filter.time(), filter.flow().most_steps());
     }

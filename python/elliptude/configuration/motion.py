@@ -39,6 +39,9 @@ class RigidBodyFlow(Model):
     # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
     # body, N m s, body axes, each row until its time.
     inertia_error_kg_m2: NotNegative = 0.0
+    # For the guaranteed mode: the angular velocity is never larger. Without it and without a measured rate a log of
+    # directions alone starts no set.
+    largest_rate_deg_per_s: Positive | None = None
     # A prediction over more steps is refused: such a time is more likely an error than intended.
     most_steps: Annotated[int, Field(ge=1)] = 1_000_000
     wheel_momentum_columns: Columns | None = None

@@ -1,11 +1,11 @@
 """The potentials that a configuration may name, each with the core's potential that it stands for."""
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 import elliptude
-from elliptude.io.toml import Model, Positive, Vector
+from elliptude.io.toml import Matrix, Model, Positive, Vector
 
 
 class FreeBody(Model):
@@ -42,5 +42,62 @@ class GravityGradient(Model):
         return elliptude.GravityGradient(body, self.orbit_rate_rad_per_s)
 
 
-Potential: TypeAlias = Annotated[FreeBody | UniformGravity | GravityGradient, Field(discriminator="kind")]
+class _AlongDirection(Model):
+    direction: Vector
+    """r at time 0, reference axes, of any length."""
+    turn_rad_per_s: Vector = (0.0, 0.0, 0.0)
+    """Its angular velocity in the reference frame, at right angles to it."""
+
+    @model_validator(mode="after")
+    def _is_a_potential(self) -> Self:
+        elliptude.LinearPotential([0.0, 0.0, 0.0], self.direction, self.turn_rad_per_s)
+        return self
+
+
+class LinearPotential(_AlongDirection):
+    """U = −p'C'r: a dipole in a field, a force at a point of a body that is held."""
+
+    kind: Literal["linear"]
+    moment_n_m: Vector
+    """p, body axes."""
+
+    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
+        """The core's potential."""
+        return elliptude.LinearPotential(self.moment_n_m, self.direction, self.turn_rad_per_s)
+
+
+class QuadraticPotential(_AlongDirection):
+    """U = ½ b'Kb, b = C'r: the gravity gradient of any mass, an induced dipole."""
+
+    kind: Literal["quadratic"]
+    matrix_n_m: Matrix
+    """K, symmetric, body axes."""
+
+    @model_validator(mode="after")
+    def _has_a_symmetric_matrix(self) -> Self:
+        self.build(elliptude.RigidBody([1.0, 1.0, 1.0]))
+        return self
+
+    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
+        """The core's potential."""
+        return elliptude.QuadraticPotential(self.matrix_n_m, self.direction, self.turn_rad_per_s)
+
+
+AnyTerm: TypeAlias = FreeBody | UniformGravity | GravityGradient | LinearPotential | QuadraticPotential
+
+
+class SumPotential(Model):
+    """Potentials that add up."""
+
+    kind: Literal["sum"]
+    potentials: Annotated[
+        tuple[Annotated[AnyTerm, Field(discriminator="kind")], ...], Field(min_length=1, max_length=8)
+    ]
+
+    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
+        """The core's potential."""
+        return elliptude.SumPotential([potential.build(body) for potential in self.potentials])
+
+
+Potential: TypeAlias = Annotated[AnyTerm | SumPotential, Field(discriminator="kind")]
 """A table with the key ``kind``. CONTRIBUTING.md says where else a new one goes."""

@@ -1,13 +1,13 @@
 """The potentials that a scenario may name: their torque by formula, and what they are in a configuration."""
 
 from collections.abc import Callable
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from elliptude.configuration import potentials
-from elliptude.io.toml import Model, Number, Vector
+from elliptude.io.toml import Matrix, Model, NonzeroVector, Number, Vector
 from elliptude.typing import FloatArray
 
 Torque: TypeAlias = Callable[[float, FloatArray], FloatArray]
@@ -91,4 +91,87 @@ class GravityGradient(Model):
         return gravity_gradient
 
 
-Potential: TypeAlias = Annotated[Free | UniformGravity | GravityGradient, Field(discriminator="kind")]
+class _AlongDirection(Model):
+    direction: NonzeroVector
+    """r at time 0, reference axes, of any length."""
+    turn: Vector = (0.0, 0.0, 0.0)
+    """Its angular velocity in the reference frame, rad/s, at right angles to it."""
+
+    @model_validator(mode="after")
+    def _turns_in_a_plane(self) -> Self:
+        turn, direction = np.array(self.turn), np.array(self.direction)
+        if abs(turn @ direction) > 1e-9 * np.linalg.norm(turn) * np.linalg.norm(direction):
+            raise ValueError("turn must be at right angles to direction, or zero")
+        return self
+
+    def weighted_center(self) -> FloatArray:
+        """`elliptude.validation` has no true motion for this potential.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(
+            "a linear or quadratic potential can be simulated, but elliptude.validation has no truth of it"
+        )
+
+    def seen(self) -> Callable[[float, FloatArray], FloatArray]:
+        """The unit vector C'r(t) by Rodrigues' formula, as a function of time and attitude."""
+        turn, start = np.array(self.turn), np.array(self.direction) / np.linalg.norm(self.direction)
+        rate = float(np.linalg.norm(turn))
+        along = cross(turn / rate, start) if rate > 0.0 else np.zeros(3)
+        return lambda time, attitude: (np.cos(rate * time) * start + np.sin(rate * time) * along) @ attitude
+
+
+class LinearPotential(_AlongDirection):
+    """U = -p' b with b = C' r(t): a dipole in a field."""
+
+    kind: Literal["linear"]
+    moment: Vector
+    """p in N m, body axes."""
+
+    def configured(self) -> potentials.LinearPotential:
+        """The same in a configuration."""
+        return potentials.LinearPotential(
+            kind=self.kind, moment_n_m=self.moment, direction=self.direction, turn_rad_per_s=self.turn
+        )
+
+    def torque(self, inertia: FloatArray) -> Torque:
+        """The torque on a body of this inertia."""
+        moment, seen = np.array(self.moment), self.seen()
+        return lambda time, attitude: cross(moment, seen(time, attitude))
+
+
+class QuadraticPotential(_AlongDirection):
+    """U = b' K b / 2 with b = C' r(t): the gravity of any mass."""
+
+    kind: Literal["quadratic"]
+    matrix: Matrix
+    """K in N m, body axes."""
+
+    @model_validator(mode="after")
+    def _has_a_symmetric_matrix(self) -> Self:
+        self.configured()
+        return self
+
+    def configured(self) -> potentials.QuadraticPotential:
+        """The same in a configuration."""
+        return potentials.QuadraticPotential(
+            kind=self.kind, matrix_n_m=self.matrix, direction=self.direction, turn_rad_per_s=self.turn
+        )
+
+    def torque(self, inertia: FloatArray) -> Torque:
+        """The torque on a body of this inertia."""
+        matrix, seen = np.array(self.matrix), self.seen()
+
+        def quadratic(time: float, attitude: FloatArray) -> FloatArray:
+            b = seen(time, attitude)
+            return cross(b, matrix @ b)
+
+        return quadratic
+
+
+Potential: TypeAlias = Annotated[
+    Free | UniformGravity | GravityGradient | LinearPotential | QuadraticPotential, Field(discriminator="kind")
+]

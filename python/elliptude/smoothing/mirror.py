@@ -7,6 +7,7 @@ its row is said here, and nowhere else.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import elliptude
 from elliptude.configuration.configuration import Configuration
@@ -16,7 +17,7 @@ from elliptude.estimation.direction_rows import DirectionRows
 from elliptude.estimation.guaranteed_run import FilterInput, GuaranteedRun, turns_of
 from elliptude.estimation.vertical import Turns
 from elliptude.results import DirectionLog, GuaranteedLog
-from elliptude.typing import FloatArray
+from elliptude.typing import FloatArray, TorqueLike
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 # An orbit that is run through backward: its normal and its direction of motion turn round.
@@ -48,7 +49,7 @@ def mirrored(run: GuaranteedRun, configuration: Configuration) -> Mirrored:
     Raises
     ------
     ValueError
-        If the motion cannot be mirrored: a potential of one's own.
+        If the motion cannot be mirrored: a potential of which nothing is stated.
     """
     given, rows = run.given, run.rows
     measured = dict(given.measured)
@@ -142,20 +143,41 @@ def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:
     Raises
     ------
     ValueError
-        If it is one of one's own, which may depend on time in any way.
+        If nothing is stated of it.
     """
     if isinstance(potential, elliptude.FreeBody | elliptude.UniformGravity):
         return potential
     if isinstance(potential, elliptude.GravityGradient):
         return elliptude.GravityGradient(potential.body, potential.orbit_rate, potential.orbit @ _BACKWARD_ORBIT)
+    if isinstance(potential, elliptude.LinearPotential):
+        return elliptude.LinearPotential(potential.moment, potential.direction, -potential.turn)
+    if isinstance(potential, elliptude.QuadraticPotential):
+        return elliptude.QuadraticPotential(potential.matrix, potential.direction, -potential.turn)
+    if isinstance(potential, elliptude.StatedTorque):
+        return elliptude.StatedTorque(
+            _Backward(potential.stated), rate=potential.rate, error=potential.error, curvature=potential.curvature
+        )
     if isinstance(potential, elliptude.SumPotential):
         parts = [one for one in potential.potentials if isinstance(one, elliptude.Potential)]
         if len(parts) == len(potential.potentials):
             return elliptude.SumPotential([mirrored_potential(one) for one in parts])
     raise ValueError(
         f"smoothing goes backward in time, and {type(potential).__name__} does not say what its torque is then; "
-        "FreeBody, UniformGravity, GravityGradient and their sums do"
+        "FreeBody, UniformGravity, GravityGradient, LinearPotential, QuadraticPotential, StatedTorque and their sums do"
     )
+
+
+@dataclass(frozen=True)
+class _Backward:
+    """A torque by functions at the time −t: what is stated of it says the same of both directions of time."""
+
+    forward: elliptude.Potential | TorqueLike
+
+    def torque(self, attitude: FloatArray, time: float) -> ArrayLike:
+        return self.forward.torque(attitude, -time)
+
+    def torque_jacobian(self, attitude: FloatArray, time: float) -> ArrayLike:
+        return self.forward.torque_jacobian(attitude, -time)
 
 
 def mirrored_set(found: GuaranteedLog, row: int, estimates_vector: bool) -> elliptude.StateEllipsoid | None:

@@ -135,6 +135,32 @@ TEST_CASE("two directions that contradict each other where nothing else is known
   }
 }
 
+TEST_CASE("directions that are seen in a mirror contradict each other, where Wahba's problem is undetermined too") {
+  // Two axes of a sensor are swapped: each pair of directions fits some attitude, and no attitude fits all three.
+  for (const double angle : {0.01, 0.1, 0.5, 0.9}) {
+    std::array<Direction<double>, 3> mirrored;
+    for (int k = 0; k < 3; ++k) {
+      mirrored[static_cast<std::size_t>(k)] =
+          Direction<double>::within(Vector3d::Unit(k), Vector3d::Unit(k == 2 ? 2 : 1 - k), angle);
+    }
+    for (const Policy policy : {Policy::raise, Policy::drop_measurement}) {
+      BodyFilter::Settings settings;
+      settings.policy = policy;
+      BodyFilter filter = filter_with(settings);
+      Report update;
+      CAPTURE(angle);
+      const AngularVelocity<double> rate{Vector3d(0.1, 0.2, 0.3), 0.01 * Matrix3<double>::Identity()};
+      const Status status = filter.update({mirrored.data(), mirrored.size(), &rate, nullptr}, update);
+      CHECK(status == (policy == Policy::raise ? Status::empty_intersection : Status::ok));
+      CHECK(update.margin < 0);
+      if (policy == Policy::drop_measurement) {
+        CHECK(update.dropped != 0);
+        CHECK(filter.claim() != Claim::unconditional);
+      }
+    }
+  }
+}
+
 TEST_CASE("restart forgets a prediction that was wrong") {
   Scene scene(9);
   BodyFilter::Settings settings;

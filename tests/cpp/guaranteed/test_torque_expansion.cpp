@@ -41,6 +41,18 @@ struct Field {
   UniformGravity<double> gravity;
   GravityGradient<double> gradient;
   double rate;
+  Vector3d turn;       ///< of the direction of the potentials of one's own, rad/s
+  Vector3d direction;  ///< and it, at time 0
+  LinearPotential<double> linear;
+  QuadraticPotential<double> quadratic;
+
+  /// The direction at a time, by Rodrigues' formula.
+  [[nodiscard]] RealVector direction_at(Real t) const {
+    const RealVector r = direction.cast<Real>().normalized();
+    const RealVector n = turn.cast<Real>().normalized();
+    const Real angle = static_cast<Real>(rate) * t;
+    return std::cos(angle) * r + std::sin(angle) * n.cross(r);
+  }
 };
 
 Field random_field(Random& random) {
@@ -50,6 +62,13 @@ Field random_field(Random& random) {
   field.rate = random.uniform(0.3, 1);
   REQUIRE(UniformGravity<double>::make(1, 1, field.arm, field.gravity) == Status::ok);
   REQUIRE(GravityGradient<double>::make(field.body, field.rate, Matrix3d::Identity(), field.gradient) == Status::ok);
+  field.direction = random.normal_matrix<3>();
+  field.turn = field.rate * field.direction.cross(random.unit_vector<3>()).normalized();
+  TurningDirection<double> direction;
+  REQUIRE(TurningDirection<double>::make(field.direction, field.turn, direction) == Status::ok);
+  REQUIRE(LinearPotential<double>::make(field.arm, direction, field.linear) == Status::ok);
+  REQUIRE(QuadraticPotential<double>::make(field.body.inertia() - Matrix3d::Identity(), direction, field.quadratic) ==
+          Status::ok);
   return field;
 }
 
@@ -153,9 +172,9 @@ void check_expansion(const Potential& potential, const RealTorque& torque, Rando
 
 TEST_CASE("series, expansion and bounds of each potential's torque") {
   Random random(20260402);
-  std::array<double, 3> third{};
-  std::array<double, 3> fourth{};
-  for (int trial = 0; trial < 60; ++trial) {
+  std::array<double, 5> third{};
+  std::array<double, 5> fourth{};
+  for (int trial = 0; trial < 150; ++trial) {
     const Field field = random_field(random);
     const RealMatrix inertia = field.body.inertia().cast<Real>();
     const auto gravity = [&](const RealMatrix& a, Real) { return pendulum_torque(field.arm, a); };
@@ -166,8 +185,21 @@ TEST_CASE("series, expansion and bounds of each potential's torque") {
         SumPotential<UniformGravity<double>, GravityGradient<double>>(field.gravity, field.gradient),
         [&](const RealMatrix& a, Real t) { return RealVector(gravity(a, t) + gradient(a, t)); }, random, third[2],
         fourth[2]);
+    check_expansion(
+        field.linear,
+        [&](const RealMatrix& a, Real t) {
+          return RealVector(field.arm.cast<Real>()).cross(RealVector(a.transpose() * field.direction_at(t)));
+        },
+        random, third[3], fourth[3]);
+    check_expansion(
+        field.quadratic,
+        [&](const RealMatrix& a, Real t) {
+          const RealVector b = a.transpose() * field.direction_at(t);
+          return b.cross(RealVector(inertia * b));  // the identity does nothing
+        },
+        random, third[4], fourth[4]);
   }
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < third.size(); ++i) {
     MESSAGE("potential " << i << ": third order " << third[i] << ", rest " << fourth[i] << " of its bound");
     CHECK(third[i] <= 1);
     CHECK(fourth[i] <= 1);

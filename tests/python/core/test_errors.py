@@ -202,7 +202,7 @@ VALUE_ERRORS = {
     "no weight": (lambda: elliptude.wahba(I, I, [0, 0, 0]), "weights must not be all zero"),
     "method": (
         lambda: elliptude.wahba(I, I, method="quest"),  # type: ignore[arg-type]
-        "method must be 'svd', 'davenport' or 'qr', not 'quest'",
+        "method must be 'svd', 'foam', 'davenport' or 'qr', not 'quest'",
     ),
     "improper profile": (lambda: elliptude.wahba(I, np.diag([1, 1, -1]), method="qr"), "det L is -1"),
     "no cross product": (lambda: elliptude.add_cross_product([AXIS, AXIS], I[:2]), "reference or body are collinear"),

@@ -797,7 +797,7 @@ GRAVITY = el.UniformGravity(1, 9.81, [0, 0, 0.1])
         (lambda: body_flow(inertia_error=1.0), "inertia_error must be below the least principal moment, 1 kg"),
         (
             lambda: el.GuaranteedRigidBodyFlow(el.RigidBody(INERTIA), Pendulum(), step=0.1),
-            "potential offers no bounds of its torque.*UniformGravity.*unknown_torque",
+            "potential offers no bounds of its torque.*UniformGravity.*StatedTorque",
         ),
         (
             lambda: el.GuaranteedRigidBodyFlow(el.RigidBody(INERTIA), el.SumPotential([GRAVITY, Pendulum()]), step=0.1),

@@ -22,12 +22,14 @@ from reference import ellipsoid, error_tube, guaranteed_flow, motion_series, qua
 from reference.error_tube import Unbounded, Uncertainty
 from reference.guaranteed_flow import GibbsSet, GyroUncertainty
 from reference.motion_series import Body, BodyInput, StepTooLong
+from reference.own_torque import Linear, Quadratic, Stated
 from reference.rigid_body import GravityGradient, UniformGravity
 from scipy.spatial.transform import Rotation
 
 RELATIVE = 1e-10  # see above
 DEGREE = math.pi / 180
-KINDS = ["free", "pendulum", "orbit", "both"]
+KINDS = ["free", "pendulum", "orbit", "both", "own"]  # with a torque that is expanded as it is
+ALL_KINDS = [*KINDS, "stated"]
 
 
 def make_body(rng, kind):
@@ -37,17 +39,38 @@ def make_body(rng, kind):
         potentials.append(UniformGravity(1.3, 2.0, 0.4 * direction(rng)))
     if kind in ("orbit", "both"):
         potentials.append(GravityGradient(inertia, rng.uniform(0.5, 1.2)))
+    if kind == "own":
+        axis = direction(rng)
+        turn = rng.uniform(0.3, 1.0) * np.cross(axis, direction(rng))
+        potentials.append(Linear(0.5 * direction(rng), axis, turn))
+        potentials.append(Quadratic(inertia + 3.0 * np.eye(3), direction(rng)))
+    if kind == "stated":
+        torque = Quadratic(inertia, *np.eye(3)[[0, 2]] * [[1.0], [0.7]])
+        potentials.append(UniformGravity(1.3, 2.0, 0.4 * direction(rng)))
+        potentials.append(
+            Stated(torque.torque, torque.torque_jacobian, float(np.ptp(np.linalg.eigvalsh(inertia))), 0.1, 1e-4)
+        )
     return Body(inertia, tuple(potentials))
 
 
 def core_flow(body, step, uncertainty):
     core_body = el.RigidBody(body.inertia)
-    potentials = [
-        el.UniformGravity(p.mass, p.gravity, p.centre_of_mass)
-        if isinstance(p, UniformGravity)
-        else el.GravityGradient(core_body, p.orbit_rate)
-        for p in body.potentials
-    ]
+
+    def in_core(potential):
+        match potential:
+            case UniformGravity(mass, gravity, centre_of_mass):
+                return el.UniformGravity(mass, gravity, centre_of_mass)
+            case Linear(moment, axis, turn):
+                return el.LinearPotential(moment, 3.0 * axis, turn)
+            case Quadratic(matrix, axis, turn):
+                return el.QuadraticPotential(matrix, axis, turn)
+            case Stated():
+                return el.StatedTorque(
+                    potential, curvature=potential.curvature, rate=potential.rate, error=potential.error
+                )
+        return el.GravityGradient(core_body, potential.orbit_rate)
+
+    potentials = [in_core(potential) for potential in body.potentials]
     return el.GuaranteedRigidBodyFlow(
         core_body,
         el.SumPotential(potentials) if potentials else el.FreeBody(),
@@ -321,7 +344,7 @@ class Prediction:
     """A random prediction: size, condition, steps, inputs and what is not known, over orders of magnitude."""
 
     def __init__(self, seed, kind, size=None, steps=None, step=None, uncertain=None):
-        rng = np.random.default_rng([seed, KINDS.index(kind)])
+        rng = np.random.default_rng([seed, ALL_KINDS.index(kind)])
         self.body = make_body(rng, kind)
         self.size = size if size is not None else 10 ** rng.uniform(math.log10(1e-3 * DEGREE), math.log10(7 * DEGREE))
         shape = self.size**2 * random_shape(rng, 6, 10 ** rng.uniform(-3, 0), 1.0)
@@ -362,7 +385,7 @@ class Prediction:
         return filter_.ellipsoid
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL_KINDS)
 @pytest.mark.parametrize("seed", range(14))
 def test_predictions(seed, kind):
     prediction = Prediction(seed, kind)
@@ -375,7 +398,7 @@ def test_predictions(seed, kind):
     assert_same_set(found, expected)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL_KINDS)
 @pytest.mark.parametrize("size", [1e-3 * DEGREE, 0.3 * DEGREE, 7 * DEGREE])
 @pytest.mark.parametrize("steps", [1, 6])
 def test_predictions_of_every_size(kind, size, steps):
@@ -440,7 +463,7 @@ def test_predictions_take_every_way():
     assert too_large.found() is None
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL_KINDS)
 def test_the_rate_without_an_attitude(kind):
     rng = np.random.default_rng(2)
     body = make_body(rng, kind)

@@ -80,7 +80,7 @@ def linear_coefficients(body: Body, series: MotionSeries) -> tuple[Array, Array]
     """A_k of the linear part of (17.1), (17.2) with four terms of the torque's Jacobian, and J^-1 times that alone."""
     count = len(series.rate)
     stiffness = np.zeros((count, 3, 3))
-    for torque, directions in zip(body.torques, series.directions, strict=True):
+    for torque, directions in zip(series.torques, series.directions, strict=True):
         for k in range(JACOBIAN_TERMS):
             stiffness[k] += np.linalg.solve(body.inertia, torque_jacobian_coefficient(torque, directions, k))
     a = np.zeros((count, 6, 6))
@@ -167,7 +167,7 @@ def linear_part(body: Body, series: MotionSeries, frame: Array) -> LinearPart:
 def torque_forms(body: Body, series: MotionSeries, order: int) -> Array:
     """The terms of an order in gamma of J^-1 M in the middle of the step, from eight terms of the directions (17.3)."""
     total = np.zeros((3,) * (order + 1))
-    for torque, directions in zip(body.torques, series.directions, strict=True):
+    for torque, directions in zip(series.torques, series.directions, strict=True):
         direction = (0.5 * series.h) ** np.arange(len(directions)) @ directions
         total += torque_term(torque, direction, order)
     return np.tensordot(np.linalg.inv(body.inertia), total, 1)
@@ -204,11 +204,19 @@ def cubic_pushes(body: Body, series: MotionSeries, linear: LinearPart) -> list[A
 # What is not known
 
 
-def unknown_torque(body: Body, series: MotionSeries, uncertainty: Uncertainty, largest_difference: float) -> Array:
-    """The unknown torque, and the inertia's error as one: in a ball of epsilon (Omega^2 + g_J + A) (17.5)."""
+def unknown_torque(
+    body: Body, series: MotionSeries, uncertainty: Uncertainty, largest_attitude: float, largest_difference: float
+) -> Array:
+    """The unknown torque, and the inertia's error as one: in a ball of epsilon (Omega^2 + g_J + A) (17.5).
+
+    What stated torques lack in their expansions is one more ball (17.13, 17.14).
+    """
     epsilon = uncertainty.inertia
+    turned = 0.5 * series.h * (2.0 * series.largest_rate - float(np.linalg.norm(series.rate[0]))) + 32.0 * ROUNDING
+    lacking = sum(local.remainder(turned + largest_attitude, 0.5 * series.h) for local in series.locals)
+    unknown = sum_of_shapes([uncertainty.torque, lacking**2 * np.eye(3)])
     if epsilon == 0.0:
-        return uncertainty.torque
+        return unknown
     least_moment, _, greatest_moment = body.moments
     omega = series.largest_rate + 2.0 * largest_difference
     gradient = series.acceleration.by_inertia
@@ -218,10 +226,10 @@ def unknown_torque(body: Body, series: MotionSeries, uncertainty: Uncertainty, l
         + series.largest_torque
         + epsilon * gradient
         + float(np.linalg.norm(series.control_torque))
-        + math.sqrt(np.trace(uncertainty.torque))
+        + math.sqrt(np.trace(unknown))
     ) / (least_moment - epsilon)
     ball = epsilon * (omega**2 + gradient + acceleration)
-    return sum_of_shapes([uncertainty.torque, ball**2 * np.eye(3)])
+    return sum_of_shapes([unknown, ball**2 * np.eye(3)])
 
 
 # One step
@@ -229,6 +237,17 @@ def unknown_torque(body: Body, series: MotionSeries, uncertainty: Uncertainty, l
 
 def step(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube) -> Tube:
     """The tube at the end of the step that the series is of (17.4)."""
+    if series.locals:
+        # What their expansions lack is less if the errors move less.
+        try:
+            return step_within(body, series, uncertainty, tube, tube.displacement() + 0.05)
+        except Unbounded:
+            pass
+    return step_within(body, series, uncertainty, tube, 1.0)
+
+
+def step_within(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube, most: float) -> Tube:
+    """If u moves by less than ``most`` from where it began."""
     h = series.h
     linear = linear_part(body, series, tube.frame)
     w1, w = linear.odd_change, linear.change
@@ -258,7 +277,8 @@ def step(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube)
 
     # Pushes, in the middle's metric and for |u| <= 1: the unknown torque, third order, fourth order.
     by_torque = linear.inverse[:, 3:] @ np.linalg.inv(body.inertia)
-    unknown = by_torque @ unknown_torque(body, series, uncertainty, linear.rate * stretch) @ by_torque.T
+    attitude = linear.attitude * stretch * (1.0 + most)
+    unknown = by_torque @ unknown_torque(body, series, uncertainty, attitude, linear.rate * stretch) @ by_torque.T
     cubic = cubic_pushes(body, series, linear)
     fourth_size = p**3 / 8.0 * linear.attitude**4
     fourth = fourth_size**2 * linear.inverse[:, 3:] @ bounds.shape @ linear.inverse[:, 3:].T
@@ -306,7 +326,7 @@ def step(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube: Tube)
     eta = before + integral
     for _ in range(6):
         rest, displacement, cubes, fourths = moved(eta)
-        if displacement <= eta < 1.0:
+        if displacement <= eta < most:
             break
         eta = 1.02 * displacement
     else:

@@ -9,6 +9,7 @@ import numpy as np
 from . import error_tube, so3
 from .error_tube import Tube, Unbounded, Uncertainty, moderate_growth
 from .motion_series import ROUNDING, Body, BodyInput, StepTooLong, expand_motion, norm, torque_bounds
+from .own_torque import Local, Stated, expanded
 from .so3 import Array
 
 LONG_TUBE, SHORT_TUBE = 0.1, 0.01  # by how much u may have moved before a tube begins again
@@ -54,7 +55,7 @@ def follow(
 ) -> Course:
     """One tube after another, each until u has moved by more than ``longest`` (17.4, beginning again)."""
     attitude, rate = so3.nearest_rotation(begin.attitude), begin.vector
-    bounds = torque_bounds(body.torques, np.linalg.inv(body.inertia))
+    bounds = torque_bounds(body.torques, np.linalg.inv(body.inertia), [sized(stated) for stated in body.stated])
     stiffness = bounds.degree * bounds.largest
     tube = error_tube.start(begin.shape, h, stiffness)
     largest_displacement = 0.0
@@ -67,6 +68,11 @@ def follow(
         tube = error_tube.step(body, series, uncertainty, tube)
         attitude, rate = series.end_attitude, series.end_rate
     return Course(GibbsSet(attitude, rate, error_tube.shape(tube)), largest_displacement, tube)
+
+
+def sized(stated: Stated) -> Local:
+    """A torque with a derivative of the size of kappa, by which the first norm is chosen."""
+    return Local(stated, np.eye(3), 0.0, np.zeros(3), stated.curvature * np.eye(3))
 
 
 def predict_body(
@@ -130,16 +136,19 @@ def predict_rate(
     duration: float,
     given: BodyInput | None = None,
     uncertainty: Uncertainty | None = None,
+    time: float = 0.0,
 ) -> tuple[Array, Array]:
     """omega in E(-J^-1 h_w, p^2 J^-2) without an attitude: |(J + D) omega + h_w| grows by torques alone (17.5)."""
     control, wheel = given or BodyInput()
     torque, epsilon = uncertainty or Uncertainty()
     inertia = body.inertia
-    bounds = torque_bounds(body.torques, np.eye(3))
+    locals_ = [expanded(stated, np.eye(3), np.zeros(3), time, 0.0) for stated in body.stated]
+    bounds = torque_bounds(body.torques, np.eye(3), locals_)
+    stated = sum(float(np.linalg.norm(local.value)) + local.remainder(3.1416, duration) for local in locals_)
     speed = float(np.linalg.norm(center)) + radius(shape)
     momentum = float(np.linalg.norm(inertia @ center + wheel)) + radius(inertia @ shape @ inertia)
     momentum += epsilon * speed
-    known = bounds.largest + epsilon * bounds.by_inertia + float(np.linalg.norm(control))
+    known = bounds.largest + stated + epsilon * bounds.by_inertia + float(np.linalg.norm(control))
     momentum += duration * (known + radius(torque))
     momentum += epsilon * (momentum + float(np.linalg.norm(wheel))) / (float(body.moments[0]) - epsilon)
     inverse = np.linalg.inv(inertia)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from . import so3
 from .ellipsoid import sum_minimum_trace
+from .own_torque import Linear, Local, Quadratic, Stated, expanded, turned_direction
 from .rigid_body import Free, GravityGradient, Potential, UniformGravity
 from .so3 import Array
 
@@ -57,13 +58,14 @@ class DirectionTorque(NamedTuple):
     axes: Array  # (2, 3)
     turn_rate: float  # n, rad/s
     by_inertia: float  # how much an error of the inertia changes it, 1/s^2
+    products: float = 0.0  # length of the products that it is made of, where they may cancel
 
     @property
     def degree(self) -> int:
         return self.form.ndim - 1
 
 
-def direction_torque(potential: Potential) -> DirectionTorque | None:
+def direction_torque(potential: Potential | Linear | Quadratic | Stated) -> DirectionTorque | None:
     """m g rho x s for uniform gravity, 3 n^2 s x J s for the gravity gradient (theory 5)."""
     match potential:
         case UniformGravity(mass, gravity, centre_of_mass):
@@ -73,9 +75,30 @@ def direction_torque(potential: Potential) -> DirectionTorque | None:
             strength = 3.0 * orbit_rate**2
             form = strength * np.einsum("iac,cb->iab", LEVI_CIVITA, inertia)
             return DirectionTorque(symmetrized(form, 2), np.eye(3)[:2], orbit_rate, strength)
+        case Linear(moment, direction, turn):
+            return DirectionTorque(so3.hat(moment), quarter_turns(direction, turn), float(np.linalg.norm(turn)), 0.0)
+        case Quadratic(matrix, direction, turn):
+            form = symmetrized(np.einsum("iac,cb->iab", LEVI_CIVITA, matrix), 2)
+            size = float(np.linalg.norm(matrix))
+            return DirectionTorque(form, quarter_turns(direction, turn), float(np.linalg.norm(turn)), 0.0, size)
         case Free():
             return None
     raise TypeError(f"the torque of {potential} is not known as a form of a direction")
+
+
+def quarter_turns(direction: Array, turn: Array) -> Array:
+    """A direction at time 0, and a quarter of a turn later; zero if it stands still."""
+    rate = float(np.linalg.norm(turn))
+    later = turned_direction(direction, turn, 0.5 * np.pi / rate) if rate > 0.0 else np.zeros(3)
+    return np.array([turned_direction(direction, turn, 0.0), later])
+
+
+def local_torques(local: Local) -> list[DirectionTorque]:
+    """The three terms of (17.12), without the part that is constant in body axes."""
+    return [
+        DirectionTorque(form, np.array([local.middle[:, i], np.zeros(3)]), 0.0, 0.0)
+        for i, form in enumerate(local.forms())
+    ]
 
 
 def symmetrized(tensor: Array, count: int) -> Array:
@@ -125,20 +148,25 @@ class TorqueBounds(NamedTuple):
     by_inertia: float
 
 
-def torque_bounds(torques: Sequence[DirectionTorque], transform: Array) -> TorqueBounds:
+def torque_bounds(torques: Sequence[DirectionTorque], transform: Array, locals_: Sequence[Local] = ()) -> TorqueBounds:
     """T S(m) s is in the ellipsoid of T S(m) S(m)'T', forms F without a trace in that of (2/3) T F F'T' (17.3).
 
-    A sum has the sum of the sizes, the largest degree and the largest rate.
+    A sum has the sum of the sizes, the largest degree and the largest rate. An expansion about an attitude is at most
+    sqrt(3/2) T M'* (17.10).
     """
     shapes, norms = [np.zeros((3, 3))], [0.0]
-    for torque in torques:
-        rows = (transform @ torque.form.reshape(3, -1)) * (1.0 if torque.degree == 1 else math.sqrt(2.0 / 3.0))
+    matrices = [
+        (transform @ torque.form.reshape(3, -1)) * (1.0 if torque.degree == 1 else math.sqrt(2.0 / 3.0))
+        for torque in torques
+    ]
+    matrices += [math.sqrt(1.5) * transform @ local.derivative for local in locals_]
+    for rows in matrices:
         shapes.append(rows @ rows.T)
         norms.append(norm(rows))
     return TorqueBounds(
         sum_of_shapes(shapes),
         sum(norms),
-        max((torque.degree for torque in torques), default=0),
+        max([torque.degree for torque in torques] + [1 for _ in locals_], default=0),
         max((torque.turn_rate for torque in torques), default=0.0),
         sum(torque.by_inertia for torque in torques),
     )
@@ -151,12 +179,17 @@ class Body(NamedTuple):
     """Inertia, kg m^2, and the potentials whose torques add up."""
 
     inertia: Array
-    potentials: tuple[Potential, ...] = ()
+    potentials: tuple[Potential | Linear | Quadratic | Stated, ...] = ()
 
     @property
     def torques(self) -> list[DirectionTorque]:
-        found = (direction_torque(potential) for potential in self.potentials)
+        found = (direction_torque(p) for p in self.potentials if not isinstance(p, Stated))
         return [torque for torque in found if torque is not None]
+
+    @property
+    def stated(self) -> list[Stated]:
+        """The torques that are expanded anew in each step."""
+        return [potential for potential in self.potentials if isinstance(potential, Stated)]
 
     @property
     def moments(self) -> Array:
@@ -181,6 +214,8 @@ class MotionSeries(NamedTuple):
     h: float
     rate: Array  # omega_k, (9, 3)
     momentum: Array  # of J omega + h_w
+    torques: list[DirectionTorque]
+    locals: list[Local]  # expansions of stated torques, whose terms are among the torques
     directions: list[Array]  # s_k of each torque, (8, 3)
     wheel_momentum: Array
     control_torque: Array
@@ -269,7 +304,9 @@ def expand_motion(
     body: Body, attitude: Array, angular_velocity: Array, time: float, h: float, given: BodyInput
 ) -> MotionSeries:
     """(k + 1) J omega_(k+1) = M_k + u [k = 0] - sum_i omega_i x (J omega + h_w)_(k-i), and the defect (17.2)."""
-    inertia, torques = body.inertia, body.torques
+    inertia, known = body.inertia, body.torques
+    locals_ = [expanded(stated, attitude, angular_velocity, time, h) for stated in body.stated]
+    torques = known + [torque for local in locals_ for torque in local_torques(local)]
     rate = np.zeros((ORDER + 1, 3))
     momentum = np.zeros((ORDER + 1, 3))
     rate[0] = angular_velocity
@@ -280,14 +317,16 @@ def expand_motion(
         for torque in torques:
             change = change + torque_coefficient(torque, direction_series(torque, attitudes, time), k)
         if k == 0:
-            change = change + given.control_torque
+            change = change + given.control_torque + sum((local.value for local in locals_), np.zeros(3))
         rate[k + 1] = np.linalg.solve(inertia, change / (k + 1))
         momentum[k + 1] = inertia @ rate[k + 1]
 
     attitudes = attitude_series(attitude, rate, ATTITUDE_TERMS)
     powers = h ** np.arange(ATTITUDE_TERMS)
-    acceleration = torque_bounds(torques, np.linalg.inv(inertia))
-    largest_torque = torque_bounds(torques, np.eye(3)).largest
+    acceleration = torque_bounds(known, np.linalg.inv(inertia), locals_)
+    fixed = sum(float(np.linalg.norm(local.value)) for local in locals_)
+    largest_torque = torque_bounds(known, np.eye(3), locals_).largest + fixed
+    products = sum(torque.products for torque in known)
     norms, momentum_norms = np.linalg.norm(rate, axis=1), np.linalg.norm(momentum, axis=1)
     largest_rate = float(norms @ powers[: ORDER + 1])
 
@@ -303,7 +342,7 @@ def expand_motion(
     rest += acceleration.largest * tail(rate, h, ORDER, acceleration.degree, acceleration.turn_rate)
     gyroscopic_size = (greatest_moment * largest_rate + float(np.linalg.norm(given.wheel_momentum))) / least_moment
     angle = 1.0 + abs(acceleration.turn_rate * time)
-    stiffness_size = (largest_torque + acceleration.by_inertia * greatest_moment) * angle / least_moment
+    stiffness_size = (largest_torque + products + acceleration.by_inertia * greatest_moment) * angle / least_moment
     control = float(np.linalg.norm(given.control_torque)) / least_moment
     slopes = largest_rate * gyroscopic_size + stiffness_size + control
     change = (largest_rate - float(norms[0])) * greatest_moment / least_moment
@@ -316,6 +355,8 @@ def expand_motion(
         h=h,
         rate=rate,
         momentum=momentum,
+        torques=torques,
+        locals=locals_,
         directions=[direction_series(torque, attitudes[:DIRECTION_TERMS], time) for torque in torques],
         wheel_momentum=given.wheel_momentum,
         control_torque=given.control_torque,

@@ -124,12 +124,23 @@ def test_the_mirrored_potential_at_minus_t():
     body = el.RigidBody(INERTIA)
     orbit = Rotation.from_rotvec([0.3, 0.2, -0.5]).as_matrix()
     whole = el.SumPotential(
-        [el.GravityGradient(body, 0.7, orbit), el.UniformGravity(1.0, 9.8, [0.1, 0.0, 0.2]), el.FreeBody()]
+        [
+            el.GravityGradient(body, 0.7, orbit),
+            el.UniformGravity(1.0, 9.8, [0.1, 0.0, 0.2]),
+            el.FreeBody(),
+            el.LinearPotential([0.1, 0.2, 0.3], [1.0, 0.0, 0.0], [0.0, 0.3, 0.4]),
+            el.QuadraticPotential(INERTIA, [0.0, 1.0, 0.0], [0.6, 0.0, 0.0]),
+            el.StatedTorque(el.GravityGradient(body, 0.5, orbit), rate=2.0, error=0.1, curvature=3.0),
+        ]
     )
     turned = mirrored_potential(whole)
     for time, attitude in zip((-2.0, 0.3, 4.0), Rotation.random(3, rng=2).as_matrix(), strict=True):
         np.testing.assert_allclose(turned.torque(attitude, time), whole.torque(attitude, -time), atol=1e-13)
         assert np.linalg.norm(turned.torque(attitude, time) - whole.torque(attitude, time)) > 1e-3
+    stated = turned.potentials[-1]
+    assert (stated.rate, stated.error, stated.curvature) == (2.0, 0.1, 3.0)
+    jacobian = whole.potentials[-1].torque_jacobian(orbit, -1.0)
+    np.testing.assert_array_equal(stated.torque_jacobian(orbit, 1.0), jacobian)
 
 
 def test_a_potential_of_ones_own_is_refused():

@@ -3,6 +3,7 @@
 /// \file
 /// How many steps a prediction may take, and how a caller stops a long one before its end.
 
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
@@ -21,9 +22,6 @@ struct Interruption {
     return stop != nullptr && steps > 0 && steps % interval == 0 && stop(context);
   }
 };
-
-/// The most steps of one prediction, unless a flow is told otherwise: more of them are more likely a wrong time than intended.
-constexpr long default_most_steps = 1'000'000;
 
 /// What flows that predict in steps have in common.
 class PredictionLimits {

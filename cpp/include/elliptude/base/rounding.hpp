@@ -115,6 +115,8 @@ inline constexpr int series_attitude = 32;
 /// The linear part of an error tube, and its rate over a step.
 inline constexpr int linear_part = 256;
 inline constexpr int linear_rate = 128;
+/// A torque's expansion about an attitude, relative to its value and its derivative.
+inline constexpr int local_torque = 64;
 ///@}
 
 /// `multiple` ε.

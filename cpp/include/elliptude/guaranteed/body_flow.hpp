@@ -15,11 +15,13 @@
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
+#include "elliptude/guaranteed/own_torque_expansion.hpp"
 
 namespace elliptude {
 
 /// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
-/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`.
+/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`. One that
+/// `make` has not made has no step, and predicts nothing: `too_many_steps`.
 template <typename Scalar, typename Potential>
 class GuaranteedRigidBodyFlow : public PredictionLimits {
   static_assert(has_expansion<Potential, Scalar>,
@@ -124,13 +126,16 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     const Matrix3<Scalar>& j = body_.inertia();
     const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
     const Scalar gradient = torque_bounds_.by_inertia * error;
+    Scalar torque(0);
+    if (const Status status = largest_torque(time, duration, torque); status != Status::ok) {
+      return status;
+    }
     const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + detail::tube::radius(ellipsoid.shape);
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
                       detail::tube::radius(momentum_shape) + error * speed;
-    momentum +=
-        duration * (torque_bounds_.largest + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
-                    detail::tube::radius(uncertainty_.torque));
+    momentum += duration * (torque + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
+                            detail::tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
     const Matrix3<Scalar> inverse = body_.inertia_inverse();
     Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
@@ -149,6 +154,23 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     Scalar size;                  // of the set at the end: √det P
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
   };
+
+  /// Bound of the potential's torque at every attitude from `time` on.
+  [[nodiscard]] Status largest_torque(const Scalar& time, const Scalar& duration, Scalar& largest) const noexcept {
+    using Expansion = TorqueExpansion<Potential, Scalar, 1>;
+    largest = torque_bounds_.largest + torque_bounds_.fixed;
+    if constexpr (is_local<Expansion>) {
+      Expansion expansion(potential_);
+      if (const Status status =
+              expansion.begin_step(Matrix3<Scalar>::Identity(), Vector3<Scalar>::Zero(), time, Scalar(0));
+          status != Status::ok) {
+        return status;
+      }
+      const TorqueBounds<Scalar> bounds = expansion.bounds(Matrix3<Scalar>::Identity());
+      largest = bounds.largest + bounds.fixed + expansion.remainder(scalar::constant<Scalar>(3.1416L), duration);
+    }
+    return Status::ok;
+  }
 
   /// The prediction in so many steps.
   [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
@@ -222,7 +244,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
 
   RigidBody<Scalar> body_;
   Potential potential_;
-  Scalar longest_step_;
+  Scalar longest_step_{0};
   BodyUncertainty<Scalar> uncertainty_;
   TorqueBounds<Scalar> torque_bounds_;        // of M
   TorqueBounds<Scalar> acceleration_bounds_;  // of J⁻¹M

@@ -113,20 +113,30 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const detail::step_means::SecondOrder<Scalar> second_order =
       detail::step_means::SecondOrder<Scalar>::of(largest_form, form_bound, change, of_forms, h);
 
-  detail::Pushes<Scalar> pushes;
-  if (const Status status =
-          pushes.find(body, series, uncertainty, linear, Scalar(linear.largest_difference * change.stretch()));
-      status != Status::ok) {
-    return status;
-  }
   const Scalar cubic_bound =
       strength * attitude * attitude * attitude * scalar::constant<Scalar>(0.375L) * degree * degree;
   const Scalar before = displacement();
+  detail::Pushes<Scalar> pushes;
   const detail::StepBounds<Scalar, Potential> bounds{series,   linear,       pushes,      change,
                                                      of_forms, second_order, cubic_bound, before};
   detail::Displacement<Scalar> moved;
-  if (!bounds.close(moved)) {
-    return Status::unbounded;
+  const auto closes_within = [&](const Scalar& most) {
+    const Status status =
+        pushes.find(body, series, uncertainty, linear, Scalar(attitude * change.stretch() * (Scalar(1) + most)),
+                    Scalar(linear.largest_difference * change.stretch()));
+    return status == Status::ok && !bounds.close(most, moved) ? Status::unbounded : status;
+  };
+  Status status = Status::unbounded;
+  if constexpr (is_local<std::decay_t<decltype(series.torque)>>) {
+    // An expansion about one attitude lacks less if the errors move less.
+    const Scalar little = before + scalar::constant<Scalar>(0.05L);
+    status = closes_within(little < Scalar(1) ? little : Scalar(1));
+  }
+  if (status == Status::unbounded) {
+    status = closes_within(Scalar(1));
+  }
+  if (status != Status::ok) {
+    return status;
   }
 
   second_order_ += h * forms;

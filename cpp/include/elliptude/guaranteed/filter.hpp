@@ -14,7 +14,7 @@ namespace elliptude {
 
 /// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or after a
 /// prediction has become too large to be useful. It then starts from the next measurements that determine one. A function
-/// that does not return `ok` has changed nothing.
+/// that does not return `ok` has changed nothing. A filter that `make` has not made knows nothing at time zero, and cannot predict.
 template <typename FlowType>
 class GuaranteedFilter {
  public:
@@ -235,7 +235,7 @@ class GuaranteedFilter {
   /// eight measurements of which some may be wrong; `empty_intersection` if they contradict the prediction, or each other, and
   /// the policy is to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
-    if (measurements.direction_count > most_sensor_directions ||
+    if (measurements.direction_count > most_directions ||
         (!measures_rate && measurements.angular_velocity != nullptr)) {
       return Status::out_of_range;
     }
@@ -648,11 +648,11 @@ class GuaranteedFilter {
 
   Flow flow_;
   Settings settings_;
-  Scalar time_;
+  Scalar time_{0};
   detail::Knowledge<State> known_;
   detail::KeptConstraints<Scalar> constraints_;
   Trust trust_;  // in the set, of the attitude or of the vector
-  Claim claim_;
+  Claim claim_ = Claim::none;
 };
 
 }  // namespace elliptude

@@ -26,7 +26,8 @@ struct GyroUncertainty {
   Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative if unknown
 };
 
-/// A body about which only its gyro says something, at every time between its samples.
+/// A body about which only its gyro says something, at every time between its samples. One that `make` has not made has no
+/// rate for any interval: `unbounded`.
 template <typename Scalar>
 class GuaranteedGyroFlow {
  public:
@@ -332,8 +333,15 @@ class GuaranteedGyroFlow {
     return with_added(ellipsoid.center, ellipsoid.shape, others, result);
   }
 
-  GyroUncertainty<Scalar> uncertainty_;
-  IntervalRate interval_rate_;
+  /// No interval is covered, and no rate is known.
+  [[nodiscard]] static GyroUncertainty<Scalar> unmade() noexcept {
+    GyroUncertainty<Scalar> uncertainty;
+    uncertainty.longest_interval = Scalar(0);
+    return uncertainty;
+  }
+
+  GyroUncertainty<Scalar> uncertainty_ = unmade();
+  IntervalRate interval_rate_ = IntervalRate::first_sample;
 };
 
 }  // namespace elliptude

@@ -105,10 +105,17 @@ struct MotionSeries {
     momentum[0] = body.inertia() * rate[0] + input.wheel_momentum;
     std::array<expansion::Columns<Scalar>, terms> across_momentum;
     across_momentum[0] = expansion::across(momentum[0]);
-    const Vector3<Scalar> first_torque = torque.start(state.attitude, time);
     if (!scalar::all_finite(state.attitude) || !scalar::all_finite(rate[0])) {
       return Status::not_finite;
     }
+    if constexpr (is_local<TorqueExpansion<Potential, Scalar, terms>>) {
+      if (const Status status = torque.begin_step(state.attitude, rate[0], time, h); status != Status::ok) {
+        return status;
+      }
+      torque_bounds = torque.bounds(Matrix3<Scalar>::Identity());
+      acceleration = torque.bounds(body.inertia_inverse());
+    }
+    const Vector3<Scalar> first_torque = torque.start(state.attitude, time);
     if (!scalar::all_finite(first_torque)) {
       return Status::callback_failed;
     }
@@ -168,7 +175,9 @@ struct MotionSeries {
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     gyroscopic_size = (greatest * largest_rate + wheel) / least;
     // Not the torque's bound alone: that of a nearly spherical body is small, but not the products that it is made of.
-    stiffness_size = (torque_bounds.largest + torque_bounds.by_inertia * greatest) * angle / least;
+    stiffness_size =
+        (torque_bounds.largest + torque_bounds.fixed + torque_bounds.products + torque_bounds.by_inertia * greatest) *
+        angle / least;
     const Scalar control = scalar::sqrt(Scalar(input.control_torque.squaredNorm())) / least;
     const Scalar change = largest_rate - rate_norms[0];  // Σ ‖ω_k‖ hᵏ over k ≥ 1
     rate_defect += rounding::share<Scalar>(rounding::series_rate) * largest_rate +

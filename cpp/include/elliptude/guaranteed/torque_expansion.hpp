@@ -15,6 +15,14 @@
 ///     void add_curvature(s, transform, forms);              // forms[i] += row i of transform times ½ ∂²M/∂γ² at time s
 ///     void add_cubic(s, transform, axes, forms);            // column i += the same of the terms of third order in γ = axes v
 ///     TorqueBounds<Scalar> bounds(transform) const;          // of transform times the torque
+///
+/// An expansion that holds near one attitude only says so by `static constexpr bool is_local = true`, and has besides
+///
+///     Status begin_step(attitude, rate, time, h);            // before `start`: expands about the middle of a step
+///     Scalar remainder(angle, duration) const;               // what it lacks of the torque, N m, at an attitude within the angle
+///                                                            // of that in the middle, and a time within the duration
+///
+/// Its bounds then change with each step.
 
 #include "elliptude/dynamics/potential.hpp"
 #include "elliptude/guaranteed/torque_forms.hpp"
@@ -38,6 +46,10 @@ struct TorqueBounds {
   /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. The statements about lengths
   /// above hold in each direction, with the ellipsoid's width there instead of `largest`.
   Matrix3<Scalar> shape = Matrix3<Scalar>::Zero();
+  /// Length of a part that is the same at every attitude, seen from the body. `largest` and the shape leave it out.
+  Scalar fixed = Scalar(0);
+  /// Length of the products that the torque is made of, where they may cancel: their rounding does not.
+  Scalar products = Scalar(0);
 
   /// Adds the torque of a second potential: bounds grow with the degree and the rate, so the larger ones hold for the sum.
   void add(const TorqueBounds& other) noexcept {
@@ -46,12 +58,28 @@ struct TorqueBounds {
     turn_rate = other.turn_rate > turn_rate ? other.turn_rate : turn_rate;
     by_inertia += other.by_inertia;
     shape = sum_of_shapes(shape, other.shape);
+    fixed += other.fixed;
+    products += other.products;
   }
 };
 
 /// Specialised for each potential that can be used in a guaranteed flow.
 template <typename Potential, typename Scalar, int Terms>
 class TorqueExpansion;
+
+namespace detail {
+
+template <typename Expansion, typename = void>
+struct IsLocal : std::false_type {};
+
+template <typename Expansion>
+struct IsLocal<Expansion, std::enable_if_t<Expansion::is_local>> : std::true_type {};
+
+}  // namespace detail
+
+/// Whether an expansion holds near one attitude only.
+template <typename Expansion>
+constexpr bool is_local = detail::IsLocal<Expansion>::value;
 
 template <typename Scalar, int Terms>
 class TorqueExpansion<FreeBody<Scalar>, Scalar, Terms> {
@@ -107,12 +135,7 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
                  expansion::CubicForms<Scalar>& forms) const noexcept {
     const Vector3<Scalar> down = expansion::value(down_, count_, s);
-    const Matrix3<Scalar> linear =
-        scalar::constant<Scalar>(-0.25L) * transform.lazyProduct(hat_product(moment_, down)).lazyProduct(axes);
-    const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
-    for (int i = 0; i < 3; ++i) {
-      forms.col(i) += expansion::cubic_product(Vector3<Scalar>(linear.row(i).transpose()), square);
-    }
+    expansion::add_cubic_of_first_degree(hat_product(moment_, down), transform, axes, forms);
   }
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
     const Matrix3<Scalar> map = transform.lazyProduct(hat(moment_));
@@ -127,43 +150,49 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
   int count_ = 0;
 };
 
-/// M = 3n² b × Jb with b = Cᵀr, the radial direction, and the direction of motion v: r' = n v, v' = −n r.
+namespace expansion {
+
+/// M = f b × Jb with a symmetric J and b = Cᵀr, r a unit vector that turns by n in a plane, where v is a quarter turn ahead of it:
+/// r' = n v, v' = −n r. For the gravity gradient f = 3n², and J is the body's inertia.
 template <typename Scalar, int Terms>
-class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
+class QuadraticTorque {
  public:
-  explicit TorqueExpansion(const GravityGradient<Scalar>& potential) noexcept
-      : inertia_(potential.inertia()), orbit_(potential.orbit()), rate_(potential.orbit_rate()) {}
+  /// \param radial r at time 0.
+  /// \param along v at time 0; zero if r stands still.
+  /// \param rate n in rad/s.
+  QuadraticTorque(const Matrix3<Scalar>& inertia, const Scalar& strength, const Vector3<Scalar>& radial,
+                  const Vector3<Scalar>& along, const Scalar& rate) noexcept
+      : inertia_(inertia), strength_(strength), start_radial_(radial), start_along_(along), rate_(rate) {}
 
   [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
     const Scalar angle = rate_ * time;
     const Scalar cosine = scalar::cos(angle);
     const Scalar sine = scalar::sin(angle);
-    const Vector3<Scalar> radial = attitude.transpose() * (cosine * orbit_.col(0) + sine * orbit_.col(1));
-    const Vector3<Scalar> along = attitude.transpose() * (cosine * orbit_.col(1) - sine * orbit_.col(0));
+    const Vector3<Scalar> radial = attitude.transpose() * (cosine * start_radial_ + sine * start_along_);
+    const Vector3<Scalar> along = attitude.transpose() * (cosine * start_along_ - sine * start_radial_);
     add(0, padded(radial), padded(along));
     return torque(0);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto last = static_cast<std::size_t>(k - 1);
     const Scalar factor = Scalar(1) / Scalar(k);
-    add(k, factor * (rate_ * along_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
-        factor * (-rate_ * radial_[last] - expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
+    add(k, factor * (rate_ * along_[last] - cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
+        factor * (-rate_ * radial_[last] - cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
     return torque(k);
   }
-  /// 3n² (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
-  /// 3n² (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
+  /// f (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
+  /// f (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
     const Matrix3<Scalar> square = squares_[static_cast<std::size_t>(k)].template topRows<3>();
     const Matrix3<Scalar> product = square.lazyProduct(inertia_);
     const Scalar trace = inertia_.trace();
     Matrix3<Scalar> sum = trace * square + square.trace() * inertia_ - Scalar(2) * product - product.transpose();
     sum.diagonal().array() += Scalar(2) * product.trace() - trace * square.trace();
-    return strength() * sum;
+    return strength_ * sum;
   }
-  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
-                     expansion::Forms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
-    const Matrix3<Scalar> n = strength() * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
+  void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform, Forms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = value(radial_, count_, s).template head<3>();
+    const Matrix3<Scalar> n = strength_ * transform.lazyProduct(linear_part(b, Vector3<Scalar>(inertia_ * b)));
     // (S(b)γ) × (J S(b)γ): component a of it is the antisymmetric combination of rows of S(b) and J S(b).
     const Matrix3<Scalar> p = hat(b);
     const Matrix3<Scalar> q = inertia_.lazyProduct(p);
@@ -172,19 +201,19 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
       const int next = (a + 1) % 3;
       const int last = (a + 2) % 3;
       const Matrix3<Scalar> form = p.row(next).transpose() * q.row(last) - p.row(last).transpose() * q.row(next);
-      cross[static_cast<std::size_t>(a)] = (scalar::constant<Scalar>(0.5L) * strength()) * (form + form.transpose());
+      cross[static_cast<std::size_t>(a)] = (scalar::constant<Scalar>(0.5L) * strength_) * (form + form.transpose());
     }
     for (int i = 0; i < 3; ++i) {
       Matrix3<Scalar>& form = forms[static_cast<std::size_t>(i)];
-      form += expansion::second_order_form(Vector3<Scalar>(n.row(i).transpose()), b);
+      form += second_order_form(Vector3<Scalar>(n.row(i).transpose()), b);
       form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
     }
   }
-  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is 3n² (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives −½‖γ‖² N b₁
-  /// more: 3n² (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
+  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is f (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives −½‖γ‖² N b₁
+  /// more: f (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
-                 expansion::CubicForms<Scalar>& forms) const noexcept {
-    const Vector3<Scalar> b = expansion::value(radial_, count_, s).template head<3>();
+                 CubicForms<Scalar>& forms) const noexcept {
+    const Vector3<Scalar> b = value(radial_, count_, s).template head<3>();
     const Matrix3<Scalar> b1 = hat(b).lazyProduct(axes);
     const Matrix3<Scalar> jb1 = inertia_.lazyProduct(b1);
     const Matrix3<Scalar> jaxes = inertia_.lazyProduct(axes);
@@ -192,50 +221,48 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
         scalar::constant<Scalar>(-0.75L) * linear_part(b, Vector3<Scalar>(inertia_ * b)).lazyProduct(b1);
     const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
     const Vector3<Scalar> along = scalar::constant<Scalar>(0.25L) * (axes.transpose() * b);  // half of ½ γ·b
-    expansion::CubicForms<Scalar> torque;
+    CubicForms<Scalar> torque;
     for (int a = 0; a < 3; ++a) {
       const int next = (a + 1) % 3;
       const int last = (a + 2) % 3;
       const Matrix3<Scalar> form =
           b1.row(next).transpose() * jaxes.row(last) - b1.row(last).transpose() * jaxes.row(next) +
           axes.row(next).transpose() * jb1.row(last) - axes.row(last).transpose() * jb1.row(next);
-      torque.col(a) = expansion::cubic_product(Vector3<Scalar>(linear.row(a).transpose()), square) +
-                      expansion::cubic_product(along, Matrix3<Scalar>(form + form.transpose()));
+      torque.col(a) = cubic_product(Vector3<Scalar>(linear.row(a).transpose()), square) +
+                      cubic_product(along, Matrix3<Scalar>(form + form.transpose()));
     }
-    forms += torque.lazyProduct(Matrix3<Scalar>(strength() * transform.transpose()));
+    forms += torque.lazyProduct(Matrix3<Scalar>(strength_ * transform.transpose()));
   }
   /// The components of b × Jb are forms without a trace, so they act on bbᵀ − I/3 alone, of length √(2/3), which a turn, of complex
   /// rates too, changes as it does the spherical harmonics of degree two.
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
-    const Matrix<Scalar, 3, 6> map = transform.lazyProduct(expansion::gyroscopic_forms(inertia_));
+    const Matrix<Scalar, 3, 6> map = transform.lazyProduct(gyroscopic_forms(inertia_));
     const Matrix3<Scalar> shape =
-        (strength() * strength() * scalar::constant<Scalar>(2.0L / 3.0L)) * map.lazyProduct(map.transpose());
-    return {norm_of_gram(shape), Scalar(2), rate_, strength(), shape};
+        (strength_ * strength_ * scalar::constant<Scalar>(2.0L / 3.0L)) * map.lazyProduct(map.transpose());
+    return {norm_of_gram(shape), Scalar(2), rate_, Scalar(0), shape};
   }
 
  private:
-  [[nodiscard]] static expansion::Padded<Scalar> padded(const Vector3<Scalar>& v) noexcept {
-    return expansion::Padded<Scalar>(v(0), v(1), v(2), Scalar(0));
+  [[nodiscard]] static Padded<Scalar> padded(const Vector3<Scalar>& v) noexcept {
+    return Padded<Scalar>(v(0), v(1), v(2), Scalar(0));
   }
-  /// 3n², in 1/s².
-  [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
   /// Coefficient k of both directions, and of bbᵀ.
-  void add(int k, const expansion::Padded<Scalar>& radial, const expansion::Padded<Scalar>& along) noexcept {
+  void add(int k, const Padded<Scalar>& radial, const Padded<Scalar>& along) noexcept {
     const auto index = static_cast<std::size_t>(k);
     radial_[index] = radial;
     along_[index] = along;
-    across_radial_[index] = expansion::across(radial);
-    across_along_[index] = expansion::across(along);
+    across_radial_[index] = across(radial);
+    across_along_[index] = across(along);
     squares_[index] = radial_[0].lazyProduct(radial.template head<3>().transpose());
     for (std::size_t i = 1; i <= index; ++i) {
       squares_[index] += radial_[i].lazyProduct(radial_[index - i].template head<3>().transpose());
     }
     count_ = k + 1;
   }
-  /// Coefficient k of 3n² b × Jb, the axis of bbᵀJ.
+  /// Coefficient k of f b × Jb, the axis of bbᵀJ.
   [[nodiscard]] Vector3<Scalar> torque(int k) const noexcept {
     const Matrix3<Scalar> product = squares_[static_cast<std::size_t>(k)].template topRows<3>().lazyProduct(inertia_);
-    return strength() *
+    return strength_ *
            Vector3<Scalar>(product(1, 2) - product(2, 1), product(2, 0) - product(0, 2), product(0, 1) - product(1, 0));
   }
   /// −S(Jb) + S(b)J, which gives d(b × Jb) from db.
@@ -244,19 +271,44 @@ class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> {
   }
 
   Matrix3<Scalar> inertia_;
-  Matrix3<Scalar> orbit_;
+  Scalar strength_;
+  Vector3<Scalar> start_radial_;
+  Vector3<Scalar> start_along_;
   Scalar rate_;
-  std::array<expansion::Padded<Scalar>, Terms> radial_;
-  std::array<expansion::Padded<Scalar>, Terms> along_;
-  std::array<expansion::Columns<Scalar>, Terms> across_radial_;
-  std::array<expansion::Columns<Scalar>, Terms> across_along_;
-  std::array<expansion::Columns<Scalar>, Terms> squares_;  // of bbᵀ
+  std::array<Padded<Scalar>, Terms> radial_;
+  std::array<Padded<Scalar>, Terms> along_;
+  std::array<Columns<Scalar>, Terms> across_radial_;
+  std::array<Columns<Scalar>, Terms> across_along_;
+  std::array<Columns<Scalar>, Terms> squares_;  // of bbᵀ
   int count_ = 0;
+};
+
+}  // namespace expansion
+
+template <typename Scalar, int Terms>
+class TorqueExpansion<GravityGradient<Scalar>, Scalar, Terms> : public expansion::QuadraticTorque<Scalar, Terms> {
+ public:
+  explicit TorqueExpansion(const GravityGradient<Scalar>& potential) noexcept
+      : expansion::QuadraticTorque<Scalar, Terms>(
+            potential.inertia(), Scalar(3) * potential.orbit_rate() * potential.orbit_rate(), potential.orbit().col(0),
+            potential.orbit().col(1), potential.orbit_rate()),
+        strength_(Scalar(3) * potential.orbit_rate() * potential.orbit_rate()) {}
+
+  [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
+    TorqueBounds<Scalar> bounds = expansion::QuadraticTorque<Scalar, Terms>::bounds(transform);
+    bounds.by_inertia = strength_;
+    return bounds;
+  }
+
+ private:
+  Scalar strength_;  // 3n², in 1/s²
 };
 
 template <typename Scalar, int Terms, typename... Potentials>
 class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
  public:
+  static constexpr bool is_local = (elliptude::is_local<TorqueExpansion<Potentials, Scalar, Terms>> || ...);
+
   explicit TorqueExpansion(const SumPotential<Potentials...>& sum) noexcept
       : terms_(std::apply(
             [](const auto&... p) {
@@ -284,6 +336,27 @@ class TorqueExpansion<SumPotential<Potentials...>, Scalar, Terms> {
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
     TorqueBounds<Scalar> sum;
     std::apply([&](const auto&... term) { (sum.add(term.bounds(transform)), ...); }, terms_);
+    return sum;
+  }
+  [[nodiscard]] Status begin_step(const Matrix3<Scalar>& attitude, const Vector3<Scalar>& rate, const Scalar& time,
+                                  const Scalar& h) noexcept {
+    Status status = Status::ok;
+    const auto begin = [&](auto& term) {
+      if constexpr (elliptude::is_local<std::decay_t<decltype(term)>>) {
+        status = status == Status::ok ? term.begin_step(attitude, rate, time, h) : status;
+      }
+    };
+    std::apply([&](auto&... term) { (begin(term), ...); }, terms_);
+    return status;
+  }
+  [[nodiscard]] Scalar remainder(const Scalar& angle, const Scalar& duration) const noexcept {
+    Scalar sum(0);
+    const auto add = [&](const auto& term) {
+      if constexpr (elliptude::is_local<std::decay_t<decltype(term)>>) {
+        sum += term.remainder(angle, duration);
+      }
+    };
+    std::apply([&](const auto&... term) { (add(term), ...); }, terms_);
     return sum;
   }
 

@@ -124,6 +124,18 @@ template <typename Scalar>
   return form;
 }
 
+/// Adds the terms of third order of `transform` times a torque of first degree in vectors that turn with the body: −¼‖γ‖² times
+/// its derivative's.
+template <typename Scalar>
+void add_cubic_of_first_degree(const Matrix3<Scalar>& jacobian, const Matrix3<Scalar>& transform,
+                               const Matrix3<Scalar>& axes, CubicForms<Scalar>& forms) noexcept {
+  const Matrix3<Scalar> linear = scalar::constant<Scalar>(-0.25L) * transform.lazyProduct(jacobian).lazyProduct(axes);
+  const Matrix3<Scalar> square = axes.transpose().lazyProduct(axes);
+  for (int i = 0; i < 3; ++i) {
+    forms.col(i) += cubic_product(Vector3<Scalar>(linear.row(i).transpose()), square);
+  }
+}
+
 }  // namespace expansion
 
 }  // namespace elliptude

@@ -127,10 +127,14 @@ class SetSolver {
           profile += profile_term(weight, scalar::unit(direction.reference), scalar::unit(direction.body));
         }
       }
-      Scalar condition;
-      if (attitude_by_svd(profile, attitude, condition) != Status::ok) {
+      RotationSvd<Scalar> svd;
+      // Directions that are not collinear may still leave Wahba's problem undetermined, as a mirror image of them does: then they
+      // contradict each other, which any center shows.
+      if (rotation_svd(profile, svd) != Status::ok ||
+          !(svd.values(1) * wahba_condition_limit<Scalar>() > svd.values(0))) {
         return Status::unbounded;
       }
+      attitude = svd.u * svd.v.transpose();
     }
     center = State{attitude, vector};
     return Status::ok;

@@ -19,15 +19,16 @@ struct Pushes {
   Scalar cubic_norm;
   Scalar fourth_norm;
 
-  /// \param largest_difference of δω over the step.
+  /// \param largest_angle of γ over the step.
+  /// \param largest_difference of δω over the step, for ‖u‖ ≤ 1.
   /// \return `invalid_inertia` if the inertia error reaches the least principal moment.
   template <typename Potential>
   [[nodiscard]] Status find(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
                             const BodyUncertainty<Scalar>& uncertainty, const LinearPart<Scalar>& linear,
-                            const Scalar& largest_difference) noexcept {
+                            const Scalar& largest_angle, const Scalar& largest_difference) noexcept {
     using Columns = typename LinearPart<Scalar>::Columns;
     Matrix3<Scalar> torque;
-    if (const Status status = unknown_torque(body, series, uncertainty, largest_difference, torque);
+    if (const Status status = unknown_torque(body, series, uncertainty, largest_angle, largest_difference, torque);
         status != Status::ok) {
       return status;
     }
@@ -131,12 +132,13 @@ struct StepBounds {
   }
 
   /// A displacement that is within what it was found for.
+  /// \param most what the displacement must be below.
   /// \return whether there is one: the set is else too large, or the step too long.
-  [[nodiscard]] bool close(Displacement<Scalar>& moved) const noexcept {
+  [[nodiscard]] bool close(const Scalar& most, Displacement<Scalar>& moved) const noexcept {
     Scalar eta = before + second_order.integral;
     for (int attempt = 0; attempt < 6; ++attempt) {
       moved = within(eta);
-      if (moved.all <= eta && eta < Scalar(1)) {
+      if (moved.all <= eta && eta < most) {
         return true;
       }
       eta = scalar::constant<Scalar>(1.02L) * moved.all;

@@ -53,12 +53,23 @@ template <typename Scalar, typename Potential>
   return forms;
 }
 
-/// The unknown torque, and the inertia error as a torque (theory, section 17.5).
+/// The unknown torque, what an expansion about one attitude lacks of the torque (theory, eq. 17.13), and the inertia error as a
+/// torque (theory, section 17.5).
+/// \param largest_angle of γ, and `largest_difference` half of that of δω, over the step.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status unknown_torque(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                                    const BodyUncertainty<Scalar>& uncertainty, const Scalar& largest_difference,
+                                    const BodyUncertainty<Scalar>& uncertainty,
+                                    [[maybe_unused]] const Scalar& largest_angle, const Scalar& largest_difference,
                                     Matrix3<Scalar>& shape) noexcept {
   shape = uncertainty.torque;
+  if constexpr (is_local<std::decay_t<decltype(series.torque)>>) {
+    const Scalar half = scalar::constant<Scalar>(0.5L) * series.step_powers[1];
+    // From the attitude of the expansion to the center's, at any time of the step.
+    const Scalar of_center = half * (Scalar(2) * series.largest_rate - series.rate_norms[0]) +
+                             rounding::share<Scalar>(rounding::series_attitude);
+    const Scalar remainder = series.torque.remainder(Scalar(of_center + largest_angle), half);
+    shape = sum_of_shapes(shape, Matrix3<Scalar>((remainder * remainder) * Matrix3<Scalar>::Identity()));
+  }
   if (!(uncertainty.inertia > Scalar(0))) {
     return Status::ok;
   }
@@ -72,10 +83,10 @@ template <typename Scalar, typename Potential>
   const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
   const Scalar gradient = series.acceleration.by_inertia * error;
   const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
-  const Scalar acceleration =
-      (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed + wheel * speed +
-       series.torque_bounds.largest + gradient + control + scalar::sqrt(Scalar(shape.trace()))) /
-      least_moment;
+  const Scalar acceleration = (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed +
+                               wheel * speed + series.torque_bounds.largest + series.torque_bounds.fixed + gradient +
+                               control + scalar::sqrt(Scalar(shape.trace()))) /
+                              least_moment;
   const Scalar ball = error * speed * speed + gradient + error * acceleration;
   shape = sum_of_shapes(shape, Matrix3<Scalar>((ball * ball) * Matrix3<Scalar>::Identity()));
   return Status::ok;
