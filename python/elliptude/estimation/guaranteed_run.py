@@ -45,7 +45,7 @@ class FilterInput:
     sensors: tuple[str, ...]
     """Their names."""
     vector_bound: float | None = None
-    """Bound of the gyro's bias, rad/s."""
+    """Bound of the gyro's bias, or of a body's angular velocity, rad/s."""
     estimates_vector: bool = True
     turns: Turns | None = None
     """If each row is predicted from an anchor, by a turn."""
@@ -263,7 +263,9 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
             motion["control_torque"] = log.control_torques
         if log.wheel_momenta is not None:
             motion["wheel_momentum"] = log.wheel_momenta
-        return FilterInput(log.times, flow.guaranteed(), motion, measured, names)
+        largest = flow.largest_rate_deg_per_s
+        bound = None if largest is None else float(np.deg2rad(largest))
+        return FilterInput(log.times, flow.guaranteed(), motion, measured, names, bound)
     assert log.rates is not None
     assert rows.gyro is not None
     if _anchor_duration(configuration) is not None:

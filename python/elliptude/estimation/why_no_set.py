@@ -40,6 +40,12 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
             hints.append(f"{name!r} contradicts its own bounds, and is left out at every row")
     if len(rows.names) < 2 or not (says.sum(axis=1) >= 2).any():
         hints.append("an attitude needs two directions at the same time, and no row has two that say something")
+    if _nothing_bounds_the_rate(run, configuration):
+        hints.append(
+            "the set holds the attitude and the angular velocity, and nothing bounds the angular velocity before the "
+            "first set: measure it ([rate]), or state the largest (flow.largest_rate_deg_per_s) or a set to start from "
+            "([start])"
+        )
     if isinstance(configuration.flow, GyroFlow) and rows.gyro is not None and log.rates is not None:
         speeds = np.linalg.norm(log.rates - rows.bias, axis=1)
         error = float(np.median(rows.gyro.rate_error(speeds, log.times - log.times[0])))
@@ -50,3 +56,11 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
                 "nothing of the turn"
             )
     return hints or ["no set could be formed from its bounds: `elliptude check` says what is suspicious"]
+
+
+def _nothing_bounds_the_rate(run: GuaranteedRun, configuration: Configuration) -> bool:
+    """Whether a rigid body's angular velocity is neither measured at any row, nor bounded by a statement."""
+    if isinstance(configuration.flow, GyroFlow) or run.start is not None or run.given.vector_bound is not None:
+        return False
+    measured = run.given.measured.get("angular_velocity")
+    return measured is None or not np.isfinite(measured).all(axis=-1).any()
