@@ -10,6 +10,8 @@ one item; those before them, if any, are a batch and broadcast as in NumPy.
 """
 
 import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from importlib import import_module
 from typing import Any
 
@@ -23,10 +25,13 @@ from elliptude._core import (
     GuaranteedRigidBodyFlow,
     GyroFlow,
     Integrator,
+    LinearPotential,
     Potential,
+    QuadraticPotential,
     Quadric,
     RigidBody,
     RigidBodyFlow,
+    StatedTorque,
     StateEllipsoid,
     SumPotential,
     UniformGravity,
@@ -105,13 +110,16 @@ __all__ = [
     "InconsistentMeasurement",
     "Integrator",
     "Intersection",
+    "LinearPotential",
     "Potential",
     "PrincipalAxes",
+    "QuadraticPotential",
     "Quadric",
     "RigidBody",
     "RigidBodyFlow",
     "RowError",
     "StateEllipsoid",
+    "StatedTorque",
     "SumPotential",
     "Trajectory",
     "UniformGravity",
@@ -121,6 +129,7 @@ __all__ = [
     "__version__",
     "add_cross_product",
     "ahrs",
+    "campaign",
     "cayley",
     "cayley_inverse",
     "exp",
@@ -196,13 +205,64 @@ def ahrs(
     ModuleNotFoundError
         If what it needs besides NumPy is not installed.
     """
-    # Not imported above: the library needs NumPy alone, and this call far more.
-    try:
-        call = import_module("elliptude.from_arrays.ahrs").ahrs
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"elliptude.ahrs needs {error.name}: pip install 'elliptude[cli]'", name=error.name
-        ) from error
+    call = _from_command_line("elliptude.from_arrays.ahrs", "ahrs")
     stated_units = {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit}
     result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible)
     return result
+
+
+def campaign(
+    settings: str | os.PathLike[str] | Mapping[str, Any],
+    out: str | os.PathLike[str],
+    *,
+    executor: Executor | None = None,
+    processes: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Many simulated runs with many settings, stored as Parquet; or the rest of a campaign that was interrupted.
+
+    It is what ``elliptude campaign`` does (docs/campaigns.md), and needs what the command line needs. A script calls it
+    below ``if __name__ == "__main__"``, as the processes that work import the script, too.
+
+    Parameters
+    ----------
+    settings : path-like or mapping
+        A TOML file, or what would be in one.
+    out : path-like
+        Folder of the results, made if it is missing.
+    executor : concurrent.futures.Executor, optional
+        Who works, such as ``distributed.Client(...).get_executor(pure=False)`` for a Dask cluster. If left out,
+        processes of this machine.
+    processes : int, optional
+        How many of these; one for each core if left out.
+    progress : callable, optional
+        Called with how many runs of cases are done, and how many there are.
+
+    Returns
+    -------
+    dict
+        What is in ``summary.json``.
+
+    Raises
+    ------
+    elliptude.io.files.FileError
+        If the settings or the folder are at fault, or parts of the work failed; what is done is kept.
+    TypeError, ValueError
+        If ``executor`` is none, or ``processes`` is not at least 1.
+    ModuleNotFoundError
+        If what it needs besides NumPy is not installed.
+    """
+    call = _from_command_line("elliptude.campaigns.campaign", "campaign")
+    options = {"executor": executor, "processes": processes, "progress": progress}
+    summary: dict[str, Any] = call(settings, out, **options)
+    return summary
+
+
+def _from_command_line(module: str, name: str) -> Any:
+    """A function that needs what the command line needs; the library needs NumPy alone."""
+    try:
+        return getattr(import_module(module), name)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"elliptude.{name} needs {error.name}: pip install 'elliptude[cli]'", name=error.name
+        ) from error

@@ -58,7 +58,12 @@ COMMANDS = {
         "spacecraft.",
     ),
     "validate": Command(
-        "validate", "validate", "Try to drive the truth out of the sets, with errors that keep their bounds."
+        "trials.validate", "validate", "Try to drive the truth out of the sets, with errors that keep their bounds."
+    ),
+    "campaign": Command(
+        "trials.campaign",
+        "campaign",
+        "Run scenarios with many settings and seeds, on all cores or on a cluster, and store what each run gave.",
     ),
     "bounds": Command(
         "bounds",

@@ -174,11 +174,24 @@ class GyroPlant:
 _UNKNOWN_TORQUE = 0.01
 
 
-def plant(case: Case) -> Plant:
-    """The body or gyro of a case."""
+def plant(case: Case, own: Scenario | None = None) -> Plant:
+    """The body or gyro of a case.
+
+    Parameters
+    ----------
+    case : Case
+    own : Scenario, optional
+        The scenario, with directions of its own, if it is not among those that are built in.
+
+    Returns
+    -------
+    Plant
+    """
+    bound = math.radians(case.bound_deg)
+    if own is not None:
+        return RigidBodyPlant(own, np.array(own.directions[case.directions]), bound, 0.0)
     orbit = scenarios.load("orbit")
     reference = np.array(orbit.directions[case.directions])
-    bound = math.radians(case.bound_deg)
     if case.scenario == "gyro":
         return GyroPlant(reference, bound, rate_bound=bound, noise=bound, drift=0.1 * bound)
     if case.scenario == "disturbed":

@@ -86,11 +86,12 @@ def commands(folder, out):
         "monitor": ("monitor", log, "--estimate", log, "--out", out),
         "simulate": ("simulate", "orbit", "--out", out),
         "validate": ("validate", "--out", out),
+        "campaign": ("campaign", log.with_suffix(".toml"), "--out", out),
         "demo": ("demo", "--out", out),
     }
 
 
-FOLDERS = ("report pictures", "estimate", "compare", "monitor", "simulate", "validate", "demo")
+FOLDERS = ("report pictures", "estimate", "compare", "monitor", "simulate", "validate", "campaign", "demo")
 
 
 @pytest.mark.parametrize("name", commands(Path("x"), Path("x")))
@@ -101,7 +102,7 @@ def test_an_output_that_cannot_be_written_fails_before_the_work(files, name):
         done = run(*commands(files, place)[name])
         assert done.exit_code == 1, done.output
         assert "not written" in done.output
-        assert "missing.csv" not in done.output
+        assert "missing." not in done.output
     assert sorted(files.rglob("*")) == before
 
 

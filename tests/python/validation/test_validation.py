@@ -9,9 +9,10 @@ import mpmath
 import numpy as np
 import pytest
 from elliptude import _core
-from elliptude.validation import adversary, monte_carlo, plants
+from elliptude.validation import adversary, filter_runs, judge, monte_carlo, plants, tally
 from elliptude.validation.adversary import Case
-from elliptude.validation.monte_carlo import Arguments, Runs
+from elliptude.validation.filter_runs import Runs
+from elliptude.validation.monte_carlo import Arguments
 from reference import so3
 
 LONG = np.longdouble
@@ -141,11 +142,11 @@ def test_form_in_the_chart_of_the_set(mode, scale):
         np.zeros((count, 1), np.uint8),
     )
     motion = adversary.Motion(true, np.zeros((count, 2, 3)), np.stack([0 * offsets[:, 3:], vector + offsets[:, 3:]], 1))
-    np.testing.assert_allclose(monte_carlo.forms(mode, runs, motion), 1.0, rtol=1e-9 + 1e-14 / scale)
+    np.testing.assert_allclose(filter_runs.forms(mode, runs, motion), 1.0, rtol=1e-9 + 1e-14 / scale)
     if mode == "first_order":
         ellipsoid = _core.StateEllipsoid(center, vector, root @ root.T)
         expected = ellipsoid.quadratic_form(motion.attitudes[:, 1], motion.vectors[:, 1])
-        np.testing.assert_allclose(monte_carlo.forms(mode, runs, motion)[:, 0], expected, rtol=1e-9 + 1e-14 / scale)
+        np.testing.assert_allclose(filter_runs.forms(mode, runs, motion)[:, 0], expected, rtol=1e-9 + 1e-14 / scale)
 
 
 def test_form_of_thin_sets_near_the_edge():
@@ -169,11 +170,11 @@ def test_form_of_thin_sets_near_the_edge():
             identity[:, 1:], np.zeros((1, 1, 3)), shape[None, None], np.ones((1, 1), bool), np.zeros((1, 1), np.uint8)
         )
         motion = adversary.Motion(identity, np.zeros((1, 2, 3)), np.broadcast_to(offset[3:], (1, 2, 3)))
-        np.testing.assert_allclose(monte_carlo.forms("guaranteed", runs, motion), expected, rtol=1e-8)
+        np.testing.assert_allclose(filter_runs.forms("guaranteed", runs, motion), expected, rtol=1e-8)
 
 
 def test_sets_that_are_none_are_not_passed_over():
-    claims = np.array([[monte_carlo.HOLDS, monte_carlo.HOLDS, monte_carlo.REFUSED, monte_carlo.HOLDS]], np.uint8)
+    claims = np.array([[filter_runs.HOLDS, filter_runs.HOLDS, filter_runs.REFUSED, filter_runs.HOLDS]], np.uint8)
     runs = Runs(
         *(np.zeros((1, 4, *rest)) for rest in ((3, 3), (3,), (6, 6))), used=np.zeros((1, 4), bool), claims=claims
     )
@@ -185,26 +186,26 @@ def test_sets_that_are_none_are_not_passed_over():
     attitudes = np.broadcast_to(np.eye(3), (1, 5, 3, 3)).copy()
     attitudes[0, 4] = np.diag([1.0, -1.0, -1.0])
     motion = adversary.Motion(attitudes, np.zeros((1, 5, 3)), np.full((1, 5, 3), 0.1))
-    values = monte_carlo.forms("guaranteed", runs, motion)[0]
+    values = filter_runs.forms("guaranteed", runs, motion)[0]
     np.testing.assert_allclose(values[0], 0.03)
     assert values[1] == np.inf
     assert np.isnan(values[2])
     assert values[3] == np.inf
-    tally = monte_carlo._Tally()
+    counted = tally.Tally()
     starts = adversary.Starts(*(np.zeros(1) for _ in range(4)), from_measurement=np.ones(1, bool))
-    tally.add(starts, runs, values[None])
+    counted.add(starts, runs, values[None])
     counts = {"updates": 4, "escapes": 3, "refused": 1, "without_set": 0, "failed": 0, "predictions": 3, "used": 0}
-    assert tally.counts == counts
-    claims[:] = [monte_carlo.WITHOUT_SET, monte_carlo.FAILED, monte_carlo.HOLDS, monte_carlo.WITHOUT_SET]
-    tally.add(starts, runs, values[None])
-    assert tally.counts == {name: count * 2 for name, count in counts.items()} | {
+    assert counted.counts == counts
+    claims[:] = [filter_runs.WITHOUT_SET, filter_runs.FAILED, filter_runs.HOLDS, filter_runs.WITHOUT_SET]
+    counted.add(starts, runs, values[None])
+    assert counted.counts == {name: count * 2 for name, count in counts.items()} | {
         "escapes": 4,
         "refused": 1,
         "without_set": 2,
         "failed": 1,
     }
-    assert tally.worst["form"] == np.inf
-    json.dumps(tally.to_dict(), allow_nan=False)
+    assert counted.worst["form"] == np.inf
+    json.dumps(counted.to_dict(), allow_nan=False)
 
 
 def test_sizes():
@@ -212,13 +213,13 @@ def test_sizes():
     root = rng.standard_normal((4, 2, 6, 6))
     shapes = root @ root.swapaxes(-1, -2)
     shapes[1, 1] = np.nan
-    found = monte_carlo.sizes("paper", shapes)
+    found = judge.sizes("paper", shapes)
     assert np.isnan(found[1, 1]).all()
     for i, j in ((0, 0), (3, 1)):
         p = shapes[i, j]
         angle = np.sqrt(np.linalg.eigvalsh(p[:3, :3])[-1])
         np.testing.assert_allclose(found[i, j], [np.trace(p), np.linalg.det(p) ** (1 / 12), angle], rtol=1e-9)
-        of_gibbs = monte_carlo.sizes("guaranteed", shapes)[i, j]
+        of_gibbs = judge.sizes("guaranteed", shapes)[i, j]
         np.testing.assert_allclose(of_gibbs, [found[i, j, 0], found[i, j, 1], 2 * np.arctan(angle / 2)], rtol=1e-9)
 
 
@@ -323,7 +324,7 @@ def test_results_are_a_function_of_the_arguments(monkeypatch):
 def test_histogram_and_worst_agree_with_the_counts():
     (case,) = validated(Case("orbit", "two", 20.0, "alternating"), "paper")["cases"]
     assert sum(case["histogram"]) == case["updates"] - case["failed"] - case["without_set"]
-    beyond = np.flatnonzero(monte_carlo.FORM_EDGES[:-1] > 0.999)
+    beyond = np.flatnonzero(judge.FORM_EDGES[:-1] > 0.999)
     assert sum(np.array(case["histogram"])[beyond]) == case["escapes"]
     assert 1 <= case["worst"]["update"] <= 12
     assert 0 <= case["worst"]["trial"] < 30
@@ -333,7 +334,7 @@ def test_a_run_that_gives_up_is_counted(monkeypatch):
     def refuse(*arguments, **options):
         raise ValueError("no")
 
-    monkeypatch.setattr(monte_carlo, "_first_order", refuse)
+    monkeypatch.setattr(filter_runs, "_first_order", refuse)
     summary = validated(Case("orbit", "two", 1.0, "inside"), "paper")
     assert summary["total"]["failed"] == summary["total"]["updates"] == 360
     assert summary["total"]["worst_form"] is None

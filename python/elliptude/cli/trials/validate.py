@@ -1,27 +1,25 @@
 """The command ``elliptude validate``."""
 
 import json
-import multiprocessing
-import os
-import signal
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 from rich import box
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import elliptude
+from elliptude.campaigns import engine
+from elliptude.campaigns.pieces import Piece
 from elliptude.cli.options import SummaryAsJson, quantity
 from elliptude.cli.outputs import require_outputs
+from elliptude.cli.trials.progress import progress_with_time_left
 from elliptude.io.files import FileError, write_json
-from elliptude.validation import adversary, monte_carlo, trial_kinds
+from elliptude.validation import adversary, monte_carlo, tally, trial_kinds
 from elliptude.validation.adversary import Case
 from elliptude.validation.judge import Mode
 from elliptude.validation.monte_carlo import Arguments
@@ -136,7 +134,7 @@ def validate(
     (out / _SUMMARY).unlink(missing_ok=True)
     console = Console(stderr=True)
     begin, before = time.monotonic(), len(done)
-    _run(arguments, done, out / _PROGRESS, processes or len(os.sched_getaffinity(0)), console)
+    _run(arguments, done, out / _PROGRESS, processes, console)
     elapsed = time.monotonic() - begin
     summary = monte_carlo.summarize(arguments, done)
     from elliptude.report import figures  # imports Matplotlib, which would slow every command
@@ -178,20 +176,20 @@ def _begun(out: Path, arguments: Arguments, force: bool) -> dict[str, Any]:
     return {name: chunk for name, chunk in done.items() if name in known}
 
 
-def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int, console: Console) -> None:
+def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int | None, console: Console) -> None:
     """Run the trials that are not done; however it ends, the file keeps the results."""
     all_chunks = list(monte_carlo.chunks(arguments))
-    left = [chunk for chunk in all_chunks if chunk[0] not in done]
+    pieces = [Piece(name, (arguments, case, number)) for name, case, number in all_chunks if name not in done]
+    results = engine.results(monte_carlo.validate_chunk, pieces, processes=processes)
 
     def keep() -> None:
         write_json(file, {"arguments": arguments.to_dict(), "done": done})
 
-    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn(), TimeRemainingColumn())
     kept = time.monotonic()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with progress_with_time_left(console) as progress, closing(results):
         task = progress.add_task("Validating", total=len(all_chunks), completed=len(done))
         try:
-            for name, result in _results(arguments, left, processes):
+            for name, result in results:
                 done[name] = result
                 progress.advance(task)
                 if time.monotonic() > kept + _KEEP_AFTER:
@@ -199,33 +197,6 @@ def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int,
                     kept = time.monotonic()
         finally:
             keep()
-
-
-def _results(
-    arguments: Arguments, left: list[tuple[str, Case, int]], processes: int
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name and result of each chunk, in the order in which they are ready."""
-    processes = min(processes, len(left))
-    if processes <= 1:
-        for name, case, number in left:
-            yield name, monte_carlo.validate_chunk(arguments, case, number)
-        return
-    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        # All processes start with the first task; they leave an interrupt to this one.
-        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            tasks = {
-                pool.submit(monte_carlo.validate_chunk, arguments, case, number): name for name, case, number in left
-            }
-        finally:
-            signal.signal(signal.SIGINT, handler)
-        for task in as_completed(tasks):
-            yield tasks[task], task.result()
-    except BrokenProcessPool as error:
-        raise FileError("a process has ended before its work was done; the same command goes on from there") from error
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 # --- the table --------------------------------------------------------------------------------------------------------
@@ -249,7 +220,7 @@ def _groups(
         groups.setdefault((case["kind"], case["scenario"], case["directions"], case["bound_deg"]), []).append(case)
     for group in groups.values():
         judged = [case for case in group if case["worst"] is not None]
-        yield group, monte_carlo.combine(group), max(judged, key=lambda case: case["worst"]["form"], default=None)
+        yield group, tally.combine(group), max(judged, key=lambda case: case["worst"]["form"], default=None)
 
 
 def _table_of_kinds(cases: list[dict[str, Any]]) -> Table:
@@ -320,7 +291,7 @@ def _print_total(summary: dict[str, Any]) -> None:
     if "honest" in kinds:
         typer.echo(
             "Used: the share of the predictions that went into the set. Trace, and radius of the ball of the same\n"
-            f"volume: means from the {monte_carlo.SETTLED_UPDATE}th update on, against mode paper and the measurements "
+            f"volume: means from the {tally.SETTLED_UPDATE}th update on, against mode paper and the measurements "
             "alone."
         )
     if total["liars"]:

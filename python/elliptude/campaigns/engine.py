@@ -1,0 +1,119 @@
+"""Runs pieces of work on this machine's cores, or on any executor: a cluster's, too.
+
+What a piece gives does not depend on who works, and each comes back once. One that fails is named in the end, after the
+others are done.
+"""
+
+import os
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from typing import Any
+
+from elliptude.campaigns.pieces import Failures, Piece
+from elliptude.campaigns.workers import Workers
+from elliptude.io.files import FileError
+
+AT_ONCE = 1000
+"""How many pieces an executor is given at a time: more than a cluster has workers."""
+
+
+def cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def require_workers(executor: object, processes: int | None) -> None:
+    """Raise TypeError or ValueError unless `results` takes these."""
+    if executor is not None and not isinstance(executor, Executor):
+        raise TypeError(
+            f"executor: a {type(executor).__name__} is no concurrent.futures.Executor; a Dask client makes one with "
+            "get_executor(pure=False)"
+        )
+    if processes is not None and processes < 1:
+        raise ValueError(f"processes: {processes} is not at least 1")
+
+
+def results(
+    function: Callable[..., Any],
+    pieces: Iterable[Piece],
+    *,
+    executor: Executor | None = None,
+    processes: int | None = None,
+) -> Generator[tuple[str, Any], None, None]:
+    """Call a function for each piece of work.
+
+    Parameters
+    ----------
+    function : callable
+        Importable by its name, as workers are other processes.
+    pieces : iterable of Piece
+        Their names differ.
+    executor : concurrent.futures.Executor, optional
+        Who works. It stays open. If left out, processes of this machine, which end with this call.
+    processes : int, optional
+        How many of these; one for each core if left out. A single one is this process.
+
+    Yields
+    ------
+    name : str
+    result
+        What the function returned, in the order in which it is ready.
+
+    Raises
+    ------
+    FileError
+        After all others are done, if pieces failed, naming them; at once if the executor is broken, or if so many
+        fail that the fault is elsewhere.
+    """
+    waiting = deque(pieces)
+    processes = min(cores() if processes is None else processes, len(waiting))
+    if executor is not None:
+        yield from _on_executor(function, waiting, executor)
+    elif processes > 1:
+        yield from Workers(function, waiting, processes).results()
+    else:
+        yield from _here(function, waiting)
+
+
+def _here(function: Callable[..., Any], pieces: Iterable[Piece]) -> Iterator[tuple[str, Any]]:
+    failures = Failures()
+    for piece in pieces:
+        try:
+            result = function(*piece.arguments)
+        except Exception as error:
+            failures.add(piece, _reason(error))
+            continue
+        yield piece.name, result
+    failures.complain()
+
+
+def _on_executor(function: Callable[..., Any], waiting: deque[Piece], executor: Executor) -> Iterator[tuple[str, Any]]:
+    running: dict[Future[Any], Piece] = {}
+    failures = Failures()
+    try:
+        while waiting or running:
+            while waiting and len(running) < AT_ONCE:
+                running[executor.submit(function, *waiting[0].arguments)] = waiting[0]
+                waiting.popleft()
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                piece = running.pop(future)
+                try:
+                    result = future.result()
+                except (BrokenExecutor, CancelledError):
+                    raise
+                except Exception as error:
+                    failures.add(piece, _reason(error))
+                    continue
+                yield piece.name, result
+    except (BrokenExecutor, CancelledError) as error:
+        raise FileError(f"the executor has broken ({_reason(error)}); the same command goes on from there") from error
+    finally:
+        for future in running:
+            future.cancel()
+    failures.complain()
+
+
+def _reason(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,1 @@
+"""Commands that simulate many runs: ``elliptude validate`` and ``elliptude campaign``."""

@@ -1,0 +1,45 @@
+"""Pieces of work for tests of the engine of campaigns: worker processes import them by name."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def square(number):
+    return os.getpid(), number * number
+
+
+def large(number):
+    """More than a pipe holds, so that the worker waits until it is read."""
+    return bytes(1 << 20) + bytes([number])
+
+
+def die_at_three(number):
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def die_once(number, folder):
+    """At piece 3, and only the first time."""
+    marker = Path(folder) / "died"
+    if number == 3 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def die(number):
+    os._exit(1)
+
+
+def fail_at_odd(number):
+    if number % 2:
+        raise ArithmeticError(f"{number} is odd")
+    return number
+
+
+def note_and_work_shortly(number, folder):
+    (Path(folder) / "notes" / f"{os.getpid()}").touch()
+    time.sleep(0.2)
