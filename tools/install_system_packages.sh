@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells flight
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -39,6 +39,12 @@ for purpose in "$@"; do
         shells)
             need_command zsh zsh
             need_command fish fish
+            ;;
+        flight)
+            need_command arm-none-eabi-g++ gcc-arm-none-eabi
+            need_package libnewlib-arm-none-eabi
+            need_package libstdc++-arm-none-eabi-newlib
+            need_command qemu-system-arm qemu-system-arm
             ;;
         *)
             echo "unknown purpose: $purpose" >&2

@@ -52,7 +52,7 @@ TEST_CASE("weights of any size solve the same problem of Wahba or are refused") 
     Matrix<double, 3, 4> reference = truth * body;
     reference += 0.01 * random.normal_matrix<3, 4>();
     const Vector<double, 4> weights(1, 2, 0.5, 1.5);
-    for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::davenport, WahbaMethod::qr}) {
+    for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::foam, WahbaMethod::davenport, WahbaMethod::qr}) {
       WahbaSolution<double> usual;
       if (solve_wahba(reference, body, weights, method, usual) != Status::ok) {
         continue;  // det L is not positive

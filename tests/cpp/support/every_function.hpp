@@ -217,7 +217,7 @@ void use_wahba(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   RotationSvd<Scalar> svd;
   tally.add(rotation_svd(profile, svd));
   tally.add(svd.u);
-  for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::davenport, WahbaMethod::qr}) {
+  for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::foam, WahbaMethod::davenport, WahbaMethod::qr}) {
     WahbaSolution<Scalar> solution;
     tally.add(solve_wahba(three.reference, three.body, weights, method, solution));
     tally.add(solution.attitude);
@@ -464,8 +464,19 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   GravityGradient<Scalar> gradient;
   tally.add(GravityGradient<Scalar>::make(body, Scalar(1), Matrix3<Scalar>::Identity(), gradient));
   // One flow with every kind of potential: each flow is long to compile.
-  using Sum = SumPotential<FreeBody<Scalar>, UniformGravity<Scalar>, GravityGradient<Scalar>>;
-  use_guaranteed_body(seeds, body, Sum(FreeBody<Scalar>{}, gravity, gradient), tally);
+  TurningDirection<Scalar> direction;
+  tally.add(TurningDirection<Scalar>::make(Vector3<Scalar>::UnitX(), Vector3<Scalar>::UnitZ(), direction));
+  LinearPotential<Scalar> linear;
+  tally.add(LinearPotential<Scalar>::make(seeds.zeta, direction, linear));
+  QuadraticPotential<Scalar> quadratic;
+  tally.add(QuadraticPotential<Scalar>::make(body.inertia(), direction, quadratic));
+  using Stated = StatedTorque<Scalar, QuadraticPotential<Scalar>>;
+  Stated stated;
+  tally.add(Stated::make(quadratic, {quadratic.torque_curvature_bound(), Scalar(1), Scalar(0)}, stated));
+  tally.add(stated.energy(Matrix3<Scalar>::Identity(), Scalar(1)));
+  using Sum = SumPotential<FreeBody<Scalar>, UniformGravity<Scalar>, GravityGradient<Scalar>, LinearPotential<Scalar>,
+                           QuadraticPotential<Scalar>, Stated>;
+  use_guaranteed_body(seeds, body, Sum(FreeBody<Scalar>{}, gravity, gradient, linear, quadratic, stated), tally);
 
   using Flow = GuaranteedGyroFlow<Scalar>;
   const Matrix3<Scalar> small = scalar::constant<Scalar>(1e-4L) * Matrix3<Scalar>::Identity();
