@@ -18,9 +18,9 @@ import mekf
 import numpy as np
 from elliptude import _core
 from elliptude.report import figures
-from elliptude.validation import adversary, monte_carlo, plants
+from elliptude.validation import adversary, filter_runs, judge, plants, tally
 from elliptude.validation.adversary import Case, Measured, Plant, Starts
-from elliptude.validation.monte_carlo import Runs
+from elliptude.validation.filter_runs import Runs
 from elliptude.validation.plants import GyroPlant, RigidBodyPlant
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
         vectors=np.empty((count, rows - 1, 3)),
         shapes=np.empty((count, rows - 1, 6, 6)),
         used=np.ones((count, rows - 1), bool),
-        claims=np.full((count, rows - 1), monte_carlo.HOLDS, np.uint8),
+        claims=np.full((count, rows - 1), filter_runs.HOLDS, np.uint8),
     )
     if isinstance(of, GyroPlant):
         estimates = mekf.MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)
@@ -85,26 +85,24 @@ def compare(case: Case, trials: int, seed: int) -> dict[str, dict[str, float]]:
     motion = of.motion(starts, errors)
     measured = adversary.measure(of, motion, errors)
     found = {}
-    modes: list[monte_carlo.Mode] = ["paper", "first_order"]
+    modes: list[judge.Mode] = ["paper", "first_order"]
     if hasattr(el, "GuaranteedFilter"):
         modes.append("guaranteed")
     for mode in modes:
-        runs = monte_carlo.run(of, mode, starts, measured)
-        found[mode] = _figures(mode, runs, monte_carlo.forms(mode, runs, motion))
+        runs = filter_runs.run(of, mode, starts, measured)
+        found[mode] = _figures(mode, runs, filter_runs.forms(mode, runs, motion))
     covariances = kalman(of, starts, measured)
-    values = monte_carlo.forms("first_order", covariances, motion)
+    values = filter_runs.forms("first_order", covariances, motion)
     for name, level in REGIONS.items():
         region = dataclasses.replace(covariances, shapes=level * covariances.shapes)
         found[name] = _figures("first_order", region, values / level)
     return found
 
 
-def _figures(mode: monte_carlo.Mode, runs: Runs, values: Any) -> dict[str, float]:
-    trace, radius, angle = np.nanmean(
-        monte_carlo.sizes(mode, runs.shapes[:, monte_carlo.SETTLED_UPDATE - 1 :]), axis=(0, 1)
-    )
+def _figures(mode: judge.Mode, runs: Runs, values: Any) -> dict[str, float]:
+    trace, radius, angle = np.nanmean(judge.sizes(mode, runs.shapes[:, tally.SETTLED_UPDATE - 1 :]), axis=(0, 1))
     return {
-        "outside": 100.0 * float(np.mean(~(values <= 1.0) & (runs.claims != monte_carlo.WITHOUT_SET))),
+        "outside": 100.0 * float(np.mean(~(values <= 1.0) & (runs.claims != filter_runs.WITHOUT_SET))),
         "worst": float(np.nanmax(values)),
         "trace": float(trace),
         "radius": float(radius),
@@ -150,7 +148,7 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="PNG to write")
     arguments = parser.parse_args()
     results = {}
-    print(f"{arguments.trials} trials of {UPDATES} updates a case; sizes from update {monte_carlo.SETTLED_UPDATE} on")
+    print(f"{arguments.trials} trials of {UPDATES} updates a case; sizes from update {tally.SETTLED_UPDATE} on")
     print("scenario  dirs   bound  errors        estimator     outside   worst form     trace    radius  largest angle")
     for scenario in ("orbit", "pendulum", "free", "gyro"):
         for directions in ("two", "three"):

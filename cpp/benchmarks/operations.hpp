@@ -509,7 +509,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 41> all{{
+inline constexpr std::array<Operation, 43> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
@@ -539,6 +539,8 @@ inline constexpr std::array<Operation, 41> all{{
     {"guaranteed_cycle_with_bounds_volume", guaranteed_cycle<Kind::volume, true>},
     {"wahba_svd_3_directions", wahba<WahbaMethod::svd, 3>},
     {"wahba_svd_5_directions", wahba<WahbaMethod::svd, 5>},
+    {"wahba_foam_3_directions", wahba<WahbaMethod::foam, 3>},
+    {"wahba_foam_5_directions", wahba<WahbaMethod::foam, 5>},
     {"wahba_davenport_3_directions", wahba<WahbaMethod::davenport, 3>},
     {"wahba_set_3_directions", set_of_directions<ExponentialChart, SetWeights::given, 3>},
     {"wahba_set_5_directions", set_of_directions<ExponentialChart, SetWeights::given, 5>},

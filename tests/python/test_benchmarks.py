@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from elliptude.validation import adversary, monte_carlo, plants
+from elliptude.validation import adversary, filter_runs, plants
 from elliptude.validation.adversary import Case
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -44,7 +44,7 @@ def test_mekf_is_consistent_under_the_noise_that_it_is_told(comparison, scenario
     errors = adversary.Errors(**normal)
     motion = of.motion(starts, errors)
     runs = comparison.kalman(of, starts, adversary.measure(of, motion, errors))
-    values = monte_carlo.forms("first_order", runs, motion)
+    values = filter_runs.forms("first_order", runs, motion)
     np.testing.assert_allclose(values[:, [0, 5, -1]].mean(axis=0), 6.0, atol=5 * np.sqrt(12 / count))
     outside = np.mean(values > comparison.REGIONS["MEKF 3σ"])
     np.testing.assert_allclose(outside, 0.1736, atol=0.04)
