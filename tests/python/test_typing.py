@@ -3,6 +3,7 @@
 import doctest
 import importlib.metadata
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -35,6 +36,26 @@ def run(*arguments, folder=ROOT):
 @needs_mypy
 def test_mypy_strict():
     run("mypy")
+
+
+def programs(page):
+    """The programs of a page: each block, or its examples one after the other."""
+    found = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    session = [example.source for block in found for example in doctest.DocTestParser().get_examples(block)]
+    return ["".join(session)] if session else found
+
+
+@needs_mypy
+def test_the_programs_of_the_pages_are_strict(tmp_path):
+    """What a reader copies from the guide, the README and other pages passes the strict mode of mypy."""
+    count = 0
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        for program in programs(page):
+            count += 1
+            (tmp_path / f"{page.stem}_{count}.py").write_text(program, encoding="utf-8")
+    assert {"README", "guide", "library", "monitor"} <= {path.stem.rsplit("_", 1)[0] for path in tmp_path.glob("*.py")}
+    files = sorted(path.name for path in tmp_path.glob("*.py"))
+    run("mypy", "--strict", "--config-file", str(ROOT / "pyproject.toml"), *files, folder=tmp_path)
 
 
 @needs_mypy

@@ -1,34 +1,16 @@
-"""The report in Chromium without a network: it draws, says nothing on the console, and its slider moves the patches.
-
-Set ELLIPTUDE_NEEDS_BROWSER (as .ci/run does) to fail instead of skip where there is no browser. Screenshots are left in
-ELLIPTUDE_SCREENSHOTS, if that names a folder.
-"""
+"""The report in Chromium without a network: it draws, says nothing on the console, and its slider moves the patches."""
 
 import dataclasses
-import os
-import shutil
 import time
-from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
+from browsers import chromium, offline, screenshots
 from elliptude.report import page as report
 from elliptude.report.run import DroppedMeasurements
 from test_run_figures import full_run
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-NEEDED = bool(os.environ.get("ELLIPTUDE_NEEDS_BROWSER"))
-
-if CHROMIUM is None and not NEEDED:
-    pytest.skip("no Chromium: tools/install_system_packages.sh browser", allow_module_level=True)
-if not NEEDED:
-    pytest.importorskip("playwright.sync_api", reason="no playwright: pip install playwright")
-
-from playwright.sync_api import sync_playwright  # noqa: E402
-
-# Drawn by the processor: machines that test have no graphics card. Root needs the second.
-ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 PATCH = (
     "() => [3, 4, 5].map((i) => ['x', 'y', 'z'].map((c) => Array.from(document.getElementById('sphere').data[i][c])))"
 )
@@ -37,11 +19,8 @@ WAIT_S = 120
 
 @pytest.fixture(scope="module")
 def browser():
-    assert CHROMIUM is not None, "ELLIPTUDE_NEEDS_BROWSER is set, but there is no Chromium"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -66,26 +45,17 @@ def written(tmp_path_factory):
 @pytest.fixture
 def opened(browser, written, request):
     """The page, with all that it said and asked for."""
-    context = browser.new_context(
-        offline=True, **getattr(request, "param", {"viewport": {"width": 1100, "height": 900}})
-    )
-    page = context.new_page()
-    page.set_default_timeout(1000 * WAIT_S)
-    said, asked = [], []
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(written.as_uri())
-    until(page, "document.documentElement.dataset.ready === 'true'")
-    yield page
-    context.close()
-    assert said == []
-    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+    settings = getattr(request, "param", {"viewport": {"width": 1100, "height": 900}})
+    with offline(browser, **settings) as page:
+        page.set_default_timeout(1000 * WAIT_S)
+        page.goto(written.as_uri())
+        until(page, "document.documentElement.dataset.ready === 'true'")
+        yield page
 
 
 def shot(page, name, folder):
     """The picture of the page, as an array."""
-    path = Path(os.environ.get("ELLIPTUDE_SCREENSHOTS", folder)) / name
+    path = screenshots(folder) / name
     page.screenshot(path=path, full_page=True)
     return matplotlib.image.imread(path)
 
