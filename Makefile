@@ -47,7 +47,7 @@ test-python: $(VENV)/package ## The Python tests alone
 	.venv/bin/python -m pytest $(PYTEST_SPREAD)
 
 .PHONY: requirements
-requirements: $(VENV)/dev $(VENV)/compare ## Install all that any test needs, so that none is skipped
+requirements: $(VENV)/dev $(VENV)/compare $(VENV)/docs ## Install all that any test needs, so that none is skipped
 
 FUZZ_SECONDS ?= 600
 FUZZ_PRESET ?= fuzz
@@ -67,6 +67,10 @@ wheel: $(VENV)/wheel ## Build a wheel for any Linux since glibc 2.17 in dist/, a
 	rm -rf build/wheel/alone
 	PYTHON=.venv/bin/python ELLIPTUDE_WHEEL_SECONDS=30 tests/packaging/wheel.sh "$$(ls -t dist/elliptude-*.whl | head -n 1)" build/wheel/alone
 
+.PHONY: site
+site: $(VENV)/package $(VENV)/docs ## Build the documentation's site in build/site, and run its notebooks
+	tools/build_site.sh .venv/bin/python build/site
+
 .PHONY: demo
 demo: $(VENV)/package ## Estimate attitudes of a simulated spacecraft, a pendulum and the Fermi spacecraft: pictures in build/demo
 	.venv/bin/elliptude demo --out build/demo
@@ -82,6 +86,18 @@ instructions: $(SYSTEM)-test $(SYSTEM)-bench ## Count the instructions of each o
 	cmake --preset bench
 	cmake --build --preset bench --target instructions_core
 	tools/count_instructions.sh build/bench/cpp/benchmarks/instructions_core
+
+# Programs of cpp/examples/bare_metal, such as m7/paper; all, unless some are named.
+FLIGHT ?=
+.PHONY: flight
+flight: $(SYSTEM)-test $(SYSTEM)-flight ## Filters on two bare microcontrollers, in QEMU: their bits as here, what they cost within limits
+	$(PYTHON) tools/flight.py $(if $(FLIGHT),--only $(FLIGHT))
+
+.PHONY: compare
+compare: $(SYSTEM)-test $(SYSTEM)-bench $(VENV)/package $(VENV)/peers ## Measure beside what a user would take instead, as ratios: docs/performance.md
+	cmake --preset bench
+	cmake --build --preset bench
+	.venv/bin/python benchmarks/compare_peers.py --programs build/bench/cpp/benchmarks --page docs/performance.md
 
 .PHONY: mutate
 mutate: $(SYSTEM)-test $(VENV)/package ## Change the source as a person might by mistake, place by place, and see whether a test notices
@@ -124,6 +140,14 @@ $(VENV)/dev: $(VENV)/requirements
 
 $(VENV)/compare: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py compare)
+	touch $@
+
+$(VENV)/docs: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py docs)
+	touch $@
+
+$(VENV)/peers: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py best peers)
 	touch $@
 
 $(VENV)/wheel: $(VENV)/requirements

@@ -1,8 +1,7 @@
-"""The guide's commands, programs and numbers, and the notebook."""
+"""The guide's commands, programs and numbers."""
 
 import doctest
 import json
-import os
 import re
 import shlex
 import subprocess
@@ -14,7 +13,6 @@ import pytest
 ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "docs" / "guide.md"
 TEXT = GUIDE.read_text(encoding="utf-8")
-NOTEBOOK = ROOT / "docs" / "notebooks" / "first_estimate.ipynb"
 
 
 def blocks(language):
@@ -67,28 +65,3 @@ def test_the_files_that_it_names_exist():
     headings = re.findall(r"^## (.*)$", TEXT, flags=re.MULTILINE)
     anchors = {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
     assert set(re.findall(r"\]\(#([^)]+)\)", TEXT)) == anchors
-
-
-def test_the_notebook_has_no_outputs():
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-    code = [cell for cell in cells if cell["cell_type"] == "code"]
-    assert len(code) >= 5
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
-
-
-# A kernel and its client leave sockets to the garbage collector, and look for files that the user may have.
-@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::RuntimeWarning")
-def test_the_notebook_runs(tmp_path, monkeypatch):
-    nbformat = pytest.importorskip("nbformat")
-    nbclient = pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
-    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
-    # The kernel finds the package where this process does.
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
-    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
-    assert any("image/png" in output.get("data", {}) for output in outputs)
-    said = "".join(output.get("text", "") for output in outputs)
-    assert "inside at every row: True" in said
-    assert "gravity, compass: unconditional" in said

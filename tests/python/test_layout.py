@@ -17,8 +17,8 @@ FLOORS = (
     {"logs"},
     {"estimation"},
     {"simulation", "smoothing"},
-    {"validation", "proposal", "calibration"},
-    {"report", "from_arrays"},
+    {"validation", "proposal", "calibration", "report"},
+    {"campaigns", "from_arrays"},
     {"cli"},
 )
 """Folders from the ground up. A module imports from its own folder and from floors below."""
