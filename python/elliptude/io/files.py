@@ -1,5 +1,6 @@
 """Errors of files, and files that are written whole or not at all."""
 
+import atexit
 import difflib
 import errno
 import json
@@ -84,22 +85,42 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the system refuses: no such folder, no permission, no space.
     """
     final = Path(path)
-    temporary = _beside(final)
     try:
-        temporary.touch(exist_ok=False)
-        yield temporary
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        temporary.replace(final)
+        with _temporary(final) as temporary:
+            yield temporary
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.replace(final)
     except OSError as error:
         raise FileError(f"{final}: not written: {system_fault(error)}") from error
-    finally:
+
+
+_unfinished: set[Path] = set()
+"""Temporary files of this process. An interrupt can come between two steps of a `with` statement itself, where nothing
+removes them before the program ends."""
+os.register_at_fork(after_in_child=_unfinished.clear)
+
+
+@atexit.register
+def _remove_unfinished() -> None:
+    for temporary in _unfinished:
         temporary.unlink(missing_ok=True)
 
 
-def _beside(final: Path) -> Path:
-    """A new name in the same folder. Not from `tempfile`: only the owner may read its files."""
-    return final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
+@contextmanager
+def _temporary(final: Path) -> Iterator[Path]:
+    """A new file in the same folder, for the time of the block.
+
+    Not from `tempfile`: only the owner may read its files.
+    """
+    temporary = final.with_name(f".{final.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        _unfinished.add(temporary)
+        temporary.touch(exist_ok=False)
+        yield temporary
+    finally:
+        temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
 
 
 def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = False) -> None:
@@ -121,10 +142,9 @@ def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = Fals
         raise FileError(f"{final}: not written: it is a folder")
     while makes_folders and not tried.parent.exists():
         tried = tried.parent
-    trial = _beside(tried)
     try:
-        trial.touch(exist_ok=False)
-        trial.unlink()
+        with _temporary(tried):
+            pass
     except OSError as error:
         raise FileError(f"{final}: not written: {system_fault(error)}") from error
 
