@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from elliptude._core import (
     DirectionFilter,
@@ -84,6 +84,9 @@ from elliptude.results import (
     WahbaSet,
     WahbaSolution,
 )
+
+if TYPE_CHECKING:
+    import distributed
 
 __all__ = [
     "AhrsResult",
@@ -215,7 +218,7 @@ def campaign(
     settings: str | os.PathLike[str] | Mapping[str, Any],
     out: str | os.PathLike[str],
     *,
-    executor: Executor | None = None,
+    executor: "Executor | distributed.Client | None" = None,
     processes: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
@@ -230,9 +233,8 @@ def campaign(
         A TOML file, or what would be in one.
     out : path-like
         Folder of the results, made if it is missing.
-    executor : concurrent.futures.Executor, optional
-        Who works, such as ``distributed.Client(...).get_executor(pure=False)`` for a Dask cluster. If left out,
-        processes of this machine.
+    executor : concurrent.futures.Executor or distributed.Client, optional
+        Who works: a Dask cluster by its client, for one. If left out, processes of this machine.
     processes : int, optional
         How many of these; one for each core if left out.
     progress : callable, optional
@@ -248,7 +250,7 @@ def campaign(
     elliptude.io.files.FileError
         If the settings or the folder are at fault, or parts of the work failed; what is done is kept.
     TypeError, ValueError
-        If ``executor`` is none, or ``processes`` is not at least 1.
+        If ``executor`` is neither, or ``processes`` is not at least 1.
     ModuleNotFoundError
         If what it needs besides NumPy is not installed.
     """

@@ -6,7 +6,7 @@ from concurrent.futures import Executor
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import elliptude
 from elliptude.campaigns import engine
@@ -17,12 +17,15 @@ from elliptude.campaigns.store import PAGE, SUMMARY, Store, open_store
 from elliptude.campaigns.summary import summarize
 from elliptude.io.files import write_json
 
+if TYPE_CHECKING:
+    import distributed
+
 
 def campaign(
     settings: str | os.PathLike[str] | Mapping[str, Any] | Plan,
     out: str | os.PathLike[str],
     *,
-    executor: Executor | None = None,
+    executor: "Executor | distributed.Client | None" = None,
     processes: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
@@ -40,7 +43,11 @@ def campaign(
 
 
 def _run(
-    plan: Plan, store: Store, executor: Executor | None, processes: int | None, progress: Callable[[int, int], None]
+    plan: Plan,
+    store: Store,
+    executor: "Executor | distributed.Client | None",
+    processes: int | None,
+    progress: Callable[[int, int], None],
 ) -> None:
     """Run the blocks that are not there."""
     blocks = {block.name: block for block in plan.blocks()}

@@ -8,11 +8,15 @@ import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from elliptude.campaigns.cluster import ClusterExecutor
 from elliptude.campaigns.pieces import Failures, Piece
 from elliptude.campaigns.workers import Workers
 from elliptude.io.files import FileError
+
+if TYPE_CHECKING:
+    import distributed
 
 AT_ONCE = 1000
 """How many pieces an executor is given at a time: more than a cluster has workers."""
@@ -25,20 +29,29 @@ def cores() -> int:
 
 def require_workers(executor: object, processes: int | None) -> None:
     """Raise TypeError or ValueError unless `results` takes these."""
-    if executor is not None and not isinstance(executor, Executor):
+    kind = type(executor)
+    if kind.__module__.startswith("distributed.") and kind.__name__ == "ClientExecutor":
         raise TypeError(
-            f"executor: a {type(executor).__name__} is no concurrent.futures.Executor; a Dask client makes one with "
-            "get_executor(pure=False)"
+            "executor: Dask's ClientExecutor waits for ever for a result that was lost; give the client itself"
+        )
+    if executor is not None and not isinstance(executor, Executor) and not _is_dask_client(executor):
+        raise TypeError(
+            f"executor: a {kind.__name__} is neither a concurrent.futures.Executor nor a distributed.Client"
         )
     if processes is not None and processes < 1:
         raise ValueError(f"processes: {processes} is not at least 1")
+
+
+def _is_dask_client(executor: object) -> bool:
+    kinds = type(executor).__mro__
+    return any(kind.__module__ == "distributed.client" and kind.__name__ == "Client" for kind in kinds)
 
 
 def results(
     function: Callable[..., Any],
     pieces: Iterable[Piece],
     *,
-    executor: Executor | None = None,
+    executor: "Executor | distributed.Client | None" = None,
     processes: int | None = None,
 ) -> Generator[tuple[str, Any], None, None]:
     """Call a function for each piece of work.
@@ -49,7 +62,7 @@ def results(
         Importable by its name, as workers are other processes.
     pieces : iterable of Piece
         Their names differ.
-    executor : concurrent.futures.Executor, optional
+    executor : concurrent.futures.Executor or distributed.Client, optional
         Who works. It stays open. If left out, processes of this machine, which end with this call.
     processes : int, optional
         How many of these; one for each core if left out. A single one is this process.
@@ -69,7 +82,8 @@ def results(
     waiting = deque(pieces)
     processes = min(cores() if processes is None else processes, len(waiting))
     if executor is not None:
-        yield from _on_executor(function, waiting, executor)
+        workers = executor if isinstance(executor, Executor) else ClusterExecutor(executor)
+        yield from _on_executor(function, waiting, workers)
     elif processes > 1:
         yield from Workers(function, waiting, processes).results()
     else:

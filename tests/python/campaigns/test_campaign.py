@@ -397,7 +397,9 @@ def test_settings_that_do_not_fit(tmp_path, changed, words):
 def test_workers_that_are_none(tmp_path):
     with pytest.raises(ValueError, match="processes: 0 is not at least 1"):
         el.campaign(settings(), tmp_path / "out", processes=0)
-    with pytest.raises(TypeError, match=r"executor: a int is no concurrent.futures.Executor; a Dask client makes one"):
+    with pytest.raises(
+        TypeError, match=r"executor: a int is neither a concurrent.futures.Executor nor a distributed.Client"
+    ):
         el.campaign(settings(), tmp_path / "out", executor=4)
     assert not (tmp_path / "out").exists()
 

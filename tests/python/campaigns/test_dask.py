@@ -111,12 +111,13 @@ def test_a_scheduler_that_ends_ends_the_campaign_with_a_message(tmp_path, cluste
     assert "the same command goes on from there" in " ".join(errors.split())
 
 
-@pytest.mark.parametrize("cluster", ["nanny"], indirect=True)
-def test_a_piece_that_kills_its_workers_is_named(tmp_path, cluster):
-    """After the others are done. In a process of its own, because Dask's threads outlive the test."""
-    file, _, _ = cluster
-    wait_until(file.exists)
+def run_pieces(file, call):
+    """What `engine.results` says of eight pieces, and those that came back.
+
+    In a process of its own, because Dask's threads outlive the test.
+    """
     program = f"""
+        import functools
         import campaign_work
         from distributed import Client
         from elliptude.campaigns import engine
@@ -126,9 +127,8 @@ def test_a_piece_that_kills_its_workers_is_named(tmp_path, cluster):
         found = []
         with Client(scheduler_file={str(file)!r}) as client:
             pieces = [Piece(f"piece {{n}}", (n,)) for n in range(8)]
-            executor = client.get_executor(pure=False)
             try:
-                found.extend(engine.results(campaign_work.die_at_three, pieces, executor=executor))
+                found.extend(engine.results({call}, pieces, executor=client))
             except FileError as error:
                 print(error)
         print(sorted(square for _, (_, square) in found))
@@ -142,8 +142,35 @@ def test_a_piece_that_kills_its_workers_is_named(tmp_path, cluster):
         check=True,
     )
     said, found = done.stdout.splitlines()
+    return said, json.loads(found)
+
+
+@pytest.mark.parametrize("cluster", ["nanny"], indirect=True)
+def test_a_piece_that_kills_its_workers_is_named(cluster):
+    """After the others are done."""
+    file, _, _ = cluster
+    wait_until(file.exists)
+    said, found = run_pieces(file, "campaign_work.die_at_three")
     assert said.startswith("1 piece of the work failed: piece 3: KilledWorker: ")
-    assert json.loads(found) == [n * n for n in range(8) if n != 3]
+    assert found == [n * n for n in range(8) if n != 3]
+
+
+def test_a_piece_whose_result_is_lost_and_that_fails_then_is_named(tmp_path, cluster):
+    """Dask's own executor would wait for it for ever."""
+    file, _, _ = cluster
+    wait_until(file.exists)
+    call = f"functools.partial(campaign_work.die_with_the_result_and_fail_again, folder={str(tmp_path)!r})"
+    said, found = run_pieces(file, call)
+    assert (tmp_path / "died").exists()
+    assert said.startswith("1 piece of the work failed: piece 3: ArithmeticError: 3 again. ")
+    assert found == [n * n for n in range(8) if n != 3]
+
+
+def test_dasks_own_executor_is_refused(tmp_path, config):
+    from distributed.cfexecutor import ClientExecutor
+
+    with pytest.raises(TypeError, match=r"executor: Dask's ClientExecutor waits for ever .* give the client itself"):
+        el.campaign(config, tmp_path / "out", executor=ClientExecutor(None))
 
 
 @pytest.mark.parametrize(

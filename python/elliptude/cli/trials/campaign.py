@@ -2,10 +2,9 @@
 
 import json
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -17,6 +16,9 @@ from elliptude.cli.options import SummaryAsJson
 from elliptude.cli.outputs import require_outputs
 from elliptude.cli.trials.progress import progress_with_time_left
 from elliptude.io.files import FileError
+
+if TYPE_CHECKING:
+    import distributed
 
 # How long a scheduler may take to answer, s.
 _ANSWERS_WITHIN = 20
@@ -95,8 +97,8 @@ def campaign(
 
 
 @contextmanager
-def _workers(dask: str | None) -> Iterator[Executor | None]:
-    """The executor of a cluster; None for processes of this machine."""
+def _workers(dask: str | None) -> Iterator["distributed.Client | None"]:
+    """The client of a cluster; None for processes of this machine."""
     if dask is None:
         yield None
         return
@@ -113,7 +115,7 @@ def _workers(dask: str | None) -> Iterator[Executor | None]:
     except (OSError, ValueError, TypeError) as error:
         raise FileError(f"{dask}: no scheduler answers: {error}") from error
     with client:
-        yield client.get_executor(pure=False)
+        yield client
 
 
 def _print(summary: dict[str, Any], out: Path) -> None:
