@@ -234,6 +234,26 @@ class Integrator:
         time: ArrayLike = 0.0,
         control_torque: ArrayLike | None = None,
     ) -> FlowLinearization: ...
+    def advance(
+        self,
+        attitude: AttitudeLike,
+        angular_velocity: ArrayLike,
+        steps: int,
+        time: ArrayLike = 0.0,
+        control_torque: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+    ) -> tuple[_Floats, _Floats]: ...
+    def advance_linearized(
+        self,
+        attitude: AttitudeLike,
+        angular_velocity: ArrayLike,
+        steps: int = 1,
+        time: ArrayLike = 0.0,
+        control_torque: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+    ) -> FlowLinearization: ...
 
 def relative_attitude(
     body: RigidBody, step: float, momentum: ArrayLike, form: Literal["cayley", "exponential"] = "cayley"

@@ -48,6 +48,11 @@
 #include "elliptude/dynamics/integrator.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
+#if defined(__GNUC__)  // and Clang: their vectors
+#include "elliptude/ensemble/pack.hpp"
+#include "elliptude/ensemble/ensemble.hpp"
+#endif
+
 #include "elliptude/first_order/flow.hpp"
 #include "elliptude/first_order/fusion.hpp"
 #include "elliptude/first_order/convergence.hpp"

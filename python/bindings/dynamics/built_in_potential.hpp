@@ -42,6 +42,25 @@ class BuiltIn final : public Potential {
     }
   }
 
+  [[nodiscard]] bool describe(elliptude_kernels::Settings& settings) const noexcept override {
+    using Kind = elliptude_kernels::Settings::Potential;
+    if constexpr (std::is_same_v<Core, FreeBody<double>>) {
+      settings.potential = Kind::free;
+      return true;
+    } else if constexpr (std::is_same_v<Core, UniformGravity<double>>) {
+      settings.potential = Kind::uniform_gravity;
+      Eigen::Map<Vector3<double>>(settings.moment) = core_.moment();
+      return true;
+    } else if constexpr (std::is_same_v<Core, GravityGradient<double>>) {
+      settings.potential = Kind::gravity_gradient;
+      Eigen::Map<Matrix3<double>>(settings.gradient) = core_.inertia();
+      Eigen::Map<Matrix3<double>>(settings.orbit) = core_.orbit();
+      settings.orbit_rate = core_.orbit_rate();
+      return true;
+    }
+    return false;
+  }
+
  private:
   Core core_;
   Settings settings_;

@@ -10,6 +10,7 @@
 
 #include "arrays.hpp"
 #include "dynamics/bounded_potential.hpp"
+#include "dynamics/ensemble_kernel.hpp"
 
 namespace elliptude::python {
 
@@ -56,6 +57,9 @@ class Potential {
   enum class Added : std::uint8_t { yes, no_bounds, too_many };
   /// Adds this potential to a sum of those that offer the bounds of a guaranteed flow.
   [[nodiscard]] virtual Added add_to(BoundedPotential& /*sum*/) const noexcept { return Added::no_bounds; }
+  /// Says what it is to those that move many bodies at a time.
+  /// \return whether they have it.
+  [[nodiscard]] virtual bool describe(elliptude_kernels::Settings& /*settings*/) const noexcept { return false; }
   /// Shows the garbage collector the Python objects that this one holds.
   [[nodiscard]] virtual int traverse(visitproc /*visit*/, void* /*argument*/) const noexcept { return 0; }
 };

@@ -81,6 +81,7 @@ template <typename Scalar>
   Vector3<Scalar> c = half_inverse * ha;
   c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
   constexpr int most_steps = 40;
+  auto is_open = Scalar(0) < Scalar(1);  // a lane that has settled stays as it is: what its neighbours do is nothing to it
   for (int step = 0; step < most_steps; ++step) {
     const Scalar along = c.dot(ha);
     // The columns of S(ha) + c haᵀ + (cᵀha) I − 2J, inverted by Cramer's rule.
@@ -100,10 +101,13 @@ template <typename Scalar>
     };
     // The inverse serves twice: the second change costs little and leaves the product of both.
     const Vector3<Scalar> first = solve(residual(c, along));
-    c += first;
-    const Vector3<Scalar> second = solve(residual(c, Scalar(c.dot(ha))));
-    c += second;
-    if (scalar::all(first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance)) {
+    const Vector3<Scalar> half_way = c + first;
+    const Vector3<Scalar> second = solve(residual(half_way, Scalar(half_way.dot(ha))));
+    for (int i = 0; i < 3; ++i) {
+      c(i) = scalar::select(is_open, Scalar(half_way(i) + second(i)), Scalar(c(i)));
+    }
+    is_open = is_open && !(first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance);
+    if (scalar::all(!is_open)) {
       if (!scalar::all(c.squaredNorm() < Scalar(1))) {
         return Status::step_too_long;
       }

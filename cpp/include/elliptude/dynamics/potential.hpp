@@ -68,6 +68,11 @@ struct FreeBody {
     return Matrix3<Scalar>::Zero();
   }
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return Scalar(0); }
+
+  template <typename Other>
+  [[nodiscard]] FreeBody<Other> cast() const noexcept {
+    return {};
+  }
 };
 
 /// Uniform gravity on a body held at a point, the 3D pendulum: U = −m g e₃ᵀCρ. The third reference axis points down.

@@ -1,54 +1,44 @@
+#include "dynamics/integrator.hpp"
+
 #include <algorithm>
 #include <elliptude/dynamics/linearization.hpp>
 #include <utility>
 
-#include "dynamics/potential.hpp"
 #include "module.hpp"
-#include "sets/ellipsoids.hpp"
 
 namespace elliptude::python {
 
-namespace {
-
-[[nodiscard]] RigidBody<double> make_body(const py::object& inertia) {
-  const Items given(inertia, "inertia", {});
-  const Shape& shape = given.leading();
-  Matrix3<double> matrix;
-  if (shape == Shape{3}) {
-    matrix = given.vector<3>(0).asDiagonal();
-  } else if (shape == Shape{3, 3}) {
-    matrix = symmetric(given.matrix3(0), "inertia");
-  } else {
-    value_error("inertia must have the shape (3, 3), or (3,) for principal moments, not " + text(shape));
+void raise_integration(Status status, const Failure& failure, const Integrator& integrator,
+                       const RigidBodyState<double>& state, const std::string& where) {
+  failure.rethrow();
+  if (status == Status::step_too_long) {
+    value_error("step " + text(integrator.step) + " s is too long" + where +
+                ": the turn within a stage must stay below a right angle, and the angular velocity is " +
+                text(state.angular_velocity.norm()) + " rad/s");
   }
-  RigidBody<double> body;
-  const Status status = RigidBody<double>::make(matrix, body);
-  if (status == Status::not_positive_definite || status == Status::invalid_inertia) {
-    SymmetricEigen<double, 3> eigen;
-    raise_unless_ok(symmetric_eigen(matrix, eigen), "inertia");
-    const Vector3<double>& j = eigen.values;
-    const std::string moments = text(j(0)) + ", " + text(j(1)) + ", " + text(j(2)) + " kg m²";
-    value_error(status == Status::invalid_inertia
-                    ? "inertia breaks the triangle inequality: of the principal moments " + moments +
-                          " the largest must not exceed the sum of the others, " + text(j(1) + j(2))
-                    : "inertia must be positive definite, but its principal moments are " + moments);
+  if (status == Status::callback_failed) {
+    value_error("potential: its torque or torque_jacobian is not finite" + where);
   }
-  raise_unless_ok(status, "inertia");
-  return body;
+  raise(status, "integrator" + where);
 }
 
-/// The integrator's settings. The potential is kept as the Python object that was given.
-struct Integrator {
-  RigidBody<double> body;
-  PotentialReference potential;
-  double step;
-  int order;
-  Composition<double> composition;
+py::object control_torque_or_zero(const py::object& given) {
+  return given.is_none() ? py::object(to_array(Vector3<double>(Vector3<double>::Zero()))) : given;
+}
 
-  [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {
-    return potential.traverse(visit, argument);
+Index positive_count(const py::object& value, const std::string& name) {
+  const Index number = PyNumber_AsSsize_t(value.ptr(), PyExc_OverflowError);
+  if (number == -1 && PyErr_Occurred() != nullptr) {
+    py::raise_from(PyExc_TypeError, (name + " must be an integer").c_str());
+    throw py::error_already_set();
   }
-};
+  if (number < 1) {
+    value_error(name + " must be at least 1, but is " + std::to_string(number));
+  }
+  return number;
+}
+
+namespace {
 
 [[nodiscard]] double step_argument(const py::object& value) {
   const double step = single(value, "step", {}).number(0);
@@ -67,55 +57,6 @@ struct Integrator {
   const py::object given = potential.is_none() ? py::module_::import("elliptude").attr("FreeBody")() : potential;
   return {body, PotentialReference(given, "potential"), step_argument(step), order, composition};
 }
-
-/// \throws ValueError for a status of the core's integrator that is not `ok`; Python's own exception where a potential has
-/// raised one.
-[[noreturn]] void raise_integration(Status status, const Failure& failure, const Integrator& integrator,
-                                    const RigidBodyState<double>& state, const std::string& where) {
-  failure.rethrow();
-  if (status == Status::step_too_long) {
-    value_error("step " + text(integrator.step) + " s is too long" + where +
-                ": the turn within a stage must stay below a right angle, and the angular velocity is " +
-                text(state.angular_velocity.norm()) + " rad/s");
-  }
-  if (status == Status::callback_failed) {
-    value_error("potential: its torque or torque_jacobian is not finite" + where);
-  }
-  raise(status, "integrator" + where);
-}
-
-[[nodiscard]] py::object control_torque_or_zero(const py::object& given) {
-  return given.is_none() ? py::object(to_array(Vector3<double>(Vector3<double>::Zero()))) : given;
-}
-
-/// The initial states, times and control torques of a call, broadcast.
-class InitialStates {
- public:
-  InitialStates(const py::object& attitude, const py::object& angular_velocity, const py::object& time,
-                const py::object& control_torque)
-      : attitude_(attitudes(attitude, "attitude")),
-        angular_velocity_(angular_velocity, "angular_velocity", {3}),
-        time_(time, "time", {}),
-        control_torque_(control_torque_or_zero(control_torque), "control_torque", {3}),
-        leading_(broadcast({&attitude_, &angular_velocity_, &time_, &control_torque_})) {}
-
-  [[nodiscard]] const Shape& leading() const noexcept { return leading_; }
-  [[nodiscard]] Index count() const noexcept { return count_of(leading_); }
-  [[nodiscard]] RigidBodyState<double> state(Index i) const noexcept {
-    return {attitude_.matrix3(i), angular_velocity_.vector<3>(i)};
-  }
-  [[nodiscard]] double time(Index i) const noexcept { return time_.number(i); }
-  [[nodiscard]] Vector3<double> control_torque(Index i) const noexcept { return control_torque_.vector<3>(i); }
-  /// " for item [3]", where there is more than one.
-  [[nodiscard]] std::string where(Index i) const { return leading_.empty() ? "" : " for item " + place(leading_, i); }
-
- private:
-  Items attitude_;
-  Items angular_velocity_;
-  Items time_;
-  Items control_torque_;
-  Shape leading_;
-};
 
 [[nodiscard]] py::tuple step_once(const Integrator& self, const py::object& attitude,
                                   const py::object& angular_velocity, const py::object& time,
@@ -140,18 +81,6 @@ class InitialStates {
     }
   }
   return py::make_tuple(attitudes_after.array(), rates_after.array());
-}
-
-[[nodiscard]] Index positive_count(const py::object& value, const std::string& name) {
-  const Index number = PyNumber_AsSsize_t(value.ptr(), PyExc_OverflowError);
-  if (number == -1 && PyErr_Occurred() != nullptr) {
-    py::raise_from(PyExc_TypeError, (name + " must be an integer").c_str());
-    throw py::error_already_set();
-  }
-  if (number < 1) {
-    value_error(name + " must be at least 1, but is " + std::to_string(number));
-  }
-  return number;
 }
 
 [[nodiscard]] py::object trajectory(const Integrator& self, const py::object& attitude,
@@ -280,112 +209,9 @@ class InitialStates {
 
 }  // namespace
 
-void define_rigid_body(py::module_& module) {
-  py::class_<RigidBody<double>>(module, "RigidBody", py::is_final(), R"(RigidBody(inertia)
---
-
-A rigid body: its inertia and what follows from it (paper, §2.3.1); immutable.
-
-Parameters
-----------
-inertia : array_like, shape (3, 3) or (3,)
-    J in kg m², body axes, about the point that the body turns about; or the principal moments, if these are the axes.
-
-Raises
-------
-ValueError
-    If an entry is not finite, the shape is another one, J is not symmetric or not positive definite, or a principal moment
-    exceeds the sum of the others: no mass distribution has such moments.
-)")
-      .def(py::init(&make_body), py::arg("inertia"), "__init__(self, inertia)\n--\n\n")
-      .def_property_readonly(
-          "inertia", [](const RigidBody<double>& self) { return to_constant_array(self.inertia()); },
-          "J in kg m², shape (3, 3); read-only.")
-      .def_property_readonly(
-          "inertia_inverse", [](const RigidBody<double>& self) { return to_constant_array(self.inertia_inverse()); },
-          "J⁻¹ in 1/(kg m²), shape (3, 3); read-only.")
-      .def_property_readonly(
-          "nonstandard_inertia",
-          [](const RigidBody<double>& self) { return to_constant_array(self.nonstandard_inertia()); },
-          "J_d = ½ tr(J) I − J in kg m² (paper, after eq. updatew0), shape (3, 3); read-only.")
-      .def_property_readonly(
-          "principal_moments",
-          [](const RigidBody<double>& self) { return to_constant_array(self.principal_moments()); },
-          "The eigenvalues of J in kg m², largest first, shape (3,); read-only.")
-      .def(
-          "kinetic_energy",
-          [](const RigidBody<double>& self, const py::object& angular_velocity) {
-            const Items rates(angular_velocity, "angular_velocity", {3});
-            return map_items(rates.leading(), {}, [&](Index i) { return self.kinetic_energy(rates.vector<3>(i)); });
-          },
-          py::arg("angular_velocity"), R"(kinetic_energy(self, angular_velocity)
---
-
-½ ωᵀJω.
-
-Parameters
-----------
-angular_velocity : array_like, shape (..., 3)
-    ω in rad/s, body axes.
-
-Returns
--------
-float or ndarray, shape (...)
-    In J.
-
-Raises
-------
-ValueError
-    If an entry is not finite or the shape is another one.
-)")
-      .def(
-          "angular_momentum",
-          [](const RigidBody<double>& self, const py::object& attitude, const py::object& angular_velocity) {
-            Items at = attitudes(attitude, "attitude");
-            Items rates(angular_velocity, "angular_velocity", {3});
-            return map_items(broadcast({&at, &rates}), {3}, [&](Index i) {
-              return self.angular_momentum(RigidBodyState<double>{at.matrix3(i), rates.vector<3>(i)});
-            });
-          },
-          py::arg("attitude"), py::arg("angular_velocity"), R"(angular_momentum(self, attitude, angular_velocity)
---
-
-CJω, the angular momentum in reference axes: constant for a free body.
-
-Parameters
-----------
-attitude : array_like, shape (..., 3, 3), or scipy.spatial.transform.Rotation
-    C, from body to reference axes.
-angular_velocity : array_like, shape (..., 3)
-    ω in rad/s, body axes.
-
-Returns
--------
-ndarray, shape (..., 3)
-    In N m s.
-
-Raises
-------
-ValueError
-    If an attitude is not a rotation, an entry is not finite or a shape does not fit.
-)")
-      .def(
-          "__eq__",
-          [](const RigidBody<double>& self, const RigidBody<double>& other) {
-            return self.inertia() == other.inertia();
-          },
-          py::is_operator(), py::arg("other"))
-      .def(
-          "__repr__",
-          [](const py::object& self) { return py::str("RigidBody({})").format(self.attr("inertia").attr("tolist")()); })
-      .def("__reduce__", [](const py::object& self) {
-        return py::make_tuple(py::type::of(self), py::make_tuple(self.attr("inertia")));
-      });
-}
-
 void define_integrator(py::module_& module) {
-  py::class_<Integrator>(module, "Integrator", py::is_final(), collectable<Integrator>(),
-                         R"(Integrator(body, potential=None, *, step, order=2)
+  py::class_<Integrator> integrator(module, "Integrator", py::is_final(), collectable<Integrator>(),
+                                    R"(Integrator(body, potential=None, *, step, order=2)
 --
 
 The Lie group variational integrator (paper, eqs. findf0, updateR0, updatew0) and symmetric compositions of it.
@@ -420,7 +246,8 @@ Examples
 >>> trajectory = pendulum.trajectory(np.eye(3), [0.5, -0.5, 0.4], steps=1000)
 >>> trajectory.attitudes.shape
 (1001, 3, 3)
-)")
+)");
+  integrator
       .def(py::init(&make_integrator), py::arg("body"), py::arg("potential") = py::none(), py::kw_only(),
            py::arg("step"), py::arg("order") = 2, "__init__(self, body, potential=None, *, step, order=2)\n--\n\n")
       .def_property_readonly(
@@ -542,6 +369,8 @@ ValueError
                                                    py::arg("order") = self.attr("order")),
                               py::make_tuple(self.attr("body"), self.attr("potential")));
       });
+
+  define_ensembles(integrator);
 
   module.def("relative_attitude", &relative_attitudes, py::arg("body"), py::arg("step"), py::arg("momentum"),
              py::arg("form") = "cayley", R"(relative_attitude(body, step, momentum, form='cayley')
