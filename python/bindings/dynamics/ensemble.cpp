@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <array>
 #include <atomic>
+#include <chrono>
 #include <elliptude/dynamics/linearization.hpp>
 #include <limits>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -102,14 +105,29 @@ class Run {
   /// \throws what Ctrl-C raises.
   void on(Index threads) {
     std::vector<std::thread> others;
-    for (Index i = 1; i < std::min(threads, (start_.count() + group - 1) / group); ++i) {
-      others.emplace_back([this] {
-        take_groups(
-            {[](void* stopped) noexcept { return static_cast<std::atomic<bool>*>(stopped)->load(); }, &stopped_});
-      });
+    const Index groups = (start_.count() + group - 1) / group;
+    for (Index i = 1; i < std::min(threads, groups); ++i) {
+      try {
+        ++others_at_work_;
+        others.emplace_back([this] {
+          take_groups(
+              {[](void* stopped) noexcept { return static_cast<std::atomic<bool>*>(stopped)->load(); }, &stopped_});
+          --others_at_work_;
+        });
+      } catch (const std::system_error&) {  // no more threads: those that there are do the work
+        --others_at_work_;
+        break;
+      }
     }
+    // Ctrl-C is this thread's to see, also while it has nothing else to do.
     const Interruption signals = interruption_by_signals();
     take_groups({signals.stop, signals.context});
+    while (others_at_work_ > 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      if (!stopped_ && signals.stop(signals.context)) {
+        stopped_ = true;
+      }
+    }
     for (std::thread& other : others) {
       other.join();
     }
@@ -167,6 +185,7 @@ class Run {
   elliptude_kernels::Move move_ = elliptude_kernels::widest();
   std::atomic<Index> next_{0};
   std::atomic<bool> stopped_{false};
+  std::atomic<int> others_at_work_{0};
   FirstFailure failure_;
 };
 

@@ -81,7 +81,7 @@ template <typename Scalar>
   Vector3<Scalar> c = half_inverse * ha;
   c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
   constexpr int most_steps = 40;
-  auto is_open = Scalar(0) < Scalar(1);  // a lane that has settled stays as it is: what its neighbours do is nothing to it
+  [[maybe_unused]] auto had_settled = Scalar(1) < Scalar(0);
   for (int step = 0; step < most_steps; ++step) {
     const Scalar along = c.dot(ha);
     // The columns of S(ha) + c haᵀ + (cᵀha) I − 2J, inverted by Cramer's rule.
@@ -101,13 +101,20 @@ template <typename Scalar>
     };
     // The inverse serves twice: the second change costs little and leaves the product of both.
     const Vector3<Scalar> first = solve(residual(c, along));
-    const Vector3<Scalar> half_way = c + first;
-    const Vector3<Scalar> second = solve(residual(half_way, Scalar(half_way.dot(ha))));
-    for (int i = 0; i < 3; ++i) {
-      c(i) = scalar::select(is_open, Scalar(half_way(i) + second(i)), Scalar(c(i)));
+    [[maybe_unused]] const Vector3<Scalar> before = c;
+    c += first;
+    const Vector3<Scalar> second = solve(residual(c, Scalar(c.dot(ha))));
+    c += second;
+    auto has_settled = first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance;
+    if constexpr (!std::is_same_v<decltype(has_settled), bool>) {
+      // A lane that has settled stays as it is: what its neighbours do is nothing to it.
+      for (int i = 0; i < 3; ++i) {
+        c(i) = scalar::select(had_settled, Scalar(before(i)), Scalar(c(i)));
+      }
+      has_settled = has_settled || had_settled;
+      had_settled = has_settled;
     }
-    is_open = is_open && !(first.squaredNorm() * second.squaredNorm() <= tolerance * tolerance);
-    if (scalar::all(!is_open)) {
+    if (scalar::all(has_settled)) {
       if (!scalar::all(c.squaredNorm() < Scalar(1))) {
         return Status::step_too_long;
       }
