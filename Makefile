@@ -17,7 +17,7 @@ VENV := .venv/stamps
 PIP_INSTALL := .venv/bin/python -m pip install --quiet
 # The tests run on all processors; a test stays with those of its file for as long as others have work.
 PYTEST_SPREAD := --numprocesses=auto --maxprocesses=8 --dist=worksteal
-CPP_SOURCES = $(shell find cpp python/bindings tests -name '*.hpp' -o -name '*.cpp')
+CPP_SOURCES = $(shell find cpp python/bindings tests -name '*.hpp' -o -name '*.cpp' -o -name '*.[ch]')
 # What includes all of the library.
 TIDY_SOURCES := tests/cpp/freestanding/flight_core.cpp
 PACKAGE_SOURCES = CMakeLists.txt pyproject.toml README.md LICENSE \
@@ -66,6 +66,10 @@ wheel: $(VENV)/wheel ## Build a wheel for any Linux since glibc 2.17 in dist/, a
 	tools/build_wheel.sh .venv/bin
 	rm -rf build/wheel/alone
 	PYTHON=.venv/bin/python ELLIPTUDE_WHEEL_SECONDS=30 tests/packaging/wheel.sh "$$(ls -t dist/elliptude-*.whl | head -n 1)" build/wheel/alone
+
+.PHONY: single-header
+single-header: ## Write the C++ core as one header, build/single_header/elliptude.hpp, which needs Eigen alone
+	$(PYTHON) tools/single_header.py build/single_header/elliptude.hpp
 
 .PHONY: site
 site: $(VENV)/package $(VENV)/docs ## Build the documentation's site in build/site, and run its notebooks

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells flight
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells packaging flight
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -40,6 +40,7 @@ for purpose in "$@"; do
             need_command zsh zsh
             need_command fish fish
             ;;
+        packaging) need_command pkg-config pkgconf ;;
         flight)
             need_command arm-none-eabi-g++ gcc-arm-none-eabi
             need_package libnewlib-arm-none-eabi

@@ -44,6 +44,43 @@ mv first moved # an installed copy may be moved
 consume find_package -DCMAKE_PREFIX_PATH="$work/moved"
 consume add_subdirectory -DELLIPTUDE_SOURCE="$source_dir"
 
+# compiled PROGRAM: a program that pkg-config's flags have made prints the version.
+compiled() {
+    [ "$("./$1")" = "$version" ] || fail "pkg-config, $1: run"
+    passes "pkg-config, $1"
+}
+export PKG_CONFIG_PATH="$work/moved/share/pkgconfig"
+[ "$(pkg-config --modversion elliptude)" = "$version" ] || fail "pkg-config: version"
+# The flags are several words.
+# shellcheck disable=SC2046
+c++ -std=c++17 "$source_dir/tests/packaging/consumer/main.cpp" $(pkg-config --cflags --libs elliptude) -o headers ||
+    fail "pkg-config, headers: compile"
+compiled headers
+
+# --- the C library ---
+cmake -S "$source_dir" -B build-c -DELLIPTUDE_BUILD_TESTS=OFF -DELLIPTUDE_BUILD_EXAMPLES=OFF -DELLIPTUDE_C_INTERFACE=ON \
+    -DCMAKE_INSTALL_LIBDIR=lib >/dev/null
+cmake --build build-c >c.log 2>&1 || { cat c.log; fail "the C library"; }
+cmake --install build-c --prefix "$work/first-c" >/dev/null
+mv first-c moved-c
+# Neither the heap, exceptions and locks, nor anything else of a C++ library.
+cmake -DNM=nm -P "$source_dir/tests/cpp/freestanding/check_symbols.cmake" -- moved-c/lib/libelliptude.a || fail "symbols of the C library"
+if nm -u moved-c/lib/libelliptude.a | grep -E ' _Z'; then
+    fail "the C library needs a C++ library"
+fi
+passes "symbols of the C library"
+cmake -S "$source_dir/tests/packaging/consumer_c" -B consumer-c -DCMAKE_PREFIX_PATH="$work/moved-c" >c.log 2>&1 ||
+    { cat c.log; fail "consumer in C: configure"; }
+cmake --build consumer-c >c.log 2>&1 || { cat c.log; fail "consumer in C: build"; }
+[ "$(consumer-c/consumer)" = "$version" ] || fail "consumer in C: run"
+passes "consumer in C, find_package"
+export PKG_CONFIG_PATH="$work/moved-c/lib/pkgconfig"
+# shellcheck disable=SC2046
+cc -std=c99 "$source_dir/tests/packaging/consumer_c/main.c" $(pkg-config --cflags --libs elliptude-c) -o library ||
+    fail "pkg-config, library: compile"
+compiled library
+unset PKG_CONFIG_PATH
+
 # --- the sdist ---
 "${PYTHON:-python3}" -m venv tools
 tools/bin/pip install --quiet build

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <elliptude/dynamics/integrator.hpp>
 
-#include "recording.hpp"
+#include "recording.h"
 
 using namespace elliptude;
 

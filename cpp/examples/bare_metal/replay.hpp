@@ -8,7 +8,7 @@
 #include <elliptude/elliptude.hpp>
 
 #include "platform.hpp"
-#include "recording.hpp"
+#include "recording.h"
 
 #ifndef FLIGHT_SCALAR
 #define FLIGHT_SCALAR double

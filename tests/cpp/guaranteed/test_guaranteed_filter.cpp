@@ -53,6 +53,10 @@ TEST_CASE("a lost prediction: the attitude is forgotten, the vector is not, and 
       CHECK(update.contradicting == direction_bit(2));
       CHECK(update.margin < 0);
       CHECK(filter.claim() == Claim::conditional);
+      // All of them were tried, and all but each one.
+      CHECK(update.fusions == 1 + detail::sensors::number_of(detail::sensors::present(scene.all())));
+      CHECK(update.steps > 0);
+      CHECK_FALSE(update.ended_by_limit);
       CHECK(form_of(filter, scene.truth) <= 1);
     }
     REQUIRE(filter.predict(400, {}) == Status::ok);

@@ -569,6 +569,39 @@ TEST_CASE("a prediction that nothing improves is returned unchanged") {
   CHECK(result.contradiction == Fusion6::none);
 }
 
+TEST_CASE("a fusion reports the steps of its search and whether they were all that it may take") {
+  const auto criterion = SizeCriterion<double, 3>::volume();
+  const Ellipsoid<double, 3> ball{Vector3<double>::Zero(), Matrix3<double>::Identity()};
+  const Ellipsoid<double, 3> beside{Vector3<double>(0.8, 0, 0), Matrix3<double>::Identity()};
+  std::array<Quadric<double, 3>, 2> quadrics;
+  QuadricFusion<double, 3> fusion;
+  REQUIRE(to_quadric(ball, quadrics[0]) == Status::ok);
+  REQUIRE(to_quadric(beside, quadrics[1]) == Status::ok);
+  REQUIRE(minimal_intersection(&ball, quadrics.data(), 2, criterion, fusion) == Status::ok);
+  CHECK(fusion.steps > 0);
+  CHECK(fusion.steps < 20);
+  CHECK_FALSE(fusion.ended_by_limit);
+  const Ellipsoid<double, 3> wide{Vector3<double>::Zero(), 100 * Matrix3<double>::Identity()};
+  REQUIRE(to_quadric(wide, quadrics[0]) == Status::ok);
+  REQUIRE(minimal_intersection(&ball, quadrics.data(), 1, criterion, fusion) == Status::ok);
+  REQUIRE(fusion.prediction_alone);
+  CHECK(fusion.steps == 0);
+  // Two thin ellipsoids, found by trying many: the search gains a little at each step, and goes on.
+  quadrics[0].a << 1695123.0283544071, -479718.3485291152, 704627.47657893237,  //
+      -479718.3485291152, 135780.40612078356, -199415.32763249392,              //
+      704627.47657893237, -199415.32763249392, 292900.9958200134;
+  quadrics[0].g << 16.506382822990417, -4.5660888254642487, 6.8285092115402222;
+  quadrics[0].c = 0.86270045605642209;
+  quadrics[1].a << 16741095.819405399, -2555738.7702086247, 60747002.056626327,  //
+      -2555738.7702086247, 4200995.9473606339, -11995792.964348363,              //
+      60747002.056626327, -11995792.964348363, 288228587.75579011;
+  quadrics[1].g << 458.42122441101901, 724.32863235330842, -2001.8529599255162;
+  quadrics[1].c = 0.67615664868880487;
+  REQUIRE(minimal_intersection<double, 3>(nullptr, quadrics.data(), 2, criterion, fusion) == Status::ok);
+  CHECK(fusion.steps == 20);
+  CHECK(fusion.ended_by_limit);
+}
+
 TEST_CASE("the scale of a quadric does not matter and a multiplier may be zero") {
   Random random(11);
   for (int trial = 0; trial < 100; ++trial) {

@@ -257,6 +257,7 @@ class GuaranteedFilter {
                    .find(solution, result);
     } else {
       status = solver.solve(all, Past::used, nullptr, solution);
+      detail::count_fusion(solution.fusion, result);
       if (status == Status::ok) {
         result.margin = solution.fusion.margin;
       } else if (status != Status::unbounded) {
@@ -278,8 +279,7 @@ class GuaranteedFilter {
       }
     }
     if (status == Status::empty_intersection) {
-      update.margin = result.margin;
-      update.contradicting = result.contradicting;
+      report_contradiction(result, update);
     }
     if (status != Status::ok && status != Status::unbounded) {
       return status;
@@ -322,6 +322,8 @@ class GuaranteedFilter {
           minimal_intersection(&predicted, &of_attitude, 1, detail::attitude_criterion(settings_.criterion), found);
       fusion.margin = found.margin;
       if (status == Status::ok) {
+        fusion.steps = found.steps;
+        fusion.ended_by_limit = found.ended_by_limit;
         fusion.prediction_alone = found.prediction_alone;
         fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
         fusion.set.shape = detail::product_shape(found.set.shape, known_.vector_bound.shape);
@@ -341,7 +343,7 @@ class GuaranteedFilter {
       known_.set = next;
       constraints_.count = 0;
     }
-    update = {claim_, true, 0, fusion.margin, 0};
+    update = {claim_, true, 0, fusion.margin, 0, 1, fusion.steps, fusion.ended_by_limit};
     return Status::ok;
   }
 
@@ -370,6 +372,15 @@ class GuaranteedFilter {
       beyond = angular_velocity_bit;
     }
     return Status::ok;
+  }
+
+  /// What an update reports that has changed nothing else.
+  static void report_contradiction(const GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
+    update.margin = result.margin;
+    update.contradicting = result.contradicting;
+    update.fusions = result.fusions;
+    update.steps = result.steps;
+    update.ended_by_limit = result.ended_by_limit;
   }
 
   [[nodiscard]] bool may_be_wrong() const noexcept {
@@ -534,8 +545,9 @@ class GuaranteedFilter {
     }
     if (trust.past_is_due(settings_.regain_after)) {
       Solution alone;
-      if (solver_of(measurements).solve(all, Past::forgotten, nullptr, alone) == Status::ok &&
-          place(alone.center, alone.fusion.set, next) == Status::ok) {
+      const Status status = solver_of(measurements).solve(all, Past::forgotten, nullptr, alone);
+      detail::count_fusion(alone.fusion, result);
+      if (status == Status::ok && place(alone.center, alone.fusion.set, next) == Status::ok) {
         trust.give_up_past(settings_.regain_after);
         result.dropped &= ~all;
         bounded = true;
@@ -547,8 +559,8 @@ class GuaranteedFilter {
     if (!bounded && !known_.has_attitude && !may_be_wrong() && (all & angular_velocity_bit & ~result.dropped) != 0) {
       if (const Status status = take_up(*measurements.angular_velocity, trust, vector, result); status != Status::ok) {
         if (status == Status::empty_intersection) {
-          update.margin = result.margin;
-          update.contradicting = angular_velocity_bit;
+          result.contradicting = angular_velocity_bit;
+          report_contradiction(result, update);
         }
         return status;
       }

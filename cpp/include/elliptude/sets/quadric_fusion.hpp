@@ -26,6 +26,9 @@ struct QuadricFusion {
   Scalar margin;
   bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
   std::size_t contradiction;  ///< after `empty_intersection`: which quadric weighs most against the rest at the proof
+  int steps = 0;              ///< of the search for the multipliers
+  /// Whether the search ended because it had taken as many steps as it may: the set holds, and may be larger than it need be.
+  bool ended_by_limit = false;
 };
 
 namespace detail {
@@ -191,6 +194,8 @@ template <typename Scalar, int N, typename Given>
     return Status::out_of_range;
   }
   if (gathered.idle) {
+    result.steps = 0;
+    result.ended_by_limit = false;
     report_prediction(*predicted, Scalar(1), result);
     return Status::ok;
   }
@@ -200,7 +205,12 @@ template <typename Scalar, int N, typename Given>
     return status;
   }
   MultiplierSearch<Scalar, N> search(gathered.problem, gathered.scale, iterates);
+  const auto report_steps = [&] {
+    result.steps = search.steps();
+    result.ended_by_limit = search.ended_by_limit();
+  };
   if (const Status status = search.run(); status == Status::empty_intersection) {
+    report_steps();
     result.contradiction = contradiction_of(gathered.problem, search.best());
     result.margin = search.margin();
     return status;
@@ -210,6 +220,7 @@ template <typename Scalar, int N, typename Given>
   if (predicted == nullptr && !is_finite) {
     return Status::not_finite;
   }
+  report_steps();
   if (predicted != nullptr && !(is_finite && is_smaller_set(set, *predicted, criterion))) {
     report_prediction(*predicted, search.margin(), result);
     return Status::ok;
@@ -245,8 +256,8 @@ template <typename Scalar, int N, typename Given>
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
 /// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
 /// within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction); `not_positive_definite` of a flat one;
-/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin` and
-/// `contradiction` are set, and nothing else.
+/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin`, `contradiction`,
+/// `steps` and `ended_by_limit` are set, and nothing else.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, N>& criterion,

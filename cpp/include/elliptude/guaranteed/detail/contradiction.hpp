@@ -10,6 +10,14 @@
 
 namespace elliptude::detail {
 
+/// Counts a fusion in the report of an update.
+template <typename Scalar>
+void count_fusion(const QuadricFusion<Scalar, 6>& fusion, GuaranteedUpdate<Scalar>& result) noexcept {
+  ++result.fusions;
+  result.steps += fusion.steps;
+  result.ended_by_limit = result.ended_by_limit || fusion.ended_by_limit;
+}
+
 /// Resolves a contradiction by the policy.
 /// \return `unbounded` if measurements that contradict each other are all left out, and the attitude remains unknown.
 template <typename State>
@@ -23,7 +31,9 @@ template <typename State>
   }
   if (policy == Policy::restart && (known.has_attitude || known.has_vector)) {
     Solution<State> alone;
-    if (solver.solve(all, Past::forgotten, nullptr, alone) == Status::ok) {
+    const Status status = solver.solve(all, Past::forgotten, nullptr, alone);
+    count_fusion(alone.fusion, result);
+    if (status == Status::ok) {
       solution = alone;
       return Status::ok;
     }
@@ -35,8 +45,9 @@ template <typename State>
     if (kept == 0 && !known.has_attitude) {
       return;
     }
-    if (solver.solve(kept, Past::used, nullptr, trial) == Status::ok &&
-        (result.dropped == 0 || trial.fusion.margin > best)) {
+    const Status status = solver.solve(kept, Past::used, nullptr, trial);
+    count_fusion(trial.fusion, result);
+    if (status == Status::ok && (result.dropped == 0 || trial.fusion.margin > best)) {
       best = trial.fusion.margin;
       result.dropped = dropped;
       solution = trial;
@@ -102,7 +113,7 @@ class UnionOfChoices {
       return Status::empty_intersection;
     }
     if (failure_ == Status::ok) {
-      result.dropped = proved_wrong();
+      result.dropped = proved_wrong(result);
     }
     solution.used_prediction = known_.has_attitude && (uses_prediction_ || alone_ || failure_ != Status::ok);
     if (known_.has_attitude) {
@@ -122,6 +133,7 @@ class UnionOfChoices {
     Status status = known_.has_attitude ? Status::ok : Status::unbounded;
     if (known_.has_attitude || kept != 0) {
       status = solver_.solve(kept, Past::used, &center_, trial);
+      count_fusion(trial.fusion, result);
     }
     if (status == Status::empty_intersection) {
       result.contradicting = sensors::at(kept, trial.fusion.contradiction);
@@ -143,13 +155,15 @@ class UnionOfChoices {
     }
   }
 
-  [[nodiscard]] Sensors proved_wrong() noexcept {
+  [[nodiscard]] Sensors proved_wrong(GuaranteedUpdate<Scalar>& result) noexcept {
     if (wrong_ >= sensors::number_of(all_)) {
       // All may be wrong: one is proved so if it contradicts what is known by itself.
       for (Sensors rest = all_; rest != 0; rest &= rest - 1) {
         Solution<State> trial;
         const Sensors one = sensors::lowest(rest);
-        if (solver_.solve(one, Past::used, &center_, trial) != Status::empty_intersection) {
+        const Status status = solver_.solve(one, Past::used, &center_, trial);
+        count_fusion(trial.fusion, result);
+        if (status != Status::empty_intersection) {
           kept_by_some_ |= one;
         }
       }

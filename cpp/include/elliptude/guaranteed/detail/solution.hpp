@@ -232,6 +232,8 @@ class SetSolver {
                                                attitude_criterion(criterion), found);
     solution.fusion.margin = found.margin;
     solution.fusion.contradiction = found.contradiction;
+    solution.fusion.steps = found.steps;
+    solution.fusion.ended_by_limit = found.ended_by_limit;
     if (status != Status::ok) {
       return status;
     }

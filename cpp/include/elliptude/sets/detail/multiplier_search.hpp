@@ -74,13 +74,15 @@ class MultiplierSearch {
   [[nodiscard]] Status run() noexcept {
     constexpr int most_steps = 20;
     for (int step = 0; step <= most_steps; ++step) {
+      steps_ = step;
       note_margin(step == 0);
       if (now_->level + now_->rounding < Scalar(0)) {
         best_ = now_;
         return Status::empty_intersection;
       }
       best_ = now_->size < best_->size ? now_ : best_;
-      if (!(now_->level > now_->rounding) || step == most_steps) {
+      ended_by_limit_ = step == most_steps;
+      if (!(now_->level > now_->rounding) || ended_by_limit_) {
         break;
       }
       bring_to_best_scale();
@@ -98,6 +100,9 @@ class MultiplierSearch {
   [[nodiscard]] const Iterate& best() const noexcept { return *best_; }
   /// The least N/Σμ that was met, with the multipliers of the constraints as given.
   [[nodiscard]] const Scalar& margin() const noexcept { return margin_; }
+  /// How many steps were taken, and whether that was all that may be.
+  [[nodiscard]] int steps() const noexcept { return steps_; }
+  [[nodiscard]] bool ended_by_limit() const noexcept { return ended_by_limit_; }
 
  private:
   void note_margin(bool is_first) noexcept {
@@ -319,6 +324,8 @@ class MultiplierSearch {
   Iterate* now_;
   const Iterate* best_;
   Scalar margin_;
+  int steps_ = 0;
+  bool ended_by_limit_ = false;
   Multipliers z_{};
   Multipliers gradient_;
   Matrix<Scalar, N> v_;
