@@ -186,9 +186,8 @@ def _heading_of_sets(run: Run, log: Path, configuration: Configuration | None) -
 
 
 def _ground_frame(configuration: Configuration) -> _GroundFrame | None:
-    if configuration.rule is not None:
-        return "ENU"
-    return None if configuration.reference_frame == "J2000" else configuration.reference_frame
+    frame = configuration.frame
+    return None if frame == "J2000" else frame
 
 
 def _turn(of_estimate: _GroundFrame, of_sets: _GroundFrame | None) -> np.ndarray[Any, np.dtype[np.float64]]:

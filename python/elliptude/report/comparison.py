@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from elliptude.bounds.about_axes import half_widths_along
 from elliptude.io.files import replacing
 from elliptude.logs.quaternion_readings import Reading, misread
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
@@ -267,10 +268,6 @@ def compare(
     assert compared.forms is not None
     estimated = Rotation.from_quat(run.quaternions[rows], scalar_first=True)
     errors = Rotation.from_rotvec(compared.errors[rows])
-    matrices = estimated.as_matrix()
-    along_reference = np.sqrt(np.einsum("nij,njk,nik->ni", matrices, run.shapes[rows], matrices))
-    if run.chart == "gibbs":
-        along_reference = 2.0 * np.arctan(0.5 * along_reference)
     return Comparison(
         rows=len(run.times),
         times=run.times[rows],
@@ -279,7 +276,7 @@ def compare(
         angles=np.asarray(errors.magnitude()),
         inside=compared.forms[rows] <= 1.0 if alignment == "none" else None,
         half_widths_body=run.half_widths[rows],
-        half_widths_reference=along_reference,
+        half_widths_reference=half_widths_along(estimated.as_matrix(), run.shapes[rows], run.chart),
         claims=None if run.claims is None else np.array(run.claims, dtype=object)[rows],
         alignment=alignment,
         turned=turned,
