@@ -45,4 +45,5 @@ PYBIND11_MODULE(_core, module) {
   define_guaranteed_flows(module);
   define_guaranteed_filter(module);
   define_direction_filter(module);
+  define_what_is_said(module);
 }

@@ -24,5 +24,7 @@ void define_filter(pybind11::module_& module);
 void define_guaranteed_flows(pybind11::module_& module);
 void define_guaranteed_filter(pybind11::module_& module);
 void define_direction_filter(pybind11::module_& module);
+/// Last: messages of wrong calls that name the argument, and a line for objects without a `__repr__` of their own.
+void define_what_is_said(pybind11::module_& module);
 
 }  // namespace elliptude::python

@@ -123,7 +123,7 @@ class Run {
     const Interruption signals = interruption_by_signals();
     take_groups({signals.stop, signals.context});
     while (others_at_work_ > 0) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
       if (!stopped_ && signals.stop(signals.context)) {
         stopped_ = true;
       }
@@ -215,8 +215,12 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
 [[nodiscard]] Moved move_all(const Integrator& self, const InitialStates& start, const py::object& steps,
                              const py::object& threads, bool linearized) {
   const auto step_count = static_cast<long>(positive_count(steps, "steps"));
+  // A thread is worth its start for half a millisecond of work.
+  constexpr double least_steps = 1 << 14;
+  const double worth = static_cast<double>(start.count()) * static_cast<double>(step_count) / least_steps;
+  const double processors = std::max(1.0, 1.0 * std::thread::hardware_concurrency());
   const Index thread_count =
-      threads.is_none() ? std::max<Index>(std::thread::hardware_concurrency(), 1) : positive_count(threads, "threads");
+      threads.is_none() ? static_cast<Index>(std::clamp(worth, 1.0, processors)) : positive_count(threads, "threads");
   Moved moved(start, linearized);
   Settings settings{};
   if (elliptude_kernels::widest() == nullptr || !(*self.potential).describe(settings)) {
@@ -286,7 +290,7 @@ time : array_like, shape (...), optional
 control_torque : array_like, shape (..., 3), optional
     In N m, body axes, constant over all steps; zero unless given.
 threads : int, optional
-    As many as there are processors, unless given.
+    As many as there are processors and as the work is worth, unless given.
 
 Returns
 -------
@@ -331,7 +335,7 @@ time : array_like, shape (...), optional
 control_torque : array_like, shape (..., 3), optional
     In N m, body axes, constant over all steps; zero unless given.
 threads : int, optional
-    As many as there are processors, unless given.
+    As many as there are processors and as the work is worth, unless given.
 
 Returns
 -------

@@ -81,7 +81,7 @@ COMMANDS = {
         "Compare results with a reference attitude: containment, error of the center, width of the sets.",
     ),
     "monitor": Command(
-        "compare",
+        "monitor",
         "monitor",
         "Bound the error of another filter's attitudes, with a proof where they cannot be true.",
     ),

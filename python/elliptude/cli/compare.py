@@ -1,48 +1,27 @@
-"""The commands ``elliptude compare`` and ``elliptude monitor``: results beside a truth, and beside another filter."""
+"""The command ``elliptude compare``: results beside a reference attitude."""
 
 import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import (
-    EstimateLargestGap,
-    Force,
-    LargestGap,
-    ReferenceErrorDeg,
-    SummaryAsJson,
-    TruthConfig,
-    quantity,
-    reference_error,
-)
-from elliptude.cli.outputs import SUMMARY, require_outputs
-from elliptude.configuration.configuration import Configuration, read_configuration
-from elliptude.configuration.references import from_enu
-from elliptude.estimation.estimator import PieceEstimator
-from elliptude.io.background import ahead
-from elliptude.io.files import FileError, write_json
-from elliptude.io.tables import write_columns
-from elliptude.logs import log as logs
-from elliptude.logs import plausibility
+from elliptude.cli.options import Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
+from elliptude.cli.outputs import require_outputs
+from elliptude.configuration.configuration import read_configuration
+from elliptude.io.files import FileError
 from elliptude.logs.quaternion_readings import readings
 from elliptude.logs.reference_attitudes import read_reference
-from elliptude.monitoring import Limits, Monitored
-from elliptude.report import comparison, monitored
-from elliptude.report.run import Run, read_run
-from elliptude.results import CLAIMS
+from elliptude.report import comparison
+from elliptude.report.run import read_run
 
-_GroundFrame = Literal["ENU", "NED", "NWU"]
-
-
-def _limit(what: str) -> Any:
-    return quantity(f"Alert limit of the {what} error, degrees.", greatest=180.0, show_default=False)
+# s; a shorter time between two attitudes than rows have between them, and a longer one than a recording lasts.
+_SHORTEST_DELTA_S, _LONGEST_DELTA_S = 1e-3, 1e6
 
 
 def compare(
@@ -56,18 +35,52 @@ def compare(
     config: TruthConfig = None,
     largest_gap_s: LargestGap = 0.0,
     reference_error_deg: ReferenceErrorDeg = None,
+    align: Annotated[
+        comparison.Alignment,
+        typer.Option(
+            help="Turn the reference onto the estimate first: at the first compared row (origin), or at all as well "
+            "as one turn can. Then no row is inside or outside."
+        ),
+    ] = "none",
+    delta_rows: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Also compare turns of the body over so many compared rows: evo_rpe -u f.", show_default=False
+        ),
+    ] = None,
+    delta_s: Annotated[
+        float | None,
+        quantity(
+            "Also compare turns of the body over this time, within a tenth of it, s.",
+            least=_SHORTEST_DELTA_S,
+            greatest=_LONGEST_DELTA_S,
+            show_default=False,
+        ),
+    ] = None,
+    all_pairs: Annotated[
+        bool,
+        typer.Option("--all-pairs", help="Begin a turn at each row; otherwise one begins where the last one ends."),
+    ] = False,
     tum: Annotated[
         Path | None,
-        typer.Option(help="Folder for estimate.tum and reference.tum, which evo_ape reads.", show_default=False),
+        typer.Option(
+            help="Folder for estimate.tum and reference.tum, which evo_ape and evo_rpe read.", show_default=False
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
     force: Force = False,
 ) -> None:
     """Compare results with a reference attitude: containment, error of the center, width of the sets.
 
+    With --delta-rows or --delta-s also how far turns of the body are off, which says more of drift.
+
     Exit code 1 if the reference is outside a set that the table claims to hold without a condition, or if its
     quaternions are read in a wrong order or as their inverse.
     """
+    if delta_rows is not None and delta_s is not None:
+        raise typer.BadParameter("state --delta-rows or --delta-s, not both", param_hint="--delta-s")
+    if all_pairs and delta_rows is None and delta_s is None:
+        raise typer.BadParameter("needs --delta-rows or --delta-s", param_hint="--all-pairs")
     if tum is not None:
         require_outputs((tum / name for name in ("estimate.tum", "reference.tum")), force=force, folder=tum)
     configuration = None if config is None else read_configuration(config)
@@ -78,16 +91,26 @@ def compare(
     try:
         attitudes = read_reference(reference, configuration)
         compared = comparison.compare(
-            run, attitudes, largest_gap=largest_gap_s, reference_error=math.radians(error_deg)
+            run,
+            attitudes,
+            largest_gap=largest_gap_s,
+            reference_error=math.radians(error_deg),
+            alignment=align,
         )
-        misread = comparison.misread_reference(run, attitudes, choices, largest_gap=largest_gap_s)
+        # Frames that are aligned may be any: turns alone show how the columns are to be read.
+        turned = run if align == "none" else replace(run, heading_from_start=True)
+        misread = comparison.misread_reference(turned, attitudes, choices, largest_gap=largest_gap_s)
+        summary = compared.to_dict()
+        if delta_rows is not None or delta_s is not None:
+            summary["relative"] = comparison.relative_figures(
+                compared, rows=delta_rows, seconds=delta_s, all_pairs=all_pairs
+            )
     except ValueError as error:
         raise FileError(f"{result}, {reference}: {error}") from error
     written: tuple[Path, ...] = ()
     if tum is not None:
         tum.mkdir(parents=True, exist_ok=True)
         written = compared.write_tum(tum)
-    summary = compared.to_dict()
     if as_json:
         head = {
             "result": str(result),
@@ -99,10 +122,7 @@ def compare(
         typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         typer.echo(f"{result} against {reference}: {len(compared.times)} of {compared.rows} rows compared")
-        own_error = "not stated" if source is None else f"{error_deg:g} degrees by {source}"
-        counts = "any attitude that near to it" if error_deg > 0.0 else "the reference itself"
-        typer.echo(f"the reference's own error: {own_error}; a row is inside if its set has {counts}")
-        Console(width=max(Console().width, 110)).print(_table(summary))
+        _say(summary, error_deg, source)
         for path in written:
             typer.echo(f"  {path}")
     if misread is not None:
@@ -122,6 +142,28 @@ def compare(
         raise typer.Exit(1)
 
 
+def _say(summary: dict[str, Any], error_deg: float, source: str | None) -> None:
+    """Print the figures of `elliptude compare`."""
+    if summary["alignment"] == "none":
+        own_error = "not stated" if source is None else f"{error_deg:g} degrees by {source}"
+        counts = "any attitude that near to it" if error_deg > 0.0 else "the reference itself"
+        typer.echo(f"the reference's own error: {own_error}; a row is inside if its set has {counts}")
+    else:
+        rows = "at the first compared row" if summary["alignment"] == "origin" else "over all compared rows"
+        typer.echo(
+            f"the reference is turned by {summary['turned_deg']:.4g} degrees onto the estimate {rows}: it takes on "
+            "errors of the estimate, and cannot say whether it is inside"
+        )
+    Console(width=max(Console().width, 110)).print(_table(summary))
+    if (relative := summary.get("relative")) is not None:
+        rows, seconds, error = relative["delta_rows"], relative["delta_s"], relative["error_deg"]
+        span = f"{seconds:g} s" if rows is None else f"{rows} row{'s' * (rows > 1)}"
+        typer.echo(
+            f"turns over {span} ({relative['pairs']} {'overlapping ' * relative['all_pairs']}pairs): error "
+            f"{error['mean']:.3g} degrees (mean), {error['rms']:.3g} (rms), {error['max']:.3g} (max)"
+        )
+
+
 def _table(summary: dict[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("claim", no_wrap=True)
@@ -133,7 +175,8 @@ def _table(summary: dict[str, Any]) -> Table:
         cells = [f"{100.0 * figures['share_of_rows']:.4g}"]
         if figures["compared"]:
             error = figures["error_deg"]
-            cells += [f"{100.0 * figures['inside_share']:.6g}"]
+            inside = figures["inside_share"]
+            cells += ["-" if inside is None else f"{100.0 * inside:.6g}"]
             cells += [f"{error[which]:.3g}" for which in ("mean", "rms", "max")]
             cells += [
                 " ".join(f"{width:.3g}" for width in figures[f"half_width_{axes}_deg"]["mean"])
@@ -141,223 +184,3 @@ def _table(summary: dict[str, Any]) -> Table:
             ]
         table.add_row(name, *cells)
     return table
-
-
-def monitor(
-    log: Annotated[
-        Path,
-        typer.Argument(
-            help="With --config a log; else a table of results, or the folder that estimate wrote.",
-            show_default=False,
-        ),
-    ],
-    estimate: Annotated[
-        Path,
-        typer.Option(
-            help="The other filter's attitudes: a table with time_s,qw,qx,qy,qz; with --estimate-config a log in any "
-            "format.",
-            show_default=False,
-        ),
-    ],
-    config: Annotated[
-        Path | None,
-        typer.Option(help="Configuration of the log, of mode guaranteed: TOML.", show_default=False),
-    ] = None,
-    estimate_config: Annotated[
-        Path | None,
-        typer.Option(help="Configuration whose [truth] says what the estimate's columns are.", show_default=False),
-    ] = None,
-    frame: Annotated[
-        _GroundFrame | None,
-        typer.Option(help="Reference frame of the sets, if --config does not say it.", show_default=False),
-    ] = None,
-    estimate_frame: Annotated[
-        _GroundFrame | None,
-        typer.Option(help="Reference frame of the estimate, if it is another one.", show_default=False),
-    ] = None,
-    heading_free: Annotated[
-        bool,
-        typer.Option("--heading-free", help="The estimate's heading counts from elsewhere: judge its tilt alone."),
-    ] = False,
-    limit_deg: Annotated[float | None, _limit("whole")] = None,
-    limit_tilt_deg: Annotated[float | None, _limit("tilt")] = None,
-    limit_heading_deg: Annotated[float | None, _limit("heading")] = None,
-    largest_gap_s: EstimateLargestGap = 0.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for monitor.csv, monitor.png and monitor.json; created if missing.", show_default=False
-        ),
-    ] = None,
-    format: Annotated[Literal["csv", "parquet"], typer.Option(help="Format of the table.")] = "csv",  # noqa: A002
-    as_json: SummaryAsJson = False,
-    force: Force = False,
-) -> None:
-    """Bound the error of another filter's attitudes, with a proof where they cannot be true.
-
-    Exit code 1 if an attitude is proved wrong, if its error is not shown to be within a stated limit, or if its
-    quaternions are read in a wrong order or as their inverse.
-    """
-    files = [] if out is None else [out / name for name in (f"monitor.{format}", "monitor.png", "monitor.json")]
-    require_outputs(files, force=force, folder=out)
-    limits = _limits(limit_deg, limit_tilt_deg, limit_heading_deg)
-    if heading_free and (limit_deg is not None or limit_heading_deg is not None):
-        raise typer.BadParameter("judges the tilt alone; --limit-tilt-deg is its limit", param_hint="--heading-free")
-    run, configuration = _judge(log, config)
-    if configuration is not None:
-        if frame is not None:
-            raise typer.BadParameter("the configuration says it", param_hint="--frame")
-        frame = _ground_frame(configuration)
-    described = None if estimate_config is None else read_configuration(estimate_config)
-    truth = None if described is None else described.truth
-    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
-    attitudes = read_reference(estimate, described)
-    free = heading_free or run.heading_from_start
-    has_other_frame = free or estimate_frame is not None
-    try:
-        seen_by = replace(run, heading_from_start=True) if has_other_frame else run
-        misread = comparison.misread_reference(
-            seen_by, attitudes, choices, largest_gap=largest_gap_s, against="the centers of the sets"
-        )
-        if estimate_frame is not None:
-            attitudes = monitored.in_frame(attitudes, _turn(estimate_frame, frame))
-        found = monitored.judge(
-            run,
-            attitudes,
-            has_vertical=frame is not None or run.tilt_bounds is not None,
-            heading="free" if free else "same",
-            limits=limits,
-            largest_gap=largest_gap_s,
-        )
-    except ValueError as error:
-        raise FileError(f"{log}, {estimate}: {error}") from error
-    summary = {
-        "log": str(log),
-        "estimate": str(estimate),
-        "bounds_from_recording": run.bounds_from_recording,
-        "heading_of_sets": _heading_of_sets(run, log, configuration),
-        "estimate_misread": misread,
-        "hint": monitored.hint(found),
-    } | found.to_dict()
-    if out is not None:
-        _write_monitored(found, out, files, log.name, estimate.name, summary)
-    if as_json:
-        typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
-    else:
-        _say_monitored(summary)
-        for path in files:
-            typer.echo(f"  {path}")
-    if misread is not None:
-        typer.secho(
-            f"the estimate {misread}: its quaternions are not as declared; [truth] of --estimate-config says how they "
-            "are",
-            err=True,
-            fg=typer.colors.RED,
-        )
-    if misread is not None or summary["rows_with_alarm"]:
-        raise typer.Exit(1)
-
-
-def _limits(total: float | None, tilt: float | None, heading: float | None) -> Limits:
-    return Limits(*(None if value is None else math.radians(value) for value in (total, tilt, heading)))
-
-
-def _judge(log: Path, config: Path | None) -> tuple[Run, Configuration | None]:
-    """The run that judges: read, or of a log."""
-    if config is None:
-        return read_run(log)[0], None
-    configuration = read_configuration(config)
-    if configuration.estimator.mode != "guaranteed":
-        raise FileError(f"{config}: estimator.mode: monitor needs 'guaranteed', not {configuration.estimator.mode!r}")
-    estimator = PieceEstimator(configuration.with_best("none"))
-    pieces = plausibility.plausible_pieces(ahead(logs.read_pieces(log, configuration)), configuration, str(log))
-    try:
-        (result,) = estimator.run(pieces)
-    except ValueError as error:  # also sets that do not meet
-        raise FileError(f"{log}: {error}") from error
-    assert estimator.guaranteed is not None
-    run = monitored.run_of(
-        result,
-        heading_from_start=estimator.guaranteed.starts_heading,
-        bounds_from_recording=configuration.proposed_from,
-    )
-    return run, configuration
-
-
-def _heading_of_sets(run: Run, log: Path, configuration: Configuration | None) -> str:
-    """From where the sets' heading counts; of a table alone that is not known."""
-    if run.heading_from_start:
-        return "from the first row"
-    summary = (log if log.is_dir() else log.parent) / SUMMARY
-    return "as referenced" if configuration is not None or summary.is_file() else "not stated"
-
-
-def _ground_frame(configuration: Configuration) -> _GroundFrame | None:
-    if configuration.rule is not None:
-        return "ENU"
-    return None if configuration.reference_frame == "J2000" else configuration.reference_frame
-
-
-def _turn(of_estimate: _GroundFrame, of_sets: _GroundFrame | None) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """What takes vectors from the estimate's reference axes to those of the sets, (3, 3)."""
-    if of_sets is None:
-        raise typer.BadParameter("needs --frame, the reference frame of the sets", param_hint="--estimate-frame")
-    return np.asarray(from_enu(np.eye(3), of_sets).T @ from_enu(np.eye(3), of_estimate))
-
-
-def _write_monitored(
-    found: Monitored, out: Path, files: list[Path], log: str, estimate: str, summary: dict[str, Any]
-) -> None:
-    """Write table, picture and, last, the summary: it says that the folder is complete."""
-    from elliptude.report import figures, run_figures  # Matplotlib would slow every command
-
-    out.mkdir(parents=True, exist_ok=True)
-    table, picture, last = files
-    write_columns(table, "monitor", monitored.columns(found))
-    figures.save(run_figures.monitor_figure(found, f"{estimate} judged by {log}"), picture)
-    write_json(last, summary)
-
-
-def _say_monitored(summary: dict[str, Any]) -> None:
-    """Print the figures of `elliptude monitor`."""
-    typer.echo(f"{summary['estimate']} judged by {summary['log']}: {summary['judged']} of {summary['rows']} rows")
-    if summary["bounds_from_recording"] is not None:
-        typer.echo(
-            f"  the bounds are proposals from {summary['bounds_from_recording']}, so that no alarm is a proof: once "
-            "there is a reason for each bound, delete bounds_from_recording in the configuration"
-        )
-    if summary["questions"] == ["tilt"]:
-        why = "; the sets' counts from the first row" if summary["heading_of_sets"] == "from the first row" else ""
-        typer.echo(f"  the heading is free{why}: the tilt alone is judged")
-    elif "heading" in summary["questions"] and summary["heading_of_sets"] == "not stated":
-        typer.secho(
-            f"  no {SUMMARY} beside the table says from where the sets' heading counts: taken as referenced",
-            fg=typer.colors.YELLOW,
-        )
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("error", no_wrap=True)
-    for heading in ("claim", "rows", "bound ° mean", "median", "max", "no bound", "proved wrong", "not in limit"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for question in summary["questions"]:
-        figures = summary[question]
-        for claim in CLAIMS[:2]:
-            bound = figures["bound_deg"][claim]
-            is_first = claim == CLAIMS[0]
-            if not bound["rows"] and not is_first:
-                continue
-            angles = [f"{bound[which]:.3g}" if bound["rows"] else "-" for which in ("mean", "median", "max")]
-            limit = "-" if figures["not_within_limit"] is None else str(figures["not_within_limit"])
-            counts = [str(figures["without_bound"]), str(figures["proved_wrong"]), limit]
-            if not is_first:
-                counts = ["", f"({figures['wrong_if_condition_holds']})", ""]
-            table.add_row(question, claim, str(bound["rows"]), *angles, *counts)
-    Console(width=max(Console().width, 110)).print(table)
-    if summary["rows_with_proof"]:
-        least = max(filter(None, (summary[question]["largest_least_deg"] for question in summary["questions"])))
-        typer.secho(
-            f"  proved wrong at {summary['rows_with_proof']} rows, first at {summary['first_proof_s']:.6f} s, by up to "
-            f"{least:.3g} degrees at least",
-            fg=typer.colors.RED,
-        )
-    if summary["hint"] is not None:
-        typer.secho(f"  {summary['hint']}", fg=typer.colors.YELLOW)

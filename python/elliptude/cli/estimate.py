@@ -7,6 +7,7 @@ import importlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +16,8 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.cli.options import Force, Repair, SummaryAsJson, with_repair
+from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.cli.options import Force, Repair, ShownAxes, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate
@@ -74,6 +76,7 @@ def estimate(
         ),
     ] = None,
     repair: Repair = False,
+    axes: ShownAxes = "reference",
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -106,10 +109,10 @@ def estimate(
         files.append(report)
     require_outputs(files, force=force, folder=out)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth)
+        summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth, axes)
         if report is not None:
             run, label = read_run(out)
-            html_report.write_report(run, report, log.name, label=label)
+            html_report.write_report(replace(run, axes=axes), report, log.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
@@ -196,7 +199,13 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _estimate_pieces(
-    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool = False
+    log: Path,
+    configuration: Configuration,
+    out: Path,
+    table: str,
+    progress: Progress,
+    smooth: bool,
+    axes: ErrorAxes,
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
@@ -237,7 +246,7 @@ def _estimate_pieces(
         assert estimator.guaranteed is not None
         figures_of["smoothing"] = smoothing.figures(estimator.guaranteed)
     figures_of["repaired"] = found.to_dict()
-    return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share)
+    return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share, axes)
 
 
 def _noting_repairs(pieces: Iterator[logs.Log], found: Survey) -> Iterator[logs.Log]:

@@ -5,6 +5,7 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from elliptude.bounds.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 
 # Between two samples a day apart nothing is known.
@@ -43,6 +44,13 @@ Repair: TypeAlias = Annotated[
     typer.Option(
         "--repair",
         help="Leave out repeated rows, NaN, wrong time stamps and broken lines, and list them: gaps of the gyro.",
+    ),
+]
+
+ShownAxes: TypeAlias = Annotated[
+    ErrorAxes,
+    typer.Option(
+        "--axes", help="About which axes pictures show attitude errors and half-widths: the reference's or the body's."
     ),
 ]
 

@@ -7,6 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from elliptude.bounds.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result
@@ -44,12 +45,21 @@ def finish(
     table: str,
     title: str,
     inside_share: float | None = None,
+    axes: ErrorAxes = "reference",
 ) -> dict[str, Any]:
     """Draw the figure and write the summary, last: it says that the folder is complete."""
     from elliptude.report import figures
 
     label = configuration.truth.label if configuration.truth is not None else "truth"
-    figure = figures.estimate_figure(drawn, title, label=label, inside_share=inside_share)
+    figure = figures.estimate_figure(
+        drawn,
+        title,
+        label=label,
+        inside_share=inside_share,
+        axes=axes,
+        frame=configuration.frame,
+        heading_from_start=summary.get("heading") == "from the first row",
+    )
     figures.save(figure, out / FIGURE)
     summary |= {"results": table, "figure": FIGURE}
     write_json(out / SUMMARY, summary)

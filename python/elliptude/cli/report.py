@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from elliptude.cli.options import (
     Force,
     LargestGap,
     ReferenceErrorDeg,
+    ShownAxes,
     SummaryAsJson,
     TruthConfig,
     reference_error,
@@ -52,6 +54,7 @@ def make_report(
     title: Annotated[
         str | None, typer.Option(help="Title of the page; the name of the table if left out.", show_default=False)
     ] = None,
+    axes: ShownAxes = "reference",
     as_json: SummaryAsJson = False,
     force: Force = False,
 ) -> None:
@@ -66,6 +69,7 @@ def make_report(
     if reference is None and reference_error_deg is not None:
         raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
     run, read_label = read_run(result)
+    run = replace(run, axes=axes)
     if reference is not None:
         configuration = None if config is None else read_configuration(config)
         error_deg, _ = reference_error(reference_error_deg, configuration)

@@ -298,6 +298,11 @@ class Configuration(Model):
         return self.bounds_from_recording or of_rule
 
     @property
+    def frame(self) -> ReferenceFrame | None:
+        """The reference frame, as stated or by a rule."""
+        return self.reference_frame if self.rule is None else "ENU"
+
+    @property
     def truth_error(self) -> float:
         """How far the truth may itself be off, rad."""
         return 0.0 if self.truth is None else math.radians(self.truth.error_deg)

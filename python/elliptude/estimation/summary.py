@@ -121,6 +121,7 @@ class Summary:
             "table_version": tables.VERSION,
             "mode": configuration.estimator.mode,
             "criterion": configuration.estimator.criterion,
+            "reference_frame": configuration.frame,
             "rows": self._rows,
             "updates": self._updates,
             "refused": self._refused,

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from scipy.spatial.transform import Rotation
 
 from elliptude.io.files import FileError, system_fault
-from elliptude.io.toml_faults import faults_in_words
+from elliptude.io.toml_faults import faults_in_words, syntax_in_words
 from elliptude.typing import FloatArray
 
 Number = Annotated[float, Strict()]
@@ -127,13 +127,19 @@ def load_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         If the file cannot be read, or is not TOML (with line and column).
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
         raise FileError(f"{path}: {system_fault(error)}") from error
     except UnicodeDecodeError as error:
-        raise FileError(f"{path}: not UTF-8 text") from error
+        raise FileError(f"{path}: not UTF-8 text: save it as UTF-8") from error
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise FileError(f"{path}: not TOML: {error}") from error
+        raise FileError(f"{path}: {syntax_in_words(str(error), text)}") from error
+    except ValueError as error:  # more digits than Python takes
+        raise FileError(f"{path}: not TOML: a number has thousands of digits") from error
+    except RecursionError as error:
+        raise FileError(f"{path}: not TOML: lists or tables within one another, hundreds deep") from error
 
 
 def validate(path: str | os.PathLike[str], data: Mapping[str, Any], model: type[SomeModel]) -> SomeModel:

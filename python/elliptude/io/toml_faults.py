@@ -1,5 +1,6 @@
-"""What is wrong with a TOML file, in words: pydantic's findings by key, with what stands there and what may."""
+"""What is wrong with a TOML file, in words: syntax by line, pydantic's findings by key, and what may stand there."""
 
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
@@ -43,6 +44,22 @@ _WORDS = {
     "timezone_aware": "needs a time zone, as in 2015-10-13T14:49:00Z",
 }
 """By pydantic's type of a fault, with its context."""
+_SYNTAX = {
+    "Expected '=' after": "a name is followed by = and a value; a name with a space in it stands in quotes",
+    "Invalid value": "no value: numbers have a decimal point and no unit, text stands in quotes, lists in [ ]",
+    "after a statement": "something is left over: numbers have a decimal point and no unit, text stands in quotes",
+    "Cannot declare": "this table stands here a second time: put its lines together, or write [[...]] for a list",
+    "Cannot|Duplicate": "this name has a value already: leave one of them out",
+    "Unclosed array": "a list that begins with [ does not end with ], or lacks a comma",
+    "inline table": "a table that begins with { does not end with }, or lacks a comma",
+    "Expected ']": "the name of a table ends with ], that of a list of tables with ]]",
+    "Unterminated|Illegal character '.?.[nr]'|Expected": "text in quotes does not end",
+    "[Ee]scape|hex": "in double quotes a backslash begins a special character: write paths in single quotes",
+    "Invalid (initial|statement)": "a line is name = value, [table] or # comment; a name has letters, digits, _ and -",
+    "character": "a character that cannot be shown: leave it out",
+    "date|time": "no such date or time",
+}
+"""What Python's parser says (patterns, the first one that fits), and what that is in other words."""
 
 
 def faults_in_words(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> str:
@@ -156,3 +173,25 @@ def _kinds(models: set[type[BaseModel]]) -> set[str]:
     """What ``kind`` may be in these tables."""
     fields: list[Any] = [one.model_fields["kind"].annotation for one in models if "kind" in one.model_fields]
     return {str(name) for one in fields for name in get_args(one)}
+
+
+def syntax_in_words(said: str, text: str) -> str:
+    """Where a text is no TOML, what stands there and what may.
+
+    Parameters
+    ----------
+    said : str
+        By Python's parser.
+    text : str
+
+    Returns
+    -------
+    str
+        Such as "line 3, column 8: not TOML: ...: 'step ='".
+    """
+    lines = text.splitlines() or [""]
+    found = re.search(r"\(at line (\d+), column (\d+)\)", said)
+    row, column = (int(found[1]), int(found[2])) if found else (len(lines), len(lines[-1]) + 1)
+    words = next((words for pattern, words in _SYNTAX.items() if re.search(pattern, said)), "this cannot be read")
+    there = lines[min(row, len(lines)) - 1].strip()
+    return f"line {row}, column {column}: not TOML: {words}" + (f": '{textwrap.shorten(there, 60)}'" if there else "")

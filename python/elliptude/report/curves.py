@@ -90,21 +90,21 @@ def plot_layout(**more: Any) -> dict[str, Any]:
 
 
 def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
-    time, known, headings = _times(run, rows), run.known[rows], run.heading_bounds
+    time, known, headings, shown = _times(run, rows), run.known[rows], run.heading_bounds, run.about_axes()
 
     def curve(name: str, angles: FloatArray, there: NDArray[np.bool_], line: dict[str, Any]) -> dict[str, Any]:
         degrees = np.where(there, np.rad2deg(angles[rows]), np.nan)
         return {"type": "scatter", "mode": "lines", "name": name, "x": time, "y": _list(degrees), "line": line}
 
-    # Heading and tilt say more than the axes of the body do.
+    # Heading and tilt say more than three axes do.
     traces = [
         curve(
             f"half-width about {axis}",
-            run.half_widths[:, i],
+            shown.half_widths[:, i],
             known,
             {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
         )
-        for i, axis in enumerate("xyz" if headings is None else "")
+        for i, axis in enumerate(shown.names if headings is None else ())
     ]
     traces.append(curve("largest angle", run.largest_angles, known, {"width": 2}) | {"meta": "ink"})
     if headings is not None:
@@ -177,15 +177,16 @@ def _why(listed: DroppedMeasurements, row: int) -> str:
 def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     known = run.known[rows]
     traces: list[dict[str, Any]] = []
-    bounds, errors = run.half_widths[rows][known], None if run.errors is None else run.errors[rows][known]
+    shown = run.about_axes()
+    bounds, errors = shown.half_widths[rows][known], None if shown.errors is None else shown.errors[rows][known]
     limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
     layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
-    for i, axis in enumerate("xyz"):
+    for i, axis in enumerate(shown.names):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
-        bound = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
+        bound = np.where(known, np.rad2deg(shown.half_widths[rows, i]), np.nan)
         traces.append(_bound_trace(run.times[rows], bound, i) | place)
-        if run.errors is not None and run.compared.any():
-            error = np.rad2deg(run.errors[rows, i])
+        if shown.errors is not None and run.compared.any():
+            error = np.rad2deg(shown.errors[rows, i])
             outside = np.abs(error) - np.rad2deg(run.reference_error) > bound
             traces.append(_error_trace(_times(run, rows), error, i, label) | place)
             if outside.any():

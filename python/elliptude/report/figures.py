@@ -1,11 +1,12 @@
 """Pictures of estimates and their bounds, as PNG, without a display.
 
-A band is the half-width of the set along an axis: √P_ii about zero error. Errors are on the body side, C = Ĉ exp(S(ζ)).
+A band is the half-width of the set along an axis, about zero error. Errors of the attitude are turns about the
+reference axes or, if wanted, about those of the body (`elliptude.bounds.about_axes`).
 """
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 
 import elliptude
+from elliptude.bounds.about_axes import ErrorAxes, about_axes
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.typing import FloatArray
@@ -23,7 +25,6 @@ BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
 HEADING_COLOUR, TILT_COLOUR = "#009E73", "#CC79A7"
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
-_AXES = "xyz"
 _NOISE_STYLES = {
     "inside": (GREY, "o"),
     "perpendicular": (BLUE, "s"),
@@ -50,8 +51,17 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
 
 
-def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_share: float | None = None) -> Figure:
-    """The errors with their bounds as bands, per body axis; the share inside; the size of the set.
+def estimate_figure(
+    result: Result,
+    title: str,
+    *,
+    label: str = "truth",
+    inside_share: float | None = None,
+    axes: ErrorAxes = "reference",
+    frame: str | None = None,
+    heading_from_start: bool = False,
+) -> Figure:
+    """The errors with their bounds as bands, axis by axis; the share inside; the size of the set.
 
     Parameters
     ----------
@@ -61,6 +71,12 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
         What the estimates are compared with.
     inside_share : float, optional
         The share of all rows, if ``result`` has only some of them.
+    axes : {"reference", "body"}
+        About which axes attitude errors are shown.
+    frame : str, optional
+        The reference frame, whose axes may have names.
+    heading_from_start : bool
+        Whether the heading counts from the first row.
 
     Returns
     -------
@@ -73,16 +89,6 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
     grid = figure.add_gridspec(above + 4, 2)
     time = result.times
     marks = _marks(result)
-    is_bias = result.vector == "bias"
-    errors = result.errors
-    columns = (
-        ("attitude error", r"$\zeta_{}$ (deg)", slice(0, 3)),
-        ("gyro bias error", r"$\delta\beta_{}$ (deg/s)", slice(3, 6))
-        if is_bias
-        else ("angular velocity error", r"$\delta\omega_{}$ (deg/s)", slice(3, 6)),
-    )
-    # A bias that is not estimated has nothing to show.
-    is_alone = not np.isfinite(result.half_widths[:, 3:]).any()
     first: Axes | None = None
     if angles is not None:
         first = figure.add_subplot(grid[0, :])
@@ -90,48 +96,99 @@ def estimate_figure(result: Result, title: str, *, label: str = "truth", inside_
         draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
         for panel in panels[:2]:
             panel.tick_params(labelbottom=False)
-    for j, (name, unit, part) in enumerate(columns):
-        known = errors is not None and bool(np.isfinite(errors[:, part]).any())
-        bounds = np.rad2deg(result.half_widths[:, part])
-        deviations = np.rad2deg(errors[:, part]) if errors is not None and known else None
-        limit = error_limit(bounds, deviations)
-        heading = f"{name}, body axes" if known else f"bound of the {name}, body axes"
-        if is_alone and j == 1:
-            break
+    columns = _error_columns(result, axes, frame, heading_from_start)
+    for j, column in enumerate(columns):
         for i in range(3):
-            axes = figure.add_subplot(grid[above + i, :] if is_alone else grid[above + i, j], sharex=first)
-            first = first or axes
-            _shade_gaps(axes, result)
-            axes.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
-            if deviations is not None:
-                axes.plot(time, deviations[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
-            axes.axhline(0.0, color=GREY, linewidth=0.5)
-            axes.set_ylim(-limit, limit)
-            axes.set_ylabel(unit.format(_AXES[i]))
+            place = grid[above + i, :] if len(columns) == 1 else grid[above + i, j]
+            panel = figure.add_subplot(place, sharex=first)
+            first = first or panel
+            _shade_gaps(panel, result)
+            _draw_band(panel, time, column, i, label, **marks)
             # Panels of the whole width are not aligned with those below.
-            axes.tick_params(labelbottom=is_alone and i == 2)
-            if i == 0:
-                axes.set_title(heading, fontsize=9.5)
+            panel.tick_params(labelbottom=len(columns) == 1 and i == 2)
     below = figure.add_subplot(grid[above + 3, 0], sharex=first)
     _shade_gaps(below, result)
     _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
     size = figure.add_subplot(grid[above + 3, 1], sharex=first)
     _shade_gaps(size, result)
     _draw_size(size, result, **marks)
-    for axes in (below, size):
-        axes.set_xlabel("time (s)")
+    for panel in (below, size):
+        panel.set_xlabel("time (s)")
     assert first is not None
     if len(time) > 1:  # also where nothing is known
         first.set_xlim(float(time[0]), float(time[-1]))
+    _put_legend_below(figure, figure.axes if result.headings is not None else [first])
+    return figure
+
+
+class _ErrorColumn(NamedTuple):
+    """A column of three panels: errors and their bounds."""
+
+    heading: str
+    labels: tuple[str, ...]
+    bounds: FloatArray
+    """Degrees or degrees/s, shape (N, 3)."""
+    errors: FloatArray | None
+
+
+def _error_columns(result: Result, axes: ErrorAxes, frame: str | None, heading_from_start: bool) -> list[_ErrorColumn]:
+    """The attitude, and the vector beside it; a bias that is not estimated has nothing to show."""
+    attitude = about_axes(
+        axes,
+        result.attitudes,
+        result.shapes[:, :3, :3],
+        result.chart,
+        result.half_widths[:, :3],
+        _known_errors(result, slice(0, 3)),
+        frame=frame,
+        heading_from_start=heading_from_start,
+    )
+    labels = tuple(f"about {name} (deg)" for name in attitude.names)
+    found = [_error_column("attitude error", attitude.phrase, labels, attitude.half_widths, attitude.errors)]
+    if np.isfinite(result.half_widths[:, 3:]).any():
+        name, unit = ("gyro bias error", "beta") if result.vector == "bias" else ("angular velocity error", "omega")
+        labels = tuple(rf"$\delta\{unit}_{axis}$ (deg/s)" for axis in "xyz")
+        bounds, errors = result.half_widths[:, 3:], _known_errors(result, slice(3, 6))
+        found.append(_error_column(name, "body axes", labels, bounds, errors))
+    return found
+
+
+def _known_errors(result: Result, part: slice) -> FloatArray | None:
+    """Errors of the attitude or of the vector; None if none is known."""
+    errors = result.errors
+    return None if errors is None or not np.isfinite(errors[:, part]).any() else errors[:, part]
+
+
+def _error_column(
+    what: str, about: str, labels: tuple[str, ...], bounds: FloatArray, errors: FloatArray | None
+) -> _ErrorColumn:
+    heading = f"{what}{' ' if about.startswith('about') else ', '}{about}"
+    heading = heading if errors is not None else f"bound of the {heading}"
+    return _ErrorColumn(heading, labels, np.rad2deg(bounds), None if errors is None else np.rad2deg(errors))
+
+
+def _draw_band(panel: Axes, time: FloatArray, column: _ErrorColumn, i: int, label: str, **marks: Any) -> None:
+    """The error about an axis within its band."""
+    limit = error_limit(column.bounds, column.errors)
+    bound = column.bounds[:, i]
+    panel.fill_between(time, -bound, bound, color=BLUE, alpha=0.22, linewidth=0, label="bound")
+    if column.errors is not None:
+        panel.plot(time, column.errors[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+    panel.axhline(0.0, color=GREY, linewidth=0.5)
+    panel.set_ylim(-limit, limit)
+    panel.set_ylabel(column.labels[i])
+    if i == 0:
+        panel.set_title(column.heading, fontsize=9.5)
+
+
+def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
+    """What the curves of some panels are, each once."""
     entries: dict[str, Any] = {}
-    for axes in figure.axes if result.headings is not None else [first]:
+    for axes in panels:
         of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
-    columns_of_legend = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
-    figure.legend(
-        list(entries.values()), list(entries), loc="outside lower center", ncols=columns_of_legend, frameon=False
-    )
-    return figure
+    columns = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
 
 
 def _true_angles(result: Result) -> FloatArray | None:

@@ -6,6 +6,7 @@ Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the s
 
 import json
 import os
+from dataclasses import replace
 from html import escape
 from importlib import resources
 from typing import Any
@@ -47,7 +48,9 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         Angles in degrees, times in seconds.
     """
     known, count = run.known, len(run.times)
+    reference = replace(run, axes="reference").about_axes()
     widths, largest = np.rad2deg(run.half_widths[known]), np.rad2deg(run.largest_angles[known])
+    about_reference = np.rad2deg(reference.half_widths[known])
     compared, escaped = run.compared, run.escaped & run.compared
     spells = run.refusal_spells()
     summary: dict[str, Any] = {
@@ -60,6 +63,8 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         "claims": None if run.claims is None else {claim: int(run.claimed(claim).sum()) for claim in CLAIMS},
         "largest_angle_deg": _spread(largest),
         "half_width_deg": {axis: _spread(widths[:, i]) for i, axis in enumerate("xyz")},
+        "half_width_reference_deg": {name: _spread(about_reference[:, i]) for i, name in enumerate(reference.names)},
+        "axes": run.axes,
         "left_out": {
             what: sum(spell.measurements for spell in spells if spell.what == what) for what in ("dropped", "refused")
         },
@@ -158,6 +163,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "angles_hidden": "" if "angles" in plots else "hidden",
         "angles_note": _angles_note(run),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
+        "bands_note": _bands_note(run),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
@@ -214,11 +220,20 @@ def _angles_note(run: Run) -> str:
     )
 
 
+def _bands_note(run: Run) -> str:
+    """About which axes errors are."""
+    names, phrase = run.about_axes().names, run.about_axes().phrase
+    note = f"The turn from the estimate to the truth {phrase}, as a rotation vector. "
+    if run.axes == "reference" and run.heading_from_start:
+        note += f"X and Y are horizontal, by the heading that counts from the first row; {names[2]} is vertical. "
+    return note
+
+
 def _size_note(run: Run) -> str:
     """What the curves of the set's size are."""
     note = "The largest angle is that of all attitudes in the set. "
     if run.headings is None:
-        note = "The half-widths are how far the attitude error may reach about each body axis. " + note
+        note = f"The half-widths are how far the attitude error may reach {run.about_axes().phrase}. " + note
     else:
         note += "The heading is the turn about the vertical that is left when the tilt is taken away. "
     if run.tilt_bounds is not None:
@@ -262,7 +277,8 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         if recording is not None:
             lines.append(("bounds", f"proposals from {recording}, so that the sets are no guarantee"))
     lines.append(("largest angle in the set", _degrees(summary["largest_angle_deg"])))
-    lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in summary["half_width_deg"].items()]
+    widths = summary["half_width_deg" if summary["axes"] == "body" else "half_width_reference_deg"]
+    lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in widths.items()]
     if "tilt_bound_deg" in summary:
         lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
     if "heading_bound_deg" in summary:

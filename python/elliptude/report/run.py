@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from elliptude.bounds.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms
 from elliptude.io.files import FileError
 from elliptude.io.tables import (
@@ -167,6 +168,10 @@ class Run:
     """Which body axis was up at rest, in words."""
     best: str | None = None
     """Whose the best estimate beside the sets is, and how far it may be off, in words; None without one."""
+    frame: str | None = None
+    """The reference frame, as a configuration calls it; None if nothing says it."""
+    axes: ErrorAxes = "reference"
+    """About which axes errors and half-widths are shown."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -193,6 +198,19 @@ class Run:
         if known.any():
             attitudes[known] = attitudes_from_quaternions(self.quaternions[known])
         return attitudes
+
+    def about_axes(self) -> AboutAxes:
+        """Errors and half-widths about the axes that are shown."""
+        return about_axes(
+            self.axes,
+            self.attitudes,
+            self.shapes,
+            self.chart,
+            self.half_widths,
+            self.errors,
+            frame=self.frame,
+            heading_from_start=self.heading_from_start,
+        )
 
     @property
     def escaped(self) -> NDArray[np.bool_]:
@@ -402,6 +420,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         bounds_from_recording=summary.bounds_from_recording,
         up_at_rest=summary.up_at_rest,
         best=summary.best,
+        frame=summary.frame,
     )
     return run, summary.label
 
@@ -429,6 +448,7 @@ class _Summary(NamedTuple):
     up_at_rest: str | None = None
     best: str | None = None
     smoothing: tuple[str, ...] = ()
+    frame: str | None = None
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -441,7 +461,7 @@ def _read_summary(path: Path) -> _Summary:
         return _Summary()
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
-    best = read.get("best")
+    best, frame = read.get("best"), read.get("reference_frame")
     implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
@@ -454,6 +474,7 @@ def _read_summary(path: Path) -> _Summary:
         str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
         str(best["in_words"]) if isinstance(best, dict) and "in_words" in best else None,
         smoothing,
+        frame if isinstance(frame, str) else None,
     )
 
 

@@ -78,7 +78,7 @@ def angles_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
 
 
 def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
-    """The attitude error inside its bound, per body axis; without a reference the bound alone.
+    """The attitude error inside its bound, axis by axis; without a reference the bound alone.
 
     Parameters
     ----------
@@ -92,10 +92,11 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     Figure
     """
     rows = chosen_rows(run, _MOST_PIECES)
-    time, bounds = run.times[rows], np.rad2deg(run.half_widths[rows])
+    shown = run.about_axes()
+    time, bounds = run.times[rows], np.rad2deg(shown.half_widths[rows])
     bounds[~run.known[rows]] = np.nan
     figure, axes, strip = _over_time(run, title, 3, 6.4)
-    errors = None if run.errors is None or not run.compared.any() else np.rad2deg(run.errors[rows])
+    errors = None if shown.errors is None or not run.compared.any() else np.rad2deg(shown.errors[rows])
     limit = error_limit(bounds, errors)
     for i, panel in enumerate(axes):
         panel.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
@@ -119,10 +120,10 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
                 )
         panel.axhline(0.0, color=GREY, linewidth=0.5)
         panel.set_ylim(-limit, limit)
-        panel.set_ylabel(rf"$\zeta_{'xyz'[i]}$ (deg)")
-    heading = "attitude error about the body axes, and its bound"
+        panel.set_ylabel(f"about {shown.names[i]} (deg)")
+    heading = f"attitude error {shown.phrase}, and its bound"
     if errors is None:
-        heading = "bound of the attitude error about the body axes"
+        heading = f"bound of the attitude error {shown.phrase}"
     elif run.compared.any():
         heading += f"; outside the set: {int(run.escaped.sum())} of {int(run.compared.sum())} rows"
     axes[0].set_title(heading, fontsize=9.5)
@@ -134,7 +135,7 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
 def size_figure(run: Run, title: str) -> Figure:
     """The largest angle in the set, and bounds of heading and tilt, on a log scale.
 
-    Without bounds of the heading, its half-widths along the body axes instead.
+    Without bounds of the heading, its half-widths instead.
 
     Parameters
     ----------
@@ -148,16 +149,16 @@ def size_figure(run: Run, title: str) -> Figure:
     rows = chosen_rows(run, _MOST_PIECES)
     figure, (panel,), strip = _over_time(run, title, 1, 4.6)
     known = run.known[rows]
-    headings = run.heading_bounds
+    headings, shown = run.heading_bounds, run.about_axes()
     for i in range(3 if headings is None else 0):
-        widths = np.where(known, np.rad2deg(run.half_widths[rows, i]), np.nan)
+        widths = np.where(known, np.rad2deg(shown.half_widths[rows, i]), np.nan)
         panel.plot(
             run.times[rows],
             widths,
             color=AXIS_COLOURS[i],
             linestyle=AXIS_LINES[i],
             linewidth=1.1,
-            label=f"half-width about {'xyz'[i]}",
+            label=f"half-width about {shown.names[i]}",
         )
     largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
     panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label="largest angle")

@@ -152,7 +152,9 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     ratios = np.zeros((count, 0))
     if run.errors is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.abs(run.errors) / run.half_widths
+            shown = run.about_axes()
+            assert shown.errors is not None
+            ratios = np.abs(shown.errors) / shown.half_widths
     scores = [run.largest_angles, -run.largest_angles, *ratios.T]
     scores += [score for score in (run.forms, run.tilt_bounds, run.heading_bounds, run.up_bounds) if score is not None]
     if run.roll_pitch_yaw is not None:

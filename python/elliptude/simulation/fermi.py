@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from elliptude.bounds.about_axes import half_widths_along
 from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.io import tables
@@ -142,9 +143,9 @@ def half_widths_about(result: Result, line: FloatArray) -> tuple[FloatArray, Flo
     known = np.isfinite(result.shapes[:, 0, 0])
     shapes = result.shapes[known, :3, :3]
     in_body = np.einsum("nji,nj->ni", result.attitudes[known], line[known])
-    about[known] = np.sqrt(np.einsum("ni,nij,nj->n", in_body, shapes, in_body))
+    about[known] = half_widths_along(in_body[:, None], shapes, result.chart)[:, 0]
     projectors = np.eye(3) - in_body[:, :, None] * in_body[:, None, :]
     across[known] = np.sqrt(np.linalg.eigvalsh(projectors @ shapes @ projectors)[:, -1])
     if result.chart == "gibbs":
-        about, across = 2.0 * np.arctan(0.5 * about), 2.0 * np.arctan(0.5 * across)
+        across = 2.0 * np.arctan(0.5 * across)
     return about, across

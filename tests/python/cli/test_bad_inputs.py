@@ -31,6 +31,7 @@ bound_deg = 5.0
 NOT_OURS = (
     "Traceback", "Extra inputs", "Input should", "Input tag", "Field required", "discriminator", "Tuple should",
     "String should", "pydantic", "Invalid argument", "Errno", "ArrowInvalid", "CSV parse", "Parquet magic",
+    "at line", "end of document", "Unclosed", "pyulog can", "rosbags can",
     "numpy", "pickle", "NoneType", "codec can't", "Value error", "KeyError", "Is a directory", "Not a directory",
 )  # fmt: skip
 """Words of Python and of libraries."""
@@ -85,10 +86,33 @@ LOGS = {
     "broken gzip": (gzip.compress(b"t,wx\n1,2\n" * 999)[:50], "log.csv.gz"),
     "no Parquet": (b"PAR1 no more", "not a Parquet file, or damaged"),
     "no NPZ": (b"PK\x03\x04 no more", "not an NPZ file"),
+    "no ULog": (b"PK\x03\x04 no more", "not a ULog: it begins with b'PK\\x03\\x04' where b'ULog' must stand"),
+    "cut ULog": (b"ULog\x01\x12\x35\x01\0", "a damaged ULog: it cannot be read beyond byte 9 of 9; copy it"),
+    "no bag": (b"no bag at all", "not a ROS 1 bag: it begins with b'no bag a' where b'#ROSBAG V2.0' must stand"),
+    "cut bag": (b"#ROSBAG V2.0\n" + bytes(9), "a ROS 1 bag that is damaged, or was not closed when the"),
+    "no MCAP": (b"no MCAP at all", "not an MCAP file"),
+    "cut MCAP": (b"\x89MCAP0\r\n" + bytes(9), "try `mcap recover`"),
+    "no SQLite": (b"no SQLite at all", "not a ROS 2 bag"),
 }  # fmt: skip
 
 CONFIGS = {
-    "not TOML": ("flow = [", "not TOML"),
+    "a list without an end": ("flow = [1, 2", "line 1, column 13: not TOML: a list that begins with [ does not end"),
+    "no value": ("flow =\n", "line 1, column 7: not TOML: no value: numbers have a decimal point"),
+    "a unit behind a number": ("bound = 1 deg\n", "line 1, column 11: not TOML: something is left over: numbers have"),
+    "decimal comma": ("bound = 0,5\n", "a decimal point and no unit, text stands in quotes: 'bound = 0,5'"),
+    "text without quotes": ("unit = deg\n", "text stands in quotes, lists in [ ]: 'unit = deg'"),
+    "name with a space": ("time column = 3\n", "line 1, column 6: not TOML: a name is followed by = and a value"),
+    "name twice": ("a = 1\na = 2\n", "line 2, column 6: not TOML: this name has a value already"),
+    "table twice": ("[a]\nb = 1\n[a]\n", "line 3, column 3: not TOML: this table stands here a second time"),
+    "table without an end": ("[a\n", "line 1, column 3: not TOML: the name of a table ends with ]"),
+    "list of tables without an end": ("[[a]\n", "line 1, column 4: not TOML: the name of a table ends with ]"),
+    "inline table without an end": ("a = { b = 1\n", "not TOML: a table that begins with { does not end with }"),
+    "text without an end": ('a = "b\n', "line 1, column 7: not TOML: text in quotes does not end"),
+    "backslash": ('a = "C:\\dir"\n', "in double quotes a backslash begins a special character"),
+    "no name": ("= 1\n", "line 1, column 1: not TOML: a line is name = value, [table] or # comment"),
+    "no such character": ('a = "\x01"\n', "a character that cannot be shown"),
+    "thousands of digits": ("a = " + "9" * 5000, "not TOML: a number has thousands of digits"),
+    "hundreds deep": ("a = " + "[" * 3000, "hundreds deep"),
     "misspelt key": (CONFIG.replace("noise_deg", "nose_deg"), "no such key, did you mean 'noise_deg_per_s'?"),
     "misspelt table": (CONFIG.replace("estimator =", "estimater ="), "no such key, did you mean 'estimator'?"),
     "no flow": (CONFIG.replace("flow =", "#"), "flow: missing"),
@@ -116,7 +140,9 @@ CONFIGS = {
 
 
 def endings(name):
-    return {"broken gzip": ".csv.gz", "no Parquet": ".parquet", "no NPZ": ".npz"}.get(name, ".csv")
+    known = {"broken gzip": ".csv.gz", "no Parquet": ".parquet", "no NPZ": ".npz", "no SQLite": ".db3"}
+    words = {"ULog": ".ulg", "bag": ".bag", "MCAP": ".mcap"}
+    return known.get(name) or words.get(name.rpartition(" ")[2], ".csv")
 
 
 @functools.cache

@@ -1,5 +1,7 @@
 """Formats of logs: their columns, every number as it is in the file, and what is said of files that are at fault."""
 
+import contextlib
+import sqlite3
 import sys
 import zipfile
 
@@ -83,9 +85,13 @@ def test_npz(tmp_path, save):
     [
         ("log.npz", b"not an archive", "not an NPZ file"),
         ("log.npz", b"", "not an NPZ file"),
-        ("log.ulg", b"not a ULog", "not a ULog that pyulog can read"),
-        ("log.bag", b"not a bag", "not a bag that rosbags can read"),
-        ("log.mcap", b"not a bag", "not a bag that rosbags can read"),
+        ("log.ulg", b"not a ULog", "not a ULog: it begins with b'not ' where b'ULog' must stand"),
+        ("log.ulg", b"ULog\x01\x12\x35\x01", "a damaged ULog: it cannot be read beyond byte 8 of 8; copy it"),
+        ("log.bag", b"not a bag", "not a ROS 1 bag: it begins with b'not a ba' where b'#ROSBAG V2.0' must stand"),
+        ("log.bag", b"#ROSBAG V2.0\nno", "a ROS 1 bag that is damaged, or was not closed .*: try `rosbag reindex`"),
+        ("log.mcap", b"not a bag", "not an MCAP file: it begins with b'not a ba' where"),
+        ("log.mcap", b"\x89MCAP0\r\nno", "an MCAP file that is damaged, or was not closed .*: try `mcap recover`"),
+        ("log.db3", b"SQLite format 3\x00no", "a ROS 2 bag that is damaged, or was not closed"),
         ("log.parquet", b"not Parquet", "not a Parquet file"),
     ],
 )
@@ -133,7 +139,7 @@ def test_ulog_that_pyulog_reads_for_ever(tmp_path):
         "0400410101006d0e00440000ffffff00ffffffffffffffffffff00000000"
     )
     (tmp_path / "log.ulg").write_bytes(bytes.fromhex(content))
-    with pytest.raises(FileError, match=r"not a ULog that pyulog can read: .*does not end"):
+    with pytest.raises(FileError, match=r"a damaged ULog: it cannot be read beyond byte \d+ of 83"):
         open_log(tmp_path / "log.ulg")
 
 
@@ -180,6 +186,29 @@ def test_bags(tmp_path, kind, monkeypatch):
     np.testing.assert_array_equal(column(file, "/imu/data.bag_time")[0], stamps + 2_000_000)
     np.testing.assert_array_equal(column(file, "/imu/data.angular_velocity.y")[0], rates[:, 1])
     np.testing.assert_array_equal(column(file, "/imu/mag.magnetic_field.z")[0], fields[::2, 2])
+
+
+_HASH = "RIHS01_6f48accbdeb78064156ce12e71c79115603209be05ac5be791d37e5b1ad10753"
+"""What ROS 2 knows messages of one float64 x of this name by."""
+
+
+def test_bag_that_does_not_say_what_is_in_its_messages(tmp_path):
+    """As older ROS 2 bags, of a message type that is nobody else's."""
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    enums = pytest.importorskip("rosbags.rosbag2.enums")
+    bag = tmp_path / "bag"
+    with rosbag2.Writer(bag, version=8, storage_plugin=enums.StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection("/own", "my_msgs/msg/Own", msgdef="float64 x\n", rihs01=_HASH)
+        writer.write(connection, 1, b"\0\1\0\0" + bytes(8))
+    assert "/own.x" in open_log(bag).columns
+    with contextlib.closing(sqlite3.connect(bag / "bag.db3")) as base:
+        base.execute("delete from message_definitions")
+        base.commit()
+    with pytest.raises(FileError, match=r"bag: topic /own: the bag does not say what .* of type my_msgs/msg/Own"):
+        open_log(bag)
+    (bag / "metadata.yaml").write_text("no: metadata\n")
+    with pytest.raises(FileError, match=r"bag: a folder of a ROS 2 bag that is not whole: its metadata.yaml"):
+        open_log(bag)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import elliptude
 import matplotlib.image
 import numpy as np
 import pytest
@@ -44,6 +45,28 @@ def test_estimate_figure(tmp_path, results, change):
     assert picture.shape[1] == 1080
     assert picture[..., :3].std() > 0.05
     assert [file.name for file in tmp_path.iterdir()] == ["figure.png"]
+
+
+def test_attitude_errors_are_about_reference_axes_unless_body_axes_are_wanted(results):
+    """The band and the error about each axis, found again from P and from the turn in reference axes."""
+    attitudes, errors = results.attitudes, results.errors[:, :3]
+    about_reference = Rotation.from_matrix(attitudes @ elliptude.exp(errors) @ attitudes.swapaxes(1, 2)).as_rotvec()
+    in_reference = attitudes @ results.shapes[:, :3, :3] @ attitudes.swapaxes(1, 2)
+    widths = np.sqrt(np.diagonal(in_reference, axis1=1, axis2=2))
+    for options, heading, labels, shown, bounds in (
+        ({}, "attitude error about the reference axes", "XYZ", about_reference, widths),
+        ({"frame": "NED"}, "attitude error about north, east and down", ["north", "east", "down"], about_reference,
+         widths),
+        ({"axes": "body"}, "attitude error about the body axes", "xyz", errors, results.half_widths[:, :3]),
+    ):  # fmt: skip
+        panels = figures.estimate_figure(results, "Pendulum", **options).axes[:3]
+        assert panels[0].get_title() == heading
+        assert [panel.get_ylabel() for panel in panels] == [f"about {label} (deg)" for label in labels]
+        for i, panel in enumerate(panels):
+            line = next(line for line in panel.lines if "error" in str(line.get_label()))
+            np.testing.assert_allclose(line.get_ydata(), np.rad2deg(shown[:, i]), atol=1e-9)
+            edge = panel.collections[0].get_paths()[0].vertices[:, 1]
+            assert edge.max() == pytest.approx(np.rad2deg(bounds[:, i]).max(), rel=1e-9)
 
 
 def with_angles(results):
@@ -111,7 +134,10 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
     half_widths[:, 3:] = np.nan
     half_widths[:, :3] = np.deg2rad(40.0)
     half_widths[5:], largest[5:] = np.nan, np.nan
-    some = without_truth(dataclasses.replace(results, half_widths=half_widths, largest_angles=largest, vector="bias"))
+    shapes = np.tile(np.eye(6) * np.deg2rad(40.0) ** 2, (len(half_widths), 1, 1))
+    shapes[5:] = np.nan
+    of_sets = {"half_widths": half_widths, "largest_angles": largest, "shapes": shapes}
+    some = without_truth(dataclasses.replace(results, **of_sets, vector="bias"))
     figure = figures.estimate_figure(some, "A gap")
     assert len(figure.axes) == 5
     for panel in figure.axes[:3]:

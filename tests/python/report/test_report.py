@@ -114,6 +114,7 @@ def test_summary():
     assert summary["median_rate_hz"] == pytest.approx(10.0)
     assert summary["claims"] == {"unconditional": 20, "conditional": 25, "none": 5}
     assert summary["half_width_deg"]["y"]["largest"] == pytest.approx(np.rad2deg(0.2))
+    assert list(summary["half_width_reference_deg"]) == ["X", "Y", "Z"]
     assert summary["left_out"] == {"dropped": 3, "refused": 0}
     assert (summary["rows_compared"], summary["escapes"]) == (45, 2)
     assert summary["escapes_by_claim"] == {"unconditional": 1, "conditional": 1, "none": 0}
@@ -123,6 +124,26 @@ def test_summary():
     alone = report.summarize(make_run(), "truth")
     assert alone["compared_with"] is None
     assert alone["left_out"] == {"refused": 0}
+
+
+def test_about_which_axes(tmp_path):
+    """By default the reference's, with names if the frame is known; figures of the body's stay as they were."""
+    run = dataclasses.replace(full_run(), frame="ENU", heading_from_start=True)
+    found = {}
+    for axes in ("reference", "body"):
+        path = tmp_path / f"{axes}.html"
+        found[axes] = report.write_report(dataclasses.replace(run, axes=axes), path, "Run")
+        page = path.read_text(encoding="utf-8")
+        plots = data_of(page)["plots"]
+        names = ["X", "Y", "up"] if axes == "reference" else ["x", "y", "z"]
+        layout = plots["bands"]["layout"]
+        assert [layout[f"yaxis{i}"]["title"]["text"] for i in ("", 2, 3)] == [f"about {name} (deg)" for name in names]
+        assert [trace["name"] for trace in plots["size"]["data"][:3]] == [f"half-width about {name}" for name in names]
+        assert all(f'<th scope="row">half-width about {name}</th>' in page for name in names)
+        assert ("X and Y are horizontal, by the heading that counts from the first row" in page) == (
+            axes == "reference"
+        )
+    assert found["reference"] == found["body"] | {"axes": "reference"}
 
 
 @pytest.mark.parametrize("known", [True, False])

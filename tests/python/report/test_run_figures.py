@@ -29,11 +29,11 @@ def legend_of(figure):
 
 
 def test_bands(tmp_path):
-    run = full_run()
+    run = dataclasses.replace(full_run(), axes="body")
     run.errors[40, 1], run.forms[40] = 0.22, 1.21
     figure = run_figures.bands_figure(run, "Run", label="optical attitude")
     *panels, strip = figure.axes
-    assert [panel.get_ylabel() for panel in panels] == [rf"$\zeta_{axis}$ (deg)" for axis in "xyz"]
+    assert [panel.get_ylabel() for panel in panels] == [f"about {axis} (deg)" for axis in "xyz"]
     assert strip.get_xlabel() == "time (s)"
     assert "outside the set: 1 of 45 rows" in panels[0].get_title()
     error = next(line for line in panels[1].lines if line.get_label() == "error against optical attitude")
@@ -47,6 +47,26 @@ def test_bands(tmp_path):
     assert {"claim: unconditional", "claim: conditional", "claim: none", "outside the band"} <= set(legend_of(figure))
     figures.save(figure, tmp_path / "bands.png")
     assert matplotlib.image.imread(tmp_path / "bands.png").shape[1] == 1080
+
+
+def test_bands_and_sizes_about_reference_axes():
+    """A body that turns by 90 degrees about up takes its half-widths with it; about east and north they change."""
+    run = dataclasses.replace(full_run(), frame="ENU")
+    quarter = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+    run.quaternions[:20], run.quaternions[25:] = [1.0, 0.0, 0.0, 0.0], quarter
+    panels = run_figures.bands_figure(run, "Run").axes[:3]
+    assert [panel.get_ylabel() for panel in panels] == ["about east (deg)", "about north (deg)", "about up (deg)"]
+    assert panels[0].get_title().startswith("attitude error about east, north and up, and its bound")
+    for i, (before, after) in enumerate(((0.1, 0.2), (0.2, 0.1), (0.3, 0.3))):
+        edge = next(line for line in panels[i].lines if len(line.get_ydata()) == 50)
+        np.testing.assert_allclose(np.abs(edge.get_ydata()[[0, 49]]), np.rad2deg([before, after]))
+    # ζ = (0.05, 0.05, 0.05) rad in body axes; the body's x axis points to north then, its y axis to west.
+    east, north, _ = (
+        next(line for line in panel.lines if "error" in str(line.get_label())).get_ydata() for panel in panels
+    )
+    np.testing.assert_allclose(np.deg2rad([east[49], north[49]]), [-0.05, 0.05])
+    labels = [line.get_label() for line in run_figures.size_figure(run, "Run").axes[0].lines]
+    assert labels[:3] == ["half-width about east", "half-width about north", "half-width about up"]
 
 
 def angled(run):

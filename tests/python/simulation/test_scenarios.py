@@ -97,7 +97,7 @@ def test_own_scenario(tmp_path):
         ('"first measurement"', '"guess"', "estimate0.attitude: must be 'first measurement'"),
         ("[0.1, 3.0, 0.0]", "[0.2, 3.0, 0.0]", "inertia: an inertia matrix is symmetric"),
         ("0.0, 2.5]", "0.0, 5.5]", "inertia: no body has these moments"),
-        ("step = 0.1", "step = ", "not TOML: Invalid value (at line 6, column 8)"),
+        ("step = 0.1", "step = ", "line 6, column 8: not TOML: no value: numbers have a decimal point"),
     ],
 )
 def test_wrong_file_is_refused_by_name_and_key(tmp_path, old, new, message):

@@ -22,6 +22,12 @@ _NUMBERS = {
 # Seconds and nanoseconds become one column of nanoseconds.
 _STAMPS = {"builtin_interfaces/msg/Time"}
 _LARGEST_ARRAY = 64
+# What a file is by its ending, how each begins, and what may mend it.
+_KINDS = {
+    ".bag": ("a ROS 1 bag", b"#ROSBAG V2.0", "try `rosbag reindex`"),
+    ".mcap": ("an MCAP file", b"\x89MCAP0\r\n", "try `mcap recover`"),
+    ".db3": ("a ROS 2 bag", b"SQLite format 3\x00", "try `ros2 bag reindex` in its folder"),
+}
 
 
 class BagFile(NumbersAlone):
@@ -40,6 +46,11 @@ class BagFile(NumbersAlone):
             for connection in reader.connections:
                 if topics.setdefault(connection.topic, connection.msgtype) != connection.msgtype:
                     raise FileError(f"{path}: topic {connection.topic} has messages of more than one type")
+                if connection.msgtype not in reader.typestore.fielddefs:
+                    raise FileError(
+                        f"{path}: topic {connection.topic}: the bag does not say what is in its messages, of type "
+                        f"{connection.msgtype}; recorded as MCAP, it does"
+                    )
                 fields = _fields(reader.typestore.fielddefs, connection.msgtype)
                 self._getters |= {f"{connection.topic}.{field}": getter for field, getter in fields.items()}
                 self._getters[f"{connection.topic}.bag_time"] = lambda _: 0
@@ -93,8 +104,22 @@ class BagFile(NumbersAlone):
             raise
         except OSError as error:
             raise FileError(f"{self.path}: {system_fault(error)}") from error
-        except Exception as error:  # of rosbags and of what it unpacks with
-            raise FileError(f"{self.path}: not a bag that rosbags can read: {error}") from error
+        except Exception as error:  # of rosbags and of what it unpacks with, in words for nobody
+            raise FileError(f"{self.path}: {self._damage()}") from error
+
+    def _damage(self) -> str:
+        """Why it cannot be read, and what may be done."""
+        if self.path.is_dir():
+            return (
+                "a folder of a ROS 2 bag that is not whole: its metadata.yaml, or a file that it names, is damaged or "
+                "missing; `ros2 bag reindex` writes the first anew"
+            )
+        what, magic, remedy = _KINDS[self.path.suffix]
+        with self.path.open("rb") as file:
+            begins = file.read(len(magic))
+        if begins != magic:
+            return f"not {what}: it begins with {begins[:8]!r} where {magic!r} must stand"
+        return f"{what} that is damaged, or was not closed when the recording ended: {remedy}, or copy it again"
 
 
 def _batch(columns: Sequence[str], rows: list[list[Any]]) -> dict[str, Cells]:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.readers.base import Batch, NumbersAlone, numbered
 
+# The first bytes of any ULog; a version follows.
+_MAGIC = b"ULog\x01\x12\x35"
+
 
 class UlogFile(NumbersAlone):
     """A ULog, whole in memory. A column is ``topic.field``, or ``topic:1.field`` of the topic's second instance.
@@ -25,13 +28,18 @@ class UlogFile(NumbersAlone):
             import pyulog
         except ModuleNotFoundError as error:
             raise FileError(f"{path}: reading a ULog needs pyulog: pip install 'elliptude[ulog]'") from error
+        reached = 0
         try:
             with _Bounded(self.path) as content:
-                log = pyulog.ULog(content)
+                try:
+                    log = pyulog.ULog(content)
+                except Exception:
+                    reached = content.tell()
+                    raise
         except OSError as error:
             raise FileError(f"{path}: {system_fault(error)}") from error
-        except Exception as error:  # pyulog raises what its parsing happens to meet
-            raise FileError(f"{path}: not a ULog that pyulog can read: {error}") from error
+        except Exception as error:  # pyulog raises what its parsing happens to meet, in words for nobody
+            raise FileError(f"{path}: {self._damage(reached)}") from error
         self._arrays: dict[str, NDArray[np.generic]] = {
             f"{_topic(data.name, data.multi_id)}.{field}": values
             for data in log.data_list
@@ -39,6 +47,17 @@ class UlogFile(NumbersAlone):
             if values.dtype.kind in "biuf"
         }
         self.columns = tuple(self._arrays)
+
+    def _damage(self, reached: int) -> str:
+        """Why it cannot be read, where, and what may be done."""
+        with self.path.open("rb") as file:
+            begins = file.read(len(_MAGIC))
+        if begins != _MAGIC:
+            return f"not a ULog: it begins with {begins[:4]!r} where b'ULog' must stand; a CSV file's name ends in .csv"
+        return (
+            f"a damaged ULog: it cannot be read beyond byte {reached} of {self.path.stat().st_size}; copy it from the "
+            "vehicle again"
+        )
 
     def stream(self, column: str) -> str:
         """The topic."""
