@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import os
 import shlex
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,7 +16,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, Repair, quantity
+from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
@@ -24,6 +25,8 @@ from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.readers.open import open_log
+from elliptude.io.spool import NamedFile
+from elliptude.io.spool import recording as recording_of
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
@@ -45,7 +48,9 @@ _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
 
 
 def bounds(
-    log: Annotated[Path, typer.Argument(help="A recording, in any format of docs/logs.md.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(help=f"A recording, in any format of docs/logs.md; {LOG_HELP}", show_default=False)
+    ],
     config: Annotated[
         Path | None,
         typer.Argument(help="Which columns are which sensors: TOML; bounds may be missing.", show_default=False),
@@ -115,21 +120,22 @@ def bounds(
             param_hint="--carried",
         )
     require_outputs((path for path in (out, rule) if path is not None), force=force)
+    source = recording_of(log)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
-    tables, source = _mapping(log, config, like, time, time_unit, named, truth, stated)
+    tables, stated_in = _mapping(source, config, like, time, time_unit, named, truth, stated)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
-    tables = mapping.as_written(tables, open_log(log, _stated(tables, stated), lenient=repair), repair=repair)
-    configuration = mapping.configuration_of(tables, source)
+    tables = mapping.as_written(tables, open_log(source, _stated(tables, stated), lenient=repair), repair=repair)
+    configuration = mapping.configuration_of(tables, stated_in)
     mode = _mode(mode, tables)
-    repaired = logs.faults_of(log, configuration) if configuration.timing.repair else Survey()
-    recording, origin = mapping.read_recording(log, configuration)
-    implausible = _look(log, configuration, refuse=out is not None or rule is not None)
+    repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
+    recording, origin = mapping.read_recording(source, configuration)
+    implausible = _look(source, configuration, refuse=out is not None or rule is not None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:
@@ -141,19 +147,19 @@ def bounds(
                 proposed,
                 margin,
                 mode=mode,
-                log=log.name,
+                log=source.name,
                 origin=origin,
                 shared_stamps=recording.shared_stamps,
                 carried=carried,
             )
     except ValueError as error:
-        raise FileError(f"{log}: {error}") from error
+        raise FileError(f"{source}: {error}") from error
     if out is not None and document is not None:
-        validate(source, document.unwrap(), Configuration)
+        validate(stated_in, document.unwrap(), Configuration)
         with replacing(out) as temporary:
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
-        _write(rule, proposed, margin, log, carried)
+        _write(rule, proposed, margin, source, carried)
     ruled = rule_tables(proposed, margin, carried=carried)
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
     no_rule, says = None, list[str]()
@@ -167,7 +173,7 @@ def bounds(
             recording.times + origin, recording.angular_velocities, recording.specific_forces, recording.fields
         )
     if as_json:
-        summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
+        summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
         summary["why_no_rule"] = no_rule
@@ -176,7 +182,7 @@ def bounds(
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
-    _say(log, tables, recording, proposed, up, implausible, suspicious)
+    _say(source, tables, recording, proposed, up, implausible, suspicious)
     if says:
         _say_statements(carried, statements_of(ruled), says)
     if no_rule is not None:
@@ -188,13 +194,13 @@ def bounds(
     typer.echo(_NOTE)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
-        following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
+        following = ["estimate", source.argument, "--config", str(out), "--out", "result", "--report", "report.html"]
         typer.echo(f"  elliptude {shlex.join(following)}")
     if rule is not None:
         typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
 
 
-def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
+def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> list[str]:
     """Contradictions between the log and its configuration: degrees declared as radians, or wrong axes.
 
     Bounds are not written for a log that `estimate` would refuse.
@@ -224,7 +230,7 @@ def _mode(mode: Mode | None, tables: Tables) -> Mode:
 
 
 def _mapping(
-    log: Path,
+    log: NamedFile,
     config: Path | None,
     like: str | None,
     time: str | None,
@@ -232,7 +238,7 @@ def _mapping(
     named: dict[str, tuple[str | None, str | None]],
     truth: str | None,
     stated: Stated,
-) -> tuple[Tables, Path]:
+) -> tuple[Tables, os.PathLike[str]]:
     """Which columns are which sensors, and the file that says so."""
     by_name = any(columns is not None for columns, _ in named.values()) or time is not None
     if (config is not None) + (like is not None) + by_name > 1:
@@ -298,7 +304,7 @@ def _said(tables: Tables) -> list[str]:
 
 
 def _say(
-    log: Path,
+    log: NamedFile,
     tables: Tables,
     recording: Recording,
     proposed: Proposal,
@@ -359,7 +365,7 @@ def _table(proposed: Proposal) -> Table:
 # --- what is written --------------------------------------------------------------------------------------------------
 
 
-def _write(path: Path, proposed: Proposal, margin: float, log: Path, carried: Carried) -> None:
+def _write(path: Path, proposed: Proposal, margin: float, log: NamedFile, carried: Carried) -> None:
     document = tomlkit.document()
     for line in (
         f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",

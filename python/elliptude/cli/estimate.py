@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.cli.options import Force, Repair, SummaryAsJson, with_repair
+from elliptude.cli.options import LOG_HELP, Force, Repair, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate
@@ -25,6 +25,7 @@ from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.files import FileError
+from elliptude.io.spool import NamedFile, recording
 from elliptude.io.tables import write_columns, writing_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
@@ -40,7 +41,9 @@ _DROPPED = "dropped.csv"
 def estimate(
     log: Annotated[
         Path,
-        typer.Argument(help="Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md.", show_default=False),
+        typer.Argument(
+            help=f"Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md; {LOG_HELP}", show_default=False
+        ),
     ],
     config: Annotated[
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
@@ -105,20 +108,21 @@ def estimate(
         html_report.plotly_script()
         files.append(report)
     require_outputs(files, force=force, folder=out)
+    source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth)
+        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth)
         if report is not None:
             run, label = read_run(out)
-            html_report.write_report(run, report, log.name, label=label)
+            html_report.write_report(run, report, source.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
-    _say(log, summary)
+    _say(source, summary)
     for file in files:
         typer.echo(f"  {file}")
 
 
-def _say(log: Path, summary: dict[str, Any]) -> None:
+def _say(log: NamedFile, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
     for one in summary["repaired"]:
         typer.secho(f"repaired: {one['said']}", fg=typer.colors.YELLOW)
@@ -157,7 +161,7 @@ def _say_up(summary: dict[str, Any]) -> None:
         typer.echo(f"  {summary['up_at_rest']['in_words']}")
 
 
-def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
+def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
     claims = summary["claim_share_of_rows"]
     recording = summary["bounds_from_recording"]
     if recording is None:
@@ -196,7 +200,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _estimate_pieces(
-    log: Path, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool = False
+    log: NamedFile, configuration: Configuration, out: Path, table: str, progress: Progress, smooth: bool = False
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)

@@ -8,7 +8,6 @@ right. So a clock that was set back is no fault that can be left out: nothing sa
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -372,7 +371,7 @@ class Repaired:
         if found.hopeless:
             raise FileError(f"{file.path}: {'; '.join(found.hopeless)}")
         self.found = found
-        self.path: Path = file.path
+        self.path = file.path
         self.columns = file.columns
         self._file = file
 

@@ -1,5 +1,6 @@
 """Arrays in memory, read as a file is."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ class ArrayLog(NumbersAlone):
     """Columns in memory. Their names are those of a slice, such as ``gyr[:, 0]``; NaN is what was not measured."""
 
     def __init__(self, columns: Mapping[str, FloatArray], name: str) -> None:
-        self.path = Path(name)
+        self.path: os.PathLike[str] = Path(name)
         self._values = dict(columns)
         self.columns = tuple(columns)
 

@@ -3,12 +3,11 @@
 import os
 import zipfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError, system_fault
+from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, Cells, NumbersAlone, numbered
 
 MOST_COLUMNS = 10_000
@@ -23,7 +22,7 @@ class NpzFile(NumbersAlone):
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         self._lengths: dict[str, int] = {}
         try:
             with zipfile.ZipFile(path) as archive:

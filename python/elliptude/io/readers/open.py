@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import TypeAlias
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, as_path
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
@@ -47,12 +47,13 @@ def open_log(
     """
     if not isinstance(path, str | os.PathLike):
         return path
-    path = Path(path)
-    if path.is_dir() and (path / "metadata.yaml").is_file():
+    path = as_path(path)
+    place = Path(path)
+    if place.is_dir() and (place / "metadata.yaml").is_file():
         return BagFile(path)
-    if not path.is_file():
-        raise FileError(f"{path}: {'not a regular file' if path.exists() else 'no such file'}")
-    match path.suffix:
+    if not place.is_file():
+        raise FileError(f"{path}: {'not a regular file' if place.exists() else 'no such file'}")
+    match place.suffix:
         case ".parquet":
             return ParquetTable(path)
         case ".npz":
