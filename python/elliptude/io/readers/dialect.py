@@ -24,6 +24,10 @@ STAMP = re.compile(
     r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d{1,9})?(?P<zone>Z|[+-]\d\d(:?\d\d)?)?", re.IGNORECASE | re.ASCII
 )
 """A time of day in ISO 8601: 2024-05-01T12:00:00.25Z."""
+TIME_HEADER = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
+"""The header of a column of times that states its unit."""
+TIME_UNITS = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
+"""Other spellings of units of time."""
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+", re.ASCII)
 MISSING = (
