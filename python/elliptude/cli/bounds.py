@@ -31,8 +31,8 @@ from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
+from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
-from elliptude.proposal.phone_apps import AtRest
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import in_words, numbers_of, rule_tables, sections, statements_of, what_it_says
 from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration, why_no_rule
@@ -61,7 +61,7 @@ def bounds(
         typer.Option(help=f"Columns and units of a known kind of file: {', '.join(presets())}.", show_default=False),
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
-    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+    time_unit: Annotated[str, typer.Option(help="s, ms, 0.1ms, us or ns.")] = "s",
     gyro: Annotated[str | None, typer.Option(help="Three columns, separated by commas.", show_default=False)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
     accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
@@ -75,7 +75,18 @@ def bounds(
         ),
     ] = None,
     magnetometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
-    magnetometer_unit: Annotated[str | None, typer.Option(help="T, G, mG, uT or nT.", show_default=False)] = None,
+    magnetometer_unit: Annotated[
+        str | None, typer.Option(help="T, G, mG, uT, nT, normalized.", show_default=False)
+    ] = None,
+    field_ut: Annotated[
+        float | None,
+        quantity(
+            "How many µT the unit of a normalized magnetometer is, at least.",
+            least=1.0,
+            greatest=1000.0,
+            show_default=False,
+        ),
+    ] = None,
     truth: Annotated[
         str | None, typer.Option(help="Four columns qw,qx,qy,qz from body to reference axes.", show_default=False)
     ] = None,
@@ -136,7 +147,7 @@ def bounds(
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
-    tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest)
+    tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest, field_ut)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
     tables = mapping.as_written(tables, open_log(source, stated_csv(tables, stated), lenient=repair), repair=repair)

@@ -16,8 +16,8 @@ from elliptude.io.readers.open import open_log
 from elliptude.io.spool import NamedFile
 from elliptude.io.toml import load_toml
 from elliptude.proposal import mapping
+from elliptude.proposal.known_formats import AtRest, scale_field, turn_at_rest
 from elliptude.proposal.mapping import Tables, of_preset, presets
-from elliptude.proposal.phone_apps import AtRest
 
 
 def tables_of(
@@ -30,8 +30,28 @@ def tables_of(
     truth: str | None,
     stated: Stated,
     at_rest: AtRest | None,
+    field_ut: float | None,
 ) -> tuple[Tables, os.PathLike[str]]:
     """Which columns are which sensors, and the file that says so."""
+    tables, source = _found(log, config, like, time, time_unit, named, truth, stated, at_rest)
+    if config is None:
+        scale_field(tables, field_ut)
+    elif field_ut is not None:
+        raise typer.BadParameter("the configuration says it: unit_ut", param_hint="--field-ut")
+    return tables, source
+
+
+def _found(
+    log: NamedFile,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+    stated: Stated,
+    at_rest: AtRest | None,
+) -> tuple[Tables, os.PathLike[str]]:
     by_name = any(columns is not None for columns, _ in named.values()) or time is not None
     if (config is not None) + (like is not None) + by_name > 1:
         raise typer.BadParameter("give one of a configuration, --like, and columns by name")
@@ -71,7 +91,7 @@ def tables_of(
         needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
         raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
     found = mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ())
-    mapping.turn_at_rest(found, at_rest)
+    turn_at_rest(found, at_rest)
     return found, log
 
 
@@ -97,8 +117,9 @@ def in_words(tables: Tables) -> list[str]:
         lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         down = ", down at rest" if sensor.get("at_rest") == "down" else ""
+        field = f", 1 is {sensor['unit_ut']:g} µT" if "unit_ut" in sensor else ""
         columns = ", ".join(sensor["columns"])
-        lines.append(f"{sensor.get('kind', 'direction')}: {columns} ({sensor.get('unit', '-')}{down})")
+        lines.append(f"{sensor.get('kind', 'direction')}: {columns} ({sensor.get('unit', '-')}{down}{field})")
     if "truth" in tables:
         lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
     return lines

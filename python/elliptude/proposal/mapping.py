@@ -26,7 +26,7 @@ from elliptude.io.readers.folder import CsvFolder
 from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
-from elliptude.proposal.phone_apps import AtRest, complete_sensor_logger
+from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, require_stamps, turn_at_rest
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
@@ -79,6 +79,8 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
         tables = load_toml(preset)
     if name == "sensor-logger":
         complete_sensor_logger(tables, file, at_rest)
+    if name == "xsens":
+        require_stamps(file)
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
     if "directions" in tables:
@@ -87,15 +89,6 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
     if "truth" in tables and not set(file.columns).issuperset(tables["truth"]["attitude_columns"]):
         del tables["truth"]
     return tables
-
-
-def turn_at_rest(tables: Tables, at_rest: AtRest | None) -> None:
-    """Say where the accelerometer points at rest, if the user says it; up needs no word."""
-    for sensor in tables.get("directions", []):
-        if at_rest is not None and sensor.get("kind") == "accelerometer":
-            sensor.pop("at_rest", None)
-            if at_rest == "down":
-                sensor["at_rest"] = at_rest
 
 
 def _found(column: str, file: LogFile) -> str:

@@ -74,7 +74,7 @@ class CsvTable(NumbersAlone):
             self.dialect = Dialect(encoding=stated.encoding or encoding_of(stream.read(_BEGINNING)))
         with self._text() as text:
             for self._header_line, line in enumerate(text, start=1):
-                if line.startswith("#"):
+                if line.startswith(("#", "//")):
                     self.label = self.label or line.removeprefix("#").strip()
                 elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
                     stated = replace(
