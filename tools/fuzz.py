@@ -18,7 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 CORPUS = ROOT / "tests" / "fuzz" / "corpus"
 READERS = ROOT / "tests" / "fuzz" / "fuzz_readers.py"
-FORMATS = ("csv", "npz", "toml", "ulog")
+FORMATS = ("csv", "npz", "toml", "ulog", "zip")
 MOST_BYTES = {"readers": 6000}
 """Largest length of an input in bytes; 600 for a C++ target, which is more than one run reads."""
 KEPT_BYTES = 3000

@@ -3,15 +3,19 @@
 import math
 from typing import Literal, TypeAlias
 
-TimeUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
+TimeUnit: TypeAlias = Literal["s", "ms", "0.1ms", "us", "ns"]
 AngularVelocityUnit: TypeAlias = Literal["rad/s", "deg/s"]
 AccelerationUnit: TypeAlias = Literal["m/s^2", "g", "mg"]
 FieldUnit: TypeAlias = Literal["T", "G", "mG", "uT", "nT"]
+MagnetometerUnit: TypeAlias = Literal[FieldUnit, "normalized"]
+"""Normalized: 1 is the strength of a field, which ``unit_ut`` of the sensor states (docs/theory.md, section 18.1)."""
+WEAKEST_FIELD_UT = 20.0
+"""µT; the Earth's field is nowhere on its surface weaker."""
 
 STANDARD_GRAVITY = 9.80665
 """m/s², the unit g; gravity itself is 9.764 to 9.834 m/s² over the Earth's surface."""
 
-TICKS_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+TICKS_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 1_000, "0.1ms": 10_000, "us": 1_000_000, "ns": 1_000_000_000}
 ANGULAR_VELOCITY: dict[AngularVelocityUnit, float] = {"rad/s": 1.0, "deg/s": math.pi / 180.0}
 ACCELERATION: dict[AccelerationUnit, float] = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
 FIELD: dict[FieldUnit, float] = {"T": 1.0, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "nT": 1e-9}

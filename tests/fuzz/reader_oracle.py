@@ -8,7 +8,7 @@ from elliptude.io.readers.open import open_log
 from elliptude.logs import read_log
 from elliptude.logs.conversion import convert
 
-SUFFIXES = {"csv": ".csv", "npz": ".npz", "toml": ".toml", "ulog": ".ulg"}
+SUFFIXES = {"csv": ".csv", "npz": ".npz", "toml": ".toml", "ulog": ".ulg", "zip": ".zip"}
 
 # What the configurations are tried on.
 LOG = "t,wx,wy,wz,ax,ay,az,mx,my,mz,qw,qx,qy,qz\n" + "".join(

@@ -283,6 +283,12 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         raise ValueError(
             "calibrate needs a configuration with a rule, which says what a rest is and what the gyro does"
         )
+    for sensor in configuration.directions:
+        if isinstance(sensor, Magnetometer) and sensor.unit == "normalized":
+            raise ValueError(
+                f"{sensor.name!r}: strength_ut is stated in µT, and a normalized magnetometer does not measure that; "
+                "calibrate one that shows µT"
+            )
     rule = configuration.rule.rule()
     if (known := statements.gyro) is not None:
         rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=known.model_dump())})

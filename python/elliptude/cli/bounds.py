@@ -1,39 +1,43 @@
 """The command ``elliptude bounds``."""
 
-import csv
 import dataclasses
 import json
 import shlex
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 import tomlkit
 import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, Repair, quantity
+from elliptude.cli.columns import in_words as columns_in_words
+from elliptude.cli.columns import stated_csv, tables_of
+from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.readers.open import open_log
-from elliptude.io.toml import load_toml, validate
+from elliptude.io.spool import NamedFile
+from elliptude.io.spool import recording as recording_of
+from elliptude.io.toml import validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.mapping import Tables, of_preset, presets
+from elliptude.proposal.known_formats import AtRest
+from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import in_words, numbers_of, rule_tables, sections, statements_of, what_it_says
 from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration, why_no_rule
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
+from elliptude.units import STANDARD_GRAVITY
 
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
@@ -45,7 +49,9 @@ _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
 
 
 def bounds(
-    log: Annotated[Path, typer.Argument(help="A recording, in any format of docs/logs.md.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(help=f"A recording, in any format of docs/logs.md; {LOG_HELP}", show_default=False)
+    ],
     config: Annotated[
         Path | None,
         typer.Argument(help="Which columns are which sensors: TOML; bounds may be missing.", show_default=False),
@@ -55,13 +61,32 @@ def bounds(
         typer.Option(help=f"Columns and units of a known kind of file: {', '.join(presets())}.", show_default=False),
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
-    time_unit: Annotated[str, typer.Option(help="s, ms, us or ns.")] = "s",
+    time_unit: Annotated[str, typer.Option(help="s, ms, 0.1ms, us or ns.")] = "s",
     gyro: Annotated[str | None, typer.Option(help="Three columns, separated by commas.", show_default=False)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
     accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
     accelerometer_unit: Annotated[str | None, typer.Option(help="m/s^2, g or mg.", show_default=False)] = None,
+    at_rest: Annotated[
+        AtRest | None,
+        typer.Option(
+            help="Where the accelerometer points at rest, with columns by name or --like; up if left out and the file "
+            "does not say otherwise. Some drivers report the opposite.",
+            show_default=False,
+        ),
+    ] = None,
     magnetometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
-    magnetometer_unit: Annotated[str | None, typer.Option(help="T, G, mG, uT or nT.", show_default=False)] = None,
+    magnetometer_unit: Annotated[
+        str | None, typer.Option(help="T, G, mG, uT, nT, normalized.", show_default=False)
+    ] = None,
+    field_ut: Annotated[
+        float | None,
+        quantity(
+            "How many µT the unit of a normalized magnetometer is, at least.",
+            least=1.0,
+            greatest=1000.0,
+            show_default=False,
+        ),
+    ] = None,
     truth: Annotated[
         str | None, typer.Option(help="Four columns qw,qx,qy,qz from body to reference axes.", show_default=False)
     ] = None,
@@ -115,21 +140,23 @@ def bounds(
             param_hint="--carried",
         )
     require_outputs((path for path in (out, rule) if path is not None), force=force)
+    source = recording_of(log)
     named = {
         "gyroscope": (gyro, gyro_unit),
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
-    tables, source = _mapping(log, config, like, time, time_unit, named, truth, stated)
+    tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest, field_ut)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
-    tables = mapping.as_written(tables, open_log(log, _stated(tables, stated), lenient=repair), repair=repair)
-    configuration = mapping.configuration_of(tables, source)
+    tables = mapping.as_written(tables, open_log(source, stated_csv(tables, stated), lenient=repair), repair=repair)
+    configuration = mapping.configuration_of(tables, stated_in)
     mode = _mode(mode, tables)
-    repaired = logs.faults_of(log, configuration) if configuration.timing.repair else Survey()
-    recording, origin = mapping.read_recording(log, configuration)
-    implausible = _look(log, configuration, refuse=out is not None or rule is not None)
+    repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
+    recording, origin = mapping.read_recording(source, configuration)
+    _require_gravity(recording, source)
+    implausible = _look(source, configuration, refuse=out is not None or rule is not None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     try:
@@ -141,19 +168,19 @@ def bounds(
                 proposed,
                 margin,
                 mode=mode,
-                log=log.name,
+                log=source.name,
                 origin=origin,
                 shared_stamps=recording.shared_stamps,
                 carried=carried,
             )
     except ValueError as error:
-        raise FileError(f"{log}: {error}") from error
+        raise FileError(f"{source}: {error}") from error
     if out is not None and document is not None:
-        validate(source, document.unwrap(), Configuration)
+        validate(stated_in, document.unwrap(), Configuration)
         with replacing(out) as temporary:
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
     if rule is not None:
-        _write(rule, proposed, margin, log, carried)
+        _write(rule, proposed, margin, source, carried)
     ruled = rule_tables(proposed, margin, carried=carried)
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
     no_rule, says = None, list[str]()
@@ -167,7 +194,7 @@ def bounds(
             recording.times + origin, recording.angular_velocities, recording.specific_forces, recording.fields
         )
     if as_json:
-        summary = {"log": str(log), "note": _NOTE, "margin": margin} | summarize(proposed)
+        summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
         summary["why_no_rule"] = no_rule
@@ -176,7 +203,7 @@ def bounds(
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
-    _say(log, tables, recording, proposed, up, implausible, suspicious)
+    _say(source, tables, recording, proposed, up, implausible, suspicious)
     if says:
         _say_statements(carried, statements_of(ruled), says)
     if no_rule is not None:
@@ -188,13 +215,26 @@ def bounds(
     typer.echo(_NOTE)
     if out is not None:
         typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
-        following = ["estimate", str(log), "--config", str(out), "--out", "result", "--report", "report.html"]
+        following = ["estimate", source.argument, "--config", str(out), "--out", "result", "--report", "report.html"]
         typer.echo(f"  elliptude {shlex.join(following)}")
     if rule is not None:
         typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
 
 
-def _look(log: Path, configuration: Configuration, *, refuse: bool) -> list[str]:
+def _require_gravity(recording: Recording, log: NamedFile) -> None:
+    """Refuse acceleration without gravity: a filter has subtracted its own idea of up, and nothing measured is left."""
+    if recording.specific_forces is None:
+        return
+    lengths = np.linalg.norm(recording.specific_forces, axis=1)
+    if np.isfinite(lengths).any() and (median := float(np.nanmedian(lengths))) < 0.5 * STANDARD_GRAVITY:
+        raise FileError(
+            f"{log}: the accelerometer shows {median:.3g} m/s², the median of its lengths, where one at rest shows "
+            f"{STANDARD_GRAVITY:g}: without gravity (linear or user acceleration), or in free fall, it does not show "
+            "which way is up. Or its unit is another one"
+        )
+
+
+def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> list[str]:
     """Contradictions between the log and its configuration: degrees declared as radians, or wrong axes.
 
     Bounds are not written for a log that `estimate` would refuse.
@@ -220,85 +260,11 @@ def _mode(mode: Mode | None, tables: Tables) -> Mode:
     return stated
 
 
-# --- what is read -----------------------------------------------------------------------------------------------------
-
-
-def _mapping(
-    log: Path,
-    config: Path | None,
-    like: str | None,
-    time: str | None,
-    time_unit: str,
-    named: dict[str, tuple[str | None, str | None]],
-    truth: str | None,
-    stated: Stated,
-) -> tuple[Tables, Path]:
-    """Which columns are which sensors, and the file that says so."""
-    by_name = any(columns is not None for columns, _ in named.values()) or time is not None
-    if (config is not None) + (like is not None) + by_name > 1:
-        raise typer.BadParameter("give one of a configuration, --like, and columns by name")
-    if config is not None:
-        return load_toml(config), config
-    if like is not None:
-        if like not in presets():
-            raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
-        return of_preset(like, open_log(log, stated)), log
-    if not by_name:
-        file = open_log(log, stated)
-        if (found := mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())) is not None:
-            return found, log
-        raise FileError(
-            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
-            "give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
-        )
-    sensors: dict[str, tuple[Sequence[str], str]] = {}
-    for name, (columns, unit) in named.items():
-        option = "--gyro" if name == "gyroscope" else f"--{name}"
-        if columns is None:
-            continue
-        if unit is None:
-            raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
-        sensors[name] = _listed(columns, 3, option), unit
-    file = open_log(log, stated)
-    has_stamps = file.stamps(file.stream(file.columns[0])) is not None
-    if (time is None) != has_stamps or "gyroscope" not in sensors:
-        needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
-        raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
-    return mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ()), log
-
-
-def _stated(tables: Tables, by_options: Stated) -> Stated:
-    """How a CSV file is written, by options and by a configuration."""
-    if not isinstance(said := tables.get("csv", {}), dict):
-        return by_options
-    known = {key: value for key, value in said.items() if key in {"delimiter", "decimal", "encoding", "units_row"}}
-    return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
-
-
-def _listed(columns: str, count: int, option: str) -> list[str]:
-    listed = next(csv.reader([columns], skipinitialspace=True))
-    if len(listed) != count:
-        raise typer.BadParameter(f"{count} columns, not {len(listed)}", param_hint=option)
-    return listed
-
-
-def _said(tables: Tables) -> list[str]:
-    """How each column was read."""
-    lines = ["time: the file's own stamps"]
-    if "time_column" in tables:
-        lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
-    for sensor in [tables["flow"], *tables.get("directions", [])]:
-        lines.append(f"{sensor.get('kind', 'direction')}: {', '.join(sensor['columns'])} ({sensor.get('unit', '-')})")
-    if "truth" in tables:
-        lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
-    return lines
-
-
 # --- what is said -----------------------------------------------------------------------------------------------------
 
 
 def _say(
-    log: Path,
+    log: NamedFile,
     tables: Tables,
     recording: Recording,
     proposed: Proposal,
@@ -312,7 +278,7 @@ def _say(
         f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
         f"{compared}"
     )
-    for line in _said(tables):
+    for line in columns_in_words(tables):
         typer.echo(f"  {line}")
     Console(width=max(Console().width, 100)).print(_table(proposed))
     for line in remarks_on(proposed):
@@ -359,7 +325,7 @@ def _table(proposed: Proposal) -> Table:
 # --- what is written --------------------------------------------------------------------------------------------------
 
 
-def _write(path: Path, proposed: Proposal, margin: float, log: Path, carried: Carried) -> None:
+def _write(path: Path, proposed: Proposal, margin: float, log: NamedFile, carried: Carried) -> None:
     document = tomlkit.document()
     for line in (
         f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",

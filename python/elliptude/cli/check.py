@@ -12,7 +12,7 @@ from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro, counted
-from elliptude.cli.options import Force, Repair, quantity, with_repair
+from elliptude.cli.options import LOG_HELP, Force, Repair, quantity, with_repair
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.calibration import (
     STRONGEST_FIELD_UT,
@@ -24,13 +24,16 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation import check as checks
 from elliptude.estimation.check import Report
 from elliptude.io.files import FileError, replacing
+from elliptude.io.spool import recording
 from elliptude.logs import conversion, plausibility
 from elliptude.logs import log as logs
 from elliptude.units import readable_unit
 
 
 def check(
-    log: Annotated[Path, typer.Argument(help="Measurements, in any format of docs/logs.md.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(help=f"Measurements, in any format of docs/logs.md; {LOG_HELP}", show_default=False)
+    ],
     config: Annotated[
         Path, typer.Argument(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
     ],
@@ -41,10 +44,11 @@ def check(
 
     Exit code 1 if there is an error; warnings are for people to look at.
     """
-    report = checks.check(log, with_repair(read_configuration(config), repair))
+    source = recording(log)
+    report = checks.check(source, with_repair(read_configuration(config), repair))
     if as_json:
         typer.echo(
-            json.dumps({"log": str(log), "config": str(config)} | report.to_dict(), indent=2, ensure_ascii=False)
+            json.dumps({"log": str(source), "config": str(config)} | report.to_dict(), indent=2, ensure_ascii=False)
         )
     else:
         if report.sensors:
@@ -57,7 +61,7 @@ def check(
             color = typer.colors.RED if finding.severity == "error" else typer.colors.YELLOW
             typer.secho(f"{finding.severity}: {finding}", fg=color)
         errors = sum(finding.severity == "error" for finding in report.findings)
-        typer.echo(f"{log}: {errors} errors, {len(report.findings) - errors} warnings")
+        typer.echo(f"{source}: {errors} errors, {len(report.findings) - errors} warnings")
     if not report.is_good:
         raise typer.Exit(1)
 
@@ -90,7 +94,7 @@ def _number(value: float | None) -> str:
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="A log, in any format of docs/logs.md.", show_default=False)
+        Path, typer.Argument(metavar="IN", help=f"A log, in any format of docs/logs.md; {LOG_HELP}", show_default=False)
     ],
     target: Annotated[
         Path,
@@ -113,18 +117,22 @@ def convert(
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
     require_outputs([target], force=force)
+    log = recording(source)
     if config is None:
-        rows = conversion.convert(source, target, stream)
+        rows = conversion.convert(log, target, stream)
     elif stream is not None:
         raise typer.BadParameter("a configuration says what is read", param_hint="--stream")
     else:
-        rows = conversion.convert_measurements(source, target, read_configuration(config))
+        rows = conversion.convert_measurements(log, target, read_configuration(config))
     typer.echo(f"{target}: {rows} rows")
 
 
 def calibrate(
     log: Annotated[
-        Path, typer.Argument(help="A recording made for this, in any format of docs/logs.md.", show_default=False)
+        Path,
+        typer.Argument(
+            help=f"A recording made for this, in any format of docs/logs.md; {LOG_HELP}", show_default=False
+        ),
     ],
     config: Annotated[
         Path, typer.Argument(help="Which columns are which sensors, and a rule: TOML.", show_default=False)
@@ -164,19 +172,20 @@ def calibrate(
         raise FileError(
             f"{config}: rule: missing; calibrate needs one, which says what a rest is and what the gyro does"
         )
-    pieces = plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log))
-    recording = logs.joined(list(pieces))
+    source = recording(log)
+    pieces = plausibility.plausible_pieces(logs.read_pieces(source, configuration), configuration, str(source))
+    samples = logs.joined(list(pieces))
     try:
-        found = calibrating.calibrate(recording, configuration, known)
+        found = calibrating.calibrate(samples, configuration, known)
     except ValueError as error:
-        raise FileError(f"{log}: {error}") from error
+        raise FileError(f"{source}: {error}") from error
     calibration = Calibration(
-        recording=log.name,
-        recording_sha256=calibrating.sha256_of(log),
+        recording=source.name,
+        recording_sha256=calibrating.sha256_of(Path(source)),
         sensors=tuple(one.calibration() for one in found),
     )
     document = tomlkit.document()
-    document.add(tomlkit.comment(f"Written by `elliptude calibrate` from {log.name}. A corrected sample is"))
+    document.add(tomlkit.comment(f"Written by `elliptude calibrate` from {source.name}. A corrected sample is"))
     document.add(tomlkit.comment("matrix (sample - offset), in body axes; the errors are what may be left of it."))
     tables = CalibrationDocument(calibration=calibration).model_dump(mode="json", exclude_none=True)
     for name, table in tables.items():

@@ -11,10 +11,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
+from elliptude.cli.options import LOG_HELP, Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
+from elliptude.io.spool import recording
 from elliptude.logs.quaternion_readings import readings
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
@@ -30,7 +31,9 @@ def compare(
     ],
     reference: Annotated[
         Path,
-        typer.Argument(help="A table with time_s,qw,qx,qy,qz; with --config a log in any format.", show_default=False),
+        typer.Argument(
+            help=f"A table with time_s,qw,qx,qy,qz; with --config a log in any format; {LOG_HELP}", show_default=False
+        ),
     ],
     config: TruthConfig = None,
     largest_gap_s: LargestGap = 0.0,
@@ -83,13 +86,14 @@ def compare(
         raise typer.BadParameter("needs --delta-rows or --delta-s", param_hint="--all-pairs")
     if tum is not None:
         require_outputs((tum / name for name in ("estimate.tum", "reference.tum")), force=force, folder=tum)
+    other = recording(reference)
     configuration = None if config is None else read_configuration(config)
     error_deg, source = reference_error(reference_error_deg, configuration)
     run, _ = read_run(result)
     truth = None if configuration is None else configuration.truth
     choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
     try:
-        attitudes = read_reference(reference, configuration)
+        attitudes = read_reference(other, configuration)
         compared = comparison.compare(
             run,
             attitudes,
@@ -106,7 +110,7 @@ def compare(
                 compared, rows=delta_rows, seconds=delta_s, all_pairs=all_pairs
             )
     except ValueError as error:
-        raise FileError(f"{result}, {reference}: {error}") from error
+        raise FileError(f"{result}, {other}: {error}") from error
     written: tuple[Path, ...] = ()
     if tum is not None:
         tum.mkdir(parents=True, exist_ok=True)
@@ -114,14 +118,14 @@ def compare(
     if as_json:
         head = {
             "result": str(result),
-            "reference": str(reference),
+            "reference": str(other),
             "reference_error_deg": error_deg,
             "reference_error_from": source,
             "reference_misread": misread,
         }
         typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        typer.echo(f"{result} against {reference}: {len(compared.times)} of {compared.rows} rows compared")
+        typer.echo(f"{result} against {other}: {len(compared.times)} of {compared.rows} rows compared")
         _say(summary, error_deg, source)
         for path in written:
             typer.echo(f"  {path}")

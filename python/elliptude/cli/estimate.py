@@ -17,7 +17,7 @@ from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
 from elliptude.bounds.about_axes import ErrorAxes
-from elliptude.cli.options import Force, Repair, ShownAxes, SummaryAsJson, with_repair
+from elliptude.cli.options import LOG_HELP, Force, Repair, ShownAxes, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate
@@ -27,6 +27,7 @@ from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.files import FileError
+from elliptude.io.spool import NamedFile, recording
 from elliptude.io.tables import write_columns, writing_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
@@ -42,7 +43,9 @@ _DROPPED = "dropped.csv"
 def estimate(
     log: Annotated[
         Path,
-        typer.Argument(help="Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md.", show_default=False),
+        typer.Argument(
+            help=f"Measurements: CSV, Parquet, NPZ, ULog, a bag: see docs/logs.md; {LOG_HELP}", show_default=False
+        ),
     ],
     config: Annotated[
         Path, typer.Option(help="Which columns are which sensors, their bounds, the body: TOML.", show_default=False)
@@ -108,20 +111,21 @@ def estimate(
         html_report.plotly_script()
         files.append(report)
     require_outputs(files, force=force, folder=out)
+    source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = _estimate_pieces(log, configuration, out, files[0].name, progress, smooth, axes)
+        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)
         if report is not None:
             run, label = read_run(out)
-            html_report.write_report(replace(run, axes=axes), report, log.name, label=label)
+            html_report.write_report(replace(run, axes=axes), report, source.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
         return
-    _say(log, summary)
+    _say(source, summary)
     for file in files:
         typer.echo(f"  {file}")
 
 
-def _say(log: Path, summary: dict[str, Any]) -> None:
+def _say(log: NamedFile, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
     for one in summary["repaired"]:
         typer.secho(f"repaired: {one['said']}", fg=typer.colors.YELLOW)
@@ -160,7 +164,7 @@ def _say_up(summary: dict[str, Any]) -> None:
         typer.echo(f"  {summary['up_at_rest']['in_words']}")
 
 
-def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
+def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
     claims = summary["claim_share_of_rows"]
     recording = summary["bounds_from_recording"]
     if recording is None:
@@ -199,7 +203,7 @@ def _say_of_guaranteed(log: Path, summary: dict[str, Any]) -> None:
 
 
 def _estimate_pieces(
-    log: Path,
+    log: NamedFile,
     configuration: Configuration,
     out: Path,
     table: str,

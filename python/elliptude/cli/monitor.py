@@ -12,13 +12,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.options import EstimateLargestGap, Force, SummaryAsJson, quantity
+from elliptude.cli.options import LOG_HELP, EstimateLargestGap, Force, SummaryAsJson, quantity
 from elliptude.cli.outputs import SUMMARY, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.io.background import ahead
 from elliptude.io.files import FileError, write_json
+from elliptude.io.spool import STANDARD_INPUT, NamedFile, recording
 from elliptude.io.tables import write_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
@@ -40,7 +41,7 @@ def monitor(
     log: Annotated[
         Path,
         typer.Argument(
-            help="With --config a log; else a table of results, or the folder that estimate wrote.",
+            help=f"With --config a log ({LOG_HELP}); else a table of results, or the folder that estimate wrote.",
             show_default=False,
         ),
     ],
@@ -48,7 +49,7 @@ def monitor(
         Path,
         typer.Option(
             help="The other filter's attitudes: a table with time_s,qw,qx,qy,qz; with --estimate-config a log in any "
-            "format.",
+            f"format; {LOG_HELP}",
             show_default=False,
         ),
     ],
@@ -96,7 +97,10 @@ def monitor(
     limits = _limits(limit_deg, limit_tilt_deg, limit_heading_deg)
     if heading_free and (limit_deg is not None or limit_heading_deg is not None):
         raise typer.BadParameter("judges the tilt alone; --limit-tilt-deg is its limit", param_hint="--heading-free")
-    run, configuration = _judge(log, config)
+    source, other = recording(log), recording(estimate)
+    if source.argument == other.argument == STANDARD_INPUT:
+        raise typer.BadParameter("only one of LOG and --estimate can be a pipe", param_hint="--estimate")
+    run, configuration = _judge(source, config)
     if configuration is not None:
         if frame is not None:
             raise typer.BadParameter("the configuration says it", param_hint="--frame")
@@ -104,7 +108,7 @@ def monitor(
     described = None if estimate_config is None else read_configuration(estimate_config)
     truth = None if described is None else described.truth
     choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
-    attitudes = read_reference(estimate, described)
+    attitudes = read_reference(other, described)
     free = heading_free or run.heading_from_start
     has_other_frame = free or estimate_frame is not None
     try:
@@ -123,17 +127,17 @@ def monitor(
             largest_gap=largest_gap_s,
         )
     except ValueError as error:
-        raise FileError(f"{log}, {estimate}: {error}") from error
+        raise FileError(f"{source}, {other}: {error}") from error
     summary = {
-        "log": str(log),
-        "estimate": str(estimate),
+        "log": str(source),
+        "estimate": str(other),
         "bounds_from_recording": run.bounds_from_recording,
-        "heading_of_sets": _heading_of_sets(run, log, configuration),
+        "heading_of_sets": _heading_of_sets(run, source, configuration),
         "estimate_misread": misread,
         "hint": monitored.hint(found),
     } | found.to_dict()
     if out is not None:
-        _write_monitored(found, out, files, log.name, estimate.name, summary)
+        _write_monitored(found, out, files, source.name, other.name, summary)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -155,7 +159,7 @@ def _limits(total: float | None, tilt: float | None, heading: float | None) -> L
     return Limits(*(None if value is None else math.radians(value) for value in (total, tilt, heading)))
 
 
-def _judge(log: Path, config: Path | None) -> tuple[Run, Configuration | None]:
+def _judge(log: NamedFile, config: Path | None) -> tuple[Run, Configuration | None]:
     """The run that judges: read, or of a log."""
     if config is None:
         return read_run(log)[0], None
@@ -177,11 +181,12 @@ def _judge(log: Path, config: Path | None) -> tuple[Run, Configuration | None]:
     return run, configuration
 
 
-def _heading_of_sets(run: Run, log: Path, configuration: Configuration | None) -> str:
+def _heading_of_sets(run: Run, log: NamedFile, configuration: Configuration | None) -> str:
     """From where the sets' heading counts; of a table alone that is not known."""
     if run.heading_from_start:
         return "from the first row"
-    summary = (log if log.is_dir() else log.parent) / SUMMARY
+    place = Path(log)
+    summary = (place if place.is_dir() else place.parent) / SUMMARY
     return "as referenced" if configuration is not None or summary.is_file() else "not stated"
 
 

@@ -37,6 +37,9 @@ def quantity(text: str, *, least: float = 0.0, greatest: float, **more: Any) -> 
     return typer.Option(help=f"{text} From {least:g} to {greatest:g}.", callback=checked, **more)
 
 
+LOG_HELP = "- is standard input, and a named pipe is read, too."
+"""What the help of each argument that names a recording ends with."""
+
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 SummaryAsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")]
 Repair: TypeAlias = Annotated[

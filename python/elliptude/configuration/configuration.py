@@ -87,7 +87,7 @@ from elliptude.io.toml import (
     read_toml,
 )
 
-_SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "axes", "at_rest"}
+_SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "unit_ut", "axes", "at_rest"}
 
 
 class Configuration(Model):

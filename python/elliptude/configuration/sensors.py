@@ -327,7 +327,9 @@ class Magnetometer(DirectionBase):
     """The direction of the Earth's field. The reference vector's length, in µT, is its strength."""
 
     kind: Literal["magnetometer"]
-    unit: units.FieldUnit
+    unit: units.MagnetometerUnit
+    # How many µT a normalized sensor's 1 is, at least: what is stated in µT then covers its errors.
+    unit_ut: Annotated[Positive, Field(le=1000.0)] | None = None
     reference_ut: NonzeroVector | None = None
     reference: Annotated[WorldModel | RestPhase, Field(discriminator="kind")] | None = None
     sensor_error: MagnetometerError = MagnetometerError()
@@ -338,6 +340,27 @@ class Magnetometer(DirectionBase):
         if self.reference is not None or self.reference_ut is not None:
             exactly_one(self, "reference", "reference_ut")
         return self
+
+    @model_validator(mode="after")
+    def _says_what_its_unit_is(self) -> Self:
+        if (self.unit == "normalized") != (self.unit_ut is not None):
+            raise ValueError("unit = 'normalized' and unit_ut, how many µT one unit is at least, belong together")
+        measured_by_itself = self.reference_ut is None and not isinstance(self.reference, WorldModel)
+        by_length = isinstance(self.bound_from, FieldBound) and not measured_by_itself
+        if self.unit == "normalized" and by_length and "scale_error" not in self.sensor_error.model_fields_set:
+            raise ValueError(
+                "sensor_error.scale_error: missing; the reference is in µT and the sensor is normalized: state how far "
+                "unit_ut may be off, as a share"
+            )
+        return self
+
+    @property
+    def tesla(self) -> float:
+        """How many tesla one unit is."""
+        if self.unit == "normalized":
+            assert self.unit_ut is not None  # the model's check
+            return units.FIELD["uT"] * self.unit_ut
+        return units.FIELD[self.unit]
 
     def require_complete(self) -> None:
         """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""

@@ -23,7 +23,9 @@ from elliptude.typing import FloatArray
 # In median steps: a longer step is a gap.
 _GAP = 1.5
 # T; the Earth's field at sea level.
-_WEAKEST_FIELD, _STRONGEST_FIELD = 2.0e-5, 7.0e-5
+_WEAKEST_FIELD, _STRONGEST_FIELD = 1e-6 * units.WEAKEST_FIELD_UT, 7.0e-5
+# Of a normalized magnetometer, where it is not normalized for the place: the Earth's field over that elsewhere.
+_LEAST_OF_UNIT, _MOST_OF_UNIT = 0.28, 3.5
 _GRAVITY_TOLERANCE = 0.1
 # rad/s; the full range of common gyros.
 _FULL_RANGE = 2000.0 * np.pi / 180.0
@@ -182,7 +184,7 @@ def _unit(name: str, configuration: Configuration) -> tuple[str, float]:
         if sensor.name == name and isinstance(sensor, Accelerometer):
             return sensor.unit, units.ACCELERATION[sensor.unit]
         if sensor.name == name and isinstance(sensor, Magnetometer):
-            return sensor.unit, units.FIELD[sensor.unit]
+            return sensor.unit, sensor.tesla
     return "1", 1.0
 
 
@@ -205,6 +207,9 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
             sizes = {other: median / scale * size / gravity for other, size in units.ACCELERATION.items()}
             fitting: list[str] = [other for other, size in sizes.items() if abs(size - 1.0) <= _GRAVITY_TOLERANCE]
             warn(f"its median norm is {median / scale:.4g} {unit}, which is not gravity" + _as_if(fitting))
+    elif isinstance(sensor, Magnetometer) and sensor.unit == "normalized":
+        if not _LEAST_OF_UNIT <= median / scale <= _MOST_OF_UNIT:
+            warn(f"its median norm is {median / scale:.4g}, and a normalized field is about 1: is it normalized?")
     elif isinstance(sensor, Magnetometer):
         if not _WEAKEST_FIELD <= median <= _STRONGEST_FIELD:
             fields = {other: median / scale * size for other, size in units.FIELD.items()}

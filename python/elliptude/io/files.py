@@ -15,6 +15,21 @@ class FileError(Exception):
     """A file cannot be used or written; the message says which, where in it, and why."""
 
 
+def as_path(path: str | os.PathLike[str]) -> os.PathLike[str]:
+    """A name as a path; what is a path already keeps the name that messages call it by.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    path-like
+        ``str`` gives its name, ``os.fspath`` where it is.
+    """
+    return Path(path) if isinstance(path, str) else path
+
+
 _SYSTEM_FAULTS = {
     errno.ENOENT: "no such file or folder",
     errno.EACCES: "no permission",

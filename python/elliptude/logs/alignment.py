@@ -335,7 +335,7 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
     stamps = [_cut(clock.stamps, end) for clock in clocks]
     every = stamps[0] if len(clocks) == 1 else np.unique(np.concatenate(stamps))
     # If delays should make stamps meet, these may still differ in the last digits.
-    is_first = np.diff(every, prepend=-np.inf) > (timing.same_within_s if len(clocks) > 1 else 0.0)
+    is_first = _begin_rows(every, timing.same_within_s if len(clocks) > 1 else 0.0)
     row_of = np.cumsum(is_first) - 1
     times = every[is_first]
     rows = np.full(len(times), -1, dtype=np.int64)
@@ -369,6 +369,19 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
         if not len(channel.times[0]):
             channel.times, channel.values = [], []
     return Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin, sampled_at)
+
+
+def _begin_rows(stamps: FloatArray, within: float) -> BoolArray:
+    """Which stamps begin a row: those more than ``within`` after the first of the row before, which no stamp leaves."""
+    begins: BoolArray = np.diff(stamps, prepend=-np.inf) > within
+    first = np.flatnonzero(begins)
+    last = np.append(first, len(stamps))[1:] - 1
+    chained = stamps[last] - stamps[first] > within  # each near the one before, but not the first
+    for begin, end in zip(first[chained], last[chained], strict=True):
+        for k in range(begin + 1, end + 1):
+            if stamps[k] - stamps[begin] > within:
+                begins[k], begin = True, k
+    return begins
 
 
 def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill: Fill) -> tuple[FloatArray, BoolArray]:

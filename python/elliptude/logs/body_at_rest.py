@@ -32,7 +32,9 @@ class UpAtRest:
     def __str__(self) -> str:
         """A sentence for a reader who knows how the body lay."""
         up = axis_in_words(np.array(self.up))
-        words = f"at rest ({self.begin_s:.4g} to {self.end_s:.4g} s) the body's {up} is up"
+        # Stamps may count from 1970, and still say which seconds are meant.
+        begin, end = (f"{round(time, 3):.13g}" for time in (self.begin_s, self.end_s))
+        words = f"at rest ({begin} to {end} s) the body's {up} is up"
         if self.dip_deg is not None:
             side = ("below", "north") if self.dip_deg >= 0.0 else ("above", "south")
             words += (

@@ -373,7 +373,7 @@ def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | 
         if isinstance(sensor, Accelerometer):
             scale = units.ACCELERATION[sensor.unit] * (1.0 if sensor.at_rest == "up" else -1.0)
         elif isinstance(sensor, Magnetometer):
-            scale = units.FIELD[sensor.unit]
+            scale = sensor.tesla
         else:
             moving = sensor.reference_columns or ()
         convert = _converted(scale, sensor.axes)

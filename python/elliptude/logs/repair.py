@@ -8,7 +8,6 @@ right. So a clock that was set back is no fault that can be left out: nothing sa
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells, LogFile
 from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.folder import CsvFolder
 from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock
 from elliptude.typing import FloatArray
 
@@ -103,6 +103,9 @@ def survey(file: LogFile, clocks: Sequence[Clock]) -> Survey:
     found = Survey()
     if isinstance(file, CsvTable):
         _look_at_lines(file, found)
+    if isinstance(file, CsvFolder):
+        for stem in dict.fromkeys(stem for clock in clocks for stem in file.files_of(clock.stream)):
+            _look_at_lines(file.tables[stem], found, f"{stem}.csv, ")
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         _look_at_stream(file, [clock for clock in clocks if clock.stream == stream], found)
     return found
@@ -141,14 +144,15 @@ def _add(found: Survey, file: LogFile, rows: _Rows, what: str, done: str) -> Non
         found.faults.append(Fault(what, len(rows), tuple(places), done))
 
 
-def _look_at_lines(file: CsvTable, found: Survey) -> None:
+def _look_at_lines(file: CsvTable, found: Survey, where: str = "") -> None:
     uneven, words = file.odd_lines()
     for lines, what, done in (
         (uneven, f"lines without the {len(file.columns)} columns of the header", "left out"),
         (words, "lines with words such as NaN or null", "their cells are empty"),
     ):
         if lines:
-            found.faults.append(Fault(what, len(lines), tuple(f"line {line}" for line in lines[:MOST_PLACES]), done))
+            places = tuple(f"{where}line {line}" for line in lines[:MOST_PLACES])
+            found.faults.append(Fault(what, len(lines), places, done))
 
 
 def _look_at_stream(file: LogFile, clocks: Sequence[Clock], found: Survey) -> None:
@@ -372,7 +376,7 @@ class Repaired:
         if found.hopeless:
             raise FileError(f"{file.path}: {'; '.join(found.hopeless)}")
         self.found = found
-        self.path: Path = file.path
+        self.path = file.path
         self.columns = file.columns
         self._file = file
 

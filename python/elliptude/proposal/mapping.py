@@ -21,10 +21,12 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import Dialect
+from elliptude.io.readers.dialect import TIME_HEADER, TIME_UNITS, Dialect
+from elliptude.io.readers.folder import CsvFolder
 from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
+from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, require_stamps, turn_at_rest
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
@@ -33,12 +35,10 @@ Tables: TypeAlias = dict[str, Any]
 _PRESETS = resources.files("elliptude") / "data" / "presets"
 
 _HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
-_TIME = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
-_TIME_UNITS = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
 _YEAR_2001 = 1e9
 _SENSORS = {
     "gyroscope": re.compile(r"gyr.*|g|w|omega|angular.?velocity|angular.?rate|rotation.?rate", re.IGNORECASE),
-    "accelerometer": re.compile(r"acc.*|a|f|specific.?force", re.IGNORECASE),
+    "accelerometer": re.compile(r"(?!.*(without|linear|user|free))acc.*|a|f|specific.?force", re.IGNORECASE),
     "magnetometer": re.compile(r"mag.*|m|b|field", re.IGNORECASE),
 }
 """What a column's name begins with; its unit has to be one of the sensor's, too."""
@@ -58,22 +58,34 @@ def presets() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")))
 
 
-def of_preset(name: str, file: LogFile) -> Tables:
+def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables:
     """The tables for a format of `presets`, without the sensors that a file does not have; it must have the gyro.
 
     A column such as ``*.angular_velocity.x`` is that of the one topic that has it.
 
+    Parameters
+    ----------
+    name : str
+    file : LogFile
+    at_rest : {"up", "down"}, optional
+        Where the accelerometer points at rest, if the format does not say it, or says it wrongly.
+
     Raises
     ------
     FileError
-        If several topics have it.
+        If several topics have it, or the file lacks what the format needs.
     """
     with resources.as_file(_PRESETS / f"{name}.toml") as preset:
         tables = load_toml(preset)
+    if name == "sensor-logger":
+        complete_sensor_logger(tables, file, at_rest)
+    if name == "xsens":
+        require_stamps(file)
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
     if "directions" in tables:
         tables["directions"] = [one for one in tables["directions"] if set(file.columns).issuperset(one["columns"])]
+    turn_at_rest(tables, at_rest)
     if "truth" in tables and not set(file.columns).issuperset(tables["truth"]["attitude_columns"]):
         del tables["truth"]
     return tables
@@ -196,8 +208,39 @@ def of_headers(columns: Sequence[str], row_units: Sequence[str] = ()) -> Tables 
     return found
 
 
+def of_files(file: CsvFolder) -> Tables | None:
+    """The tables for files whose headers state sensor, axis and unit; None if gyro or stamps do not, or two do.
+
+    Parameters
+    ----------
+    file : CsvFolder
+
+    Returns
+    -------
+    dict or None
+    """
+    found: dict[str, tuple[Sequence[str], str]] = {}
+    for stem, table in file.tables.items():
+        if file.stamps(stem) is None:
+            continue
+        sensors = _sensors_of(table.columns)
+        if sensors is None or sensors.keys() & found.keys():
+            return None
+        found |= {sensor: ([f"{stem}.{name}" for name in names], unit) for sensor, (names, unit) in sensors.items()}
+    return of_sensors(None, "s", found) if "gyroscope" in found else None
+
+
 def _of_headers(columns: Sequence[str]) -> Tables | None:
-    times = [(column, match) for column in columns if (match := _TIME.fullmatch(column.strip()))]
+    times = [(column, match) for column in columns if (match := TIME_HEADER.fullmatch(column.strip()))]
+    sensors = _sensors_of(columns)
+    if len(times) != 1 or sensors is None or "gyroscope" not in sensors:
+        return None
+    unit = times[0][1]["unit"].lower()
+    return of_sensors(times[0][0], TIME_UNITS.get(unit, unit), sensors)
+
+
+def _sensors_of(columns: Sequence[str]) -> dict[str, tuple[Sequence[str], str]] | None:
+    """Columns and unit of each sensor that headers state in full; None if there are two of a kind."""
     found: dict[str, dict[str, tuple[str, str]]] = {}
     for column in columns:
         if match := _HEADER.fullmatch(column.strip()):
@@ -212,10 +255,7 @@ def _of_headers(columns: Sequence[str]) -> Tables | None:
         stated = {unit for _, unit in axes.values()}
         if len(axes) == 3 and len(stated) == 1:
             sensors[sensor] = [axes[axis][0] for axis in "xyz"], stated.pop()
-    if len(times) != 1 or "gyroscope" not in sensors:
-        return None
-    unit = times[0][1]["unit"].lower()
-    return of_sensors(times[0][0], _TIME_UNITS.get(unit, unit), sensors)
+    return sensors
 
 
 def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:

@@ -135,7 +135,7 @@ CONFIGS = {
     "no column": (CONFIG.replace('"ax"', '"AX "'), "did you mean 'ax'?"),
     "not UTF-8": (CONFIG.encode("utf-16"), "not UTF-8 text"),
     "no stamps": (CONFIG.replace('"t"', '"time"'), "no column 'time'"),
-    "no time unit": (CONFIG.replace('"t"\n', '"t"\ntime_unit = "min"\n'), "time_unit: must be 's', 'ms', 'us' or 'ns'"),
+    "no time unit": (CONFIG.replace('"t"\n', '"t"\ntime_unit = "min"\n'), "must be 's', 'ms', '0.1ms', 'us' or 'ns'"),
 }  # fmt: skip
 
 
@@ -206,7 +206,8 @@ def test_bad_files_and_options(tmp_path):
     log, config = write(tmp_path / "log.csv", lines({})), write(tmp_path / "config.toml", CONFIG)
     assert "none.csv: no such file" in estimate(tmp_path, tmp_path / "none.csv", config)
     assert "none.toml: no such file" in estimate(tmp_path, log, tmp_path / "none.toml")
-    assert "not a regular file" in estimate(tmp_path, tmp_path, config)
+    (tmp_path / "folder").mkdir()
+    assert "not a regular file" in estimate(tmp_path, tmp_path / "folder", config)
     assert "a folder, where a file is needed" in estimate(tmp_path, log, tmp_path)
     within = refused(tmp_path, "estimate", log, "--config", config, "--out", log / "out")
     assert "within a file, where a folder is needed" in within

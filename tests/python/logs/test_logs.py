@@ -10,6 +10,7 @@ from elliptude.configuration.sensors import RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
 from elliptude.io.readers import csv as csv_files
 from elliptude.logs import log as logs
+from elliptude.logs.alignment import _begin_rows
 from elliptude.simulation import fermi
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -379,6 +380,42 @@ def test_columns_of_different_lengths(tmp_path):
     own = acc | {"time_column": "ta", "time_unit": "ms"}
     log = logs.read_log(tmp_path / "log.npz", configured(own, flow=gyr))
     np.testing.assert_allclose(log.times, [0.0, 0.001, 0.002, 0.003, 1.0, 2.0])
+
+
+@given(st.lists(st.integers(0, 400), min_size=1, max_size=60, unique=True), st.integers(0, 30))
+def test_no_stamp_moves_by_more_than_what_makes_rows_one(milliseconds, within):
+    """Bounds have that much added. A stamp near one that was near the first begins a row of its own."""
+    stamps = np.sort(milliseconds).astype(np.float64)
+    begins = _begin_rows(stamps, float(within))
+    expected, first = [], -np.inf
+    for stamp in stamps:
+        expected.append(stamp - first > within)
+        first = stamp if expected[-1] else first
+    np.testing.assert_array_equal(begins, expected)
+    rows = stamps[begins][np.cumsum(begins) - 1]
+    assert (stamps - rows <= within).all()
+    assert (np.diff(stamps[begins]) > within).all()
+    assert len(_begin_rows(np.empty(0), float(within))) == 0
+
+
+def test_sensors_whose_stamps_make_a_chain(tmp_path):
+    """Each stamp is 4 ms after that of another sensor; with 5 ms, two of them make a row, and never three."""
+    header = "t1,gx,gy,gz,t2,ax,ay,az,t3,mx,my,mz"
+    rows = [
+        f"{0.012 * i:.3f},0,0,1,{0.012 * i + 0.004:.3f},0,0,{i + 1},{0.012 * i + 0.008:.3f},{i + 1},0,0"
+        for i in range(50)
+    ]
+    own = [{"time_column": f"t{i}", "time_unit": "s"} for i in (1, 2, 3)]
+    configuration = configured(
+        UP | own[1], FIELD | own[2] | {"unit": "T"}, flow=GYRO | own[0], timing={"same_within_s": 0.005}
+    )
+    log = read(tmp_path, *rows, configuration=configuration, header=header)
+    for i, late in ((0, 0.004), (1, 0.008)):
+        there = np.isfinite(log.directions[:, i, 0])
+        stamps = 0.012 * np.arange(50) + late
+        moved = stamps[: there.sum()] - log.times[there]
+        assert (moved >= -1e-9).all()
+        assert (moved <= 0.005 + 1e-9).all()
 
 
 # --- against a slow alignment, and piece by piece ---------------------------------------------------------------------

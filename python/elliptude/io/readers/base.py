@@ -4,9 +4,9 @@ The place in a message is one that a person can go to: the line of a CSV file, f
 the row of another file, from 1.
 """
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -35,7 +35,8 @@ Batch: TypeAlias = Mapping[str, Cells]
 class LogFile(Protocol):
     """A file of one or more streams. A stream is a group of columns that share their rows."""
 
-    path: Path
+    path: os.PathLike[str]
+    """Where it is; as text, what messages call it."""
     columns: tuple[str, ...]
 
     def stream(self, column: str) -> str:

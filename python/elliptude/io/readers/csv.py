@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from itertools import islice
-from pathlib import Path
 from typing import BinaryIO, NoReturn
 
 import numpy as np
@@ -18,7 +17,7 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError, system_fault
+from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import Batch, NumbersAlone
 from elliptude.io.readers.dialect import (
@@ -66,7 +65,7 @@ class CsvTable(NumbersAlone):
         *,
         lenient: bool = False,
     ) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         self.label = ""
         self.lenient = lenient
         self.units: tuple[str, ...] = ()
@@ -75,7 +74,7 @@ class CsvTable(NumbersAlone):
             self.dialect = Dialect(encoding=stated.encoding or encoding_of(stream.read(_BEGINNING)))
         with self._text() as text:
             for self._header_line, line in enumerate(text, start=1):
-                if line.startswith("#"):
+                if line.startswith(("#", "//")):
                     self.label = self.label or line.removeprefix("#").strip()
                 elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
                     stated = replace(

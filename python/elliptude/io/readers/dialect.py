@@ -6,10 +6,10 @@ a configuration then says which (``[csv]``, docs/logs.md).
 
 import codecs
 import csv
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, TypeAlias
 
 from elliptude.io.files import FileError
@@ -24,6 +24,10 @@ STAMP = re.compile(
     r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d{1,9})?(?P<zone>Z|[+-]\d\d(:?\d\d)?)?", re.IGNORECASE | re.ASCII
 )
 """A time of day in ISO 8601: 2024-05-01T12:00:00.25Z."""
+TIME_HEADER = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
+"""The header of a column of times that states its unit."""
+TIME_UNITS = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
+"""Other spellings of units of time."""
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+", re.ASCII)
 MISSING = (
@@ -98,7 +102,7 @@ def cells_of_line(line: str, delimiter: Delimiter) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
 
 
-def find_dialect(path: Path, header: str, rows: Sequence[str], encoding: str, stated: Stated) -> Dialect:
+def find_dialect(path: os.PathLike[str], header: str, rows: Sequence[str], encoding: str, stated: Stated) -> Dialect:
     """How a file is written, by its header and the first rows below it.
 
     Parameters
@@ -137,7 +141,7 @@ def find_dialect(path: Path, header: str, rows: Sequence[str], encoding: str, st
     return Dialect(delimiter, decimal, encoding, units_row)
 
 
-def _delimiter(path: Path, header: str, rows: Sequence[str]) -> Delimiter:
+def _delimiter(path: os.PathLike[str], header: str, rows: Sequence[str]) -> Delimiter:
     """What the header and most rows are divided by, into as many columns."""
     divides: list[tuple[Delimiter, int]] = []
     fits: list[tuple[Delimiter, int]] = []
@@ -159,7 +163,7 @@ def _delimiter(path: Path, header: str, rows: Sequence[str]) -> Delimiter:
     return divides[0][0] if divides else ","
 
 
-def _decimal(path: Path, rows: Sequence[Sequence[str]], delimiter: Delimiter) -> Decimal:
+def _decimal(path: os.PathLike[str], rows: Sequence[Sequence[str]], delimiter: Delimiter) -> Decimal:
     cells = [cell for row in rows for cell in row]
     commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
     with_point = next((cell for cell in cells if "." in cell and NUMBER.fullmatch(cell)), None)

@@ -1,15 +1,16 @@
-"""NumPy archives (``.npz``)."""
+"""Arrays of NumPy: archives (``.npz``), and arrays in memory, read as a file is."""
 
 import os
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError, system_fault
+from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, Cells, NumbersAlone, numbered
+from elliptude.typing import FloatArray
 
 MOST_COLUMNS = 10_000
 """The widest array that is read as columns."""
@@ -23,7 +24,7 @@ class NpzFile(NumbersAlone):
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         self._lengths: dict[str, int] = {}
         try:
             with zipfile.ZipFile(path) as archive:
@@ -75,3 +76,28 @@ class NpzFile(NumbersAlone):
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
         return [f"row {row + 1}" for row in rows]
+
+
+class ArrayLog(NumbersAlone):
+    """Columns in memory. Their names are those of a slice, such as ``gyr[:, 0]``; NaN is what was not measured."""
+
+    def __init__(self, columns: Mapping[str, FloatArray], name: str) -> None:
+        self.path: os.PathLike[str] = Path(name)
+        self._values = dict(columns)
+        self.columns = tuple(columns)
+
+    def stream(self, column: str) -> str:
+        """All columns share their rows."""
+        return ""
+
+    def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
+        """All rows in one batch."""
+        yield {column: numbered(self._values[column]) for column in columns}
+
+    def place(self, column: str, row: int) -> str:
+        """As a program writes it: ``gyr[812, 0]``."""
+        return column.replace(":", str(row))
+
+    def places_of_rows(self, rows: Sequence[int]) -> list[str]:
+        """Rows from 0."""
+        return [f"row {row}" for row in rows]

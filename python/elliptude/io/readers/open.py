@@ -4,10 +4,11 @@ import os
 from pathlib import Path
 from typing import TypeAlias
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, as_path
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
+from elliptude.io.readers.folder import csv_files, open_folder
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
@@ -29,8 +30,9 @@ def open_log(
     ----------
     path : path-like or LogFile
         What is open already stays as it is. Of a file:
-        ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; anything else is
-        CSV, which may be compressed (``.gz``, ``.bz2``, ``.zst``).
+        ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; ``.zip`` or a
+        folder of CSV files, as phone apps export them; anything else is CSV, which may be compressed (``.gz``,
+        ``.bz2``, ``.zst``).
     stated : Stated
         How a CSV file is written; what is not stated is found out.
     lenient : bool
@@ -47,14 +49,19 @@ def open_log(
     """
     if not isinstance(path, str | os.PathLike):
         return path
-    path = Path(path)
-    if path.is_dir() and (path / "metadata.yaml").is_file():
+    path = as_path(path)
+    place = Path(path)
+    if place.is_dir() and (place / "metadata.yaml").is_file():
         return BagFile(path)
-    if not path.is_file():
-        raise FileError(f"{path}: {'not a regular file' if path.exists() else 'no such file'}")
-    match path.suffix:
+    if place.is_dir() and csv_files(place):
+        return open_folder(path, stated, lenient=lenient)
+    if not place.is_file():
+        raise FileError(f"{path}: {'not a regular file' if place.exists() else 'no such file'}")
+    match place.suffix:
         case ".parquet":
             return ParquetTable(path)
+        case ".zip":
+            return open_folder(path, stated, lenient=lenient)
         case ".npz":
             return NpzFile(path)
         case ".ulg":

@@ -2,14 +2,13 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, as_path
 from elliptude.io.readers.arrow import cells_of
 from elliptude.io.readers.base import BATCH_ROWS, Batch, NumbersAlone
 
@@ -18,7 +17,7 @@ class ParquetTable(NumbersAlone):
     """A Parquet file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         try:
             schema = pa.parquet.read_schema(path)
         except (pa.ArrowException, OSError) as error:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from elliptude.io.files import FileError, system_fault
+from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import BATCH_ROWS, Batch, Cells, NumbersAlone, numbered
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class BagFile(NumbersAlone):
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         self._getters: dict[str, Callable[[Any], Any]] = {}
         topics: dict[str, str] = {}
         with self._open() as reader:
@@ -98,7 +98,7 @@ class BagFile(NumbersAlone):
             raise FileError(f"{self.path}: reading a bag needs rosbags: pip install 'elliptude[ros]'") from error
         try:
             # Older ROS 2 bags do not hold the definitions of their messages.
-            with AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            with AnyReader([Path(self.path)], default_typestore=get_typestore(Stores.LATEST)) as reader:
                 yield reader
         except (FileError, KeyboardInterrupt, GeneratorExit):
             raise

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.files import FileError, system_fault
+from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, NumbersAlone, numbered
 
 # The first bytes of any ULog; a version follows.
@@ -23,14 +23,14 @@ class UlogFile(NumbersAlone):
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         try:
             import pyulog
         except ModuleNotFoundError as error:
             raise FileError(f"{path}: reading a ULog needs pyulog: pip install 'elliptude[ulog]'") from error
         reached = 0
         try:
-            with _Bounded(self.path) as content:
+            with _Bounded(Path(self.path)) as content:
                 try:
                     log = pyulog.ULog(content)
                 except Exception:

@@ -1,0 +1,125 @@
+"""Which columns of a log are which sensors, as the options of ``elliptude bounds`` say it."""
+
+import csv
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from elliptude.io.files import FileError
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.dialect import Stated
+from elliptude.io.readers.folder import CsvFolder, SensorLogger
+from elliptude.io.readers.open import open_log
+from elliptude.io.spool import NamedFile
+from elliptude.io.toml import load_toml
+from elliptude.proposal import mapping
+from elliptude.proposal.known_formats import AtRest, scale_field, turn_at_rest
+from elliptude.proposal.mapping import Tables, of_preset, presets
+
+
+def tables_of(
+    log: NamedFile,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+    stated: Stated,
+    at_rest: AtRest | None,
+    field_ut: float | None,
+) -> tuple[Tables, os.PathLike[str]]:
+    """Which columns are which sensors, and the file that says so."""
+    tables, source = _found(log, config, like, time, time_unit, named, truth, stated, at_rest)
+    if config is None:
+        scale_field(tables, field_ut)
+    elif field_ut is not None:
+        raise typer.BadParameter("the configuration says it: unit_ut", param_hint="--field-ut")
+    return tables, source
+
+
+def _found(
+    log: NamedFile,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+    stated: Stated,
+    at_rest: AtRest | None,
+) -> tuple[Tables, os.PathLike[str]]:
+    by_name = any(columns is not None for columns, _ in named.values()) or time is not None
+    if (config is not None) + (like is not None) + by_name > 1:
+        raise typer.BadParameter("give one of a configuration, --like, and columns by name")
+    if at_rest is not None and (config is not None or (like is None and not by_name)):
+        raise typer.BadParameter("goes with columns by name or --like", param_hint="--at-rest")
+    if config is not None:
+        return load_toml(config), config
+    if like is not None:
+        if like not in presets():
+            raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")
+        return of_preset(like, open_log(log, stated), at_rest), log
+    if not by_name:
+        file = open_log(log, stated)
+        if isinstance(file, SensorLogger):
+            raise FileError(f"{log}: a recording of Sensor Logger, whose headers state no unit: --like sensor-logger")
+        if isinstance(file, CsvFolder):
+            found = mapping.of_files(file)
+        else:
+            found = mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())
+        if found is not None:
+            return found, log
+        raise FileError(
+            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
+            "give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
+        )
+    sensors: dict[str, tuple[Sequence[str], str]] = {}
+    for name, (columns, unit) in named.items():
+        option = "--gyro" if name == "gyroscope" else f"--{name}"
+        if columns is None:
+            continue
+        if unit is None:
+            raise typer.BadParameter("a unit must be stated, none is guessed", param_hint=f"{option}-unit")
+        sensors[name] = _listed(columns, 3, option), unit
+    file = open_log(log, stated)
+    has_stamps = any(file.stamps(stream) is not None for stream in {file.stream(column) for column in file.columns})
+    if (time is None) != has_stamps or "gyroscope" not in sensors:
+        needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
+        raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
+    found = mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ())
+    turn_at_rest(found, at_rest)
+    return found, log
+
+
+def stated_csv(tables: Tables, by_options: Stated) -> Stated:
+    """How a CSV file is written, by options and by a configuration."""
+    if not isinstance(said := tables.get("csv", {}), dict):
+        return by_options
+    known = {key: value for key, value in said.items() if key in {"delimiter", "decimal", "encoding", "units_row"}}
+    return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
+
+
+def _listed(columns: str, count: int, option: str) -> list[str]:
+    listed = next(csv.reader([columns], skipinitialspace=True))
+    if len(listed) != count:
+        raise typer.BadParameter(f"{count} columns, not {len(listed)}", param_hint=option)
+    return listed
+
+
+def in_words(tables: Tables) -> list[str]:
+    """How each column was read."""
+    lines = ["time: the file's own stamps"]
+    if "time_column" in tables:
+        lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
+    for sensor in [tables["flow"], *tables.get("directions", [])]:
+        down = ", down at rest" if sensor.get("at_rest") == "down" else ""
+        field = f", 1 is {sensor['unit_ut']:g} µT" if "unit_ut" in sensor else ""
+        columns = ", ".join(sensor["columns"])
+        lines.append(f"{sensor.get('kind', 'direction')}: {columns} ({sensor.get('unit', '-')}{down}{field})")
+    if "truth" in tables:
+        lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
+    return lines
