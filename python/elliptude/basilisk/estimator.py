@@ -17,8 +17,8 @@ from elliptude.bounds.arguments import require_not_negative
 from elliptude.guaranteed import GuaranteedFilter
 from elliptude.typing import FloatArray
 
-_SECONDS = 1e-9
-"""In a nanosecond: Basilisk counts these."""
+_NANOSECONDS = 1e9
+"""In a second: Basilisk counts these."""
 _UNKNOWN = np.full(3, np.nan)
 
 
@@ -246,11 +246,11 @@ class AttitudeEstimator(sysModel.SysModel):  # type: ignore[misc]
             rate = given = _UNKNOWN  # what Basilisk's IMU writes at its first call; to call it missing is always safe
         elif self._integrates:
             # Before the first sample nothing is known.
-            seconds = (stamp - self._stamp) * _SECONDS if self._stamp >= 0 else np.nan
+            seconds = (stamp - self._stamp) / _NANOSECONDS if self._stamp >= 0 else np.nan
             given = np.array(sample.DRFramePlatform) / seconds
         else:
             given = 0.5 * (self._platform_rate + rate)
-        self._filter.predict(stamp * _SECONDS, gyro=given if self._to_body is None else self._to_body @ given)
+        self._filter.predict(stamp / _NANOSECONDS, gyro=given if self._to_body is None else self._to_body @ given)
         self._stamp, self._platform_rate = stamp, rate
 
     def _fuse(self) -> None:
@@ -296,7 +296,7 @@ class AttitudeEstimator(sysModel.SysModel):  # type: ignore[misc]
 
     def _turn_since(self, stamp: int) -> float:
         """How far the body may turn between a stamp and the time of the set, rad."""
-        apart = abs(self._stamp - stamp) * _SECONDS
+        apart = abs(self._stamp - stamp) / _NANOSECONDS
         return apart * self._largest_rate if apart > 0.0 else 0.0
 
     def _write(self, now: int) -> None:
@@ -307,7 +307,7 @@ class AttitudeEstimator(sysModel.SysModel):  # type: ignore[misc]
         rate = self._platform_rate if self._to_body is None else self._to_body @ self._platform_rate
         attitude = known.attitude
         fields = {
-            "timeTag": self._stamp * _SECONDS,
+            "timeTag": self._stamp / _NANOSECONDS,
             "sigma_BN": mrp_from_attitude(attitude).tolist(),
             "omega_BN_B": (rate - known.vector).tolist(),
         }
