@@ -56,6 +56,7 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
 default_role = "code"
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+autodoc_mock_imports = ["Basilisk"]  # the simulator, which is not installed here
 autodoc_typehints_format = "short"
 python_maximum_signature_line_length = 88
 numpydoc_show_class_members = False
@@ -104,6 +105,7 @@ docs/conventions
 docs/domain
 docs/performance
 docs/flight
+docs/basilisk
 ```
 
 ```{toctree}

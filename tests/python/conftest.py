@@ -24,6 +24,11 @@ LISTED = (
         unless_set="ELLIPTUDE_DATASETS",
         why="The recordings are not part of the project, which is built and tested without them, too.",
     ),
+    Skip(
+        reason="no Basilisk: pip install 'elliptude[basilisk]'",
+        unless_set="ELLIPTUDE_BASILISK",
+        why="The simulator is 0.6 GB with what it needs, and holds back the versions of NumPy and Matplotlib.",
+    ),
 )
 
 

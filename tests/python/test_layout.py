@@ -18,7 +18,7 @@ FLOORS = (
     {"estimation"},
     {"simulation", "smoothing"},
     {"validation", "proposal", "calibration", "report"},
-    {"campaigns", "from_arrays"},
+    {"campaigns", "from_arrays", "basilisk"},
     {"cli"},
 )
 """Folders from the ground up. A module imports from its own folder and from floors below."""
