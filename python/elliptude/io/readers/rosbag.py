@@ -109,13 +109,14 @@ class BagFile(NumbersAlone):
 
     def _damage(self) -> str:
         """Why it cannot be read, and what may be done."""
-        if self.path.is_dir():
+        path = Path(self.path)
+        if path.is_dir():
             return (
                 "a folder of a ROS 2 bag that is not whole: its metadata.yaml, or a file that it names, is damaged or "
                 "missing; `ros2 bag reindex` writes the first anew"
             )
-        what, magic, remedy = _KINDS[self.path.suffix]
-        with self.path.open("rb") as file:
+        what, magic, remedy = _KINDS[path.suffix]
+        with path.open("rb") as file:
             begins = file.read(len(magic))
         if begins != magic:
             return f"not {what}: it begins with {begins[:8]!r} where {magic!r} must stand"

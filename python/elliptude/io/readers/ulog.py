@@ -50,12 +50,13 @@ class UlogFile(NumbersAlone):
 
     def _damage(self, reached: int) -> str:
         """Why it cannot be read, where, and what may be done."""
-        with self.path.open("rb") as file:
+        path = Path(self.path)
+        with path.open("rb") as file:
             begins = file.read(len(_MAGIC))
         if begins != _MAGIC:
             return f"not a ULog: it begins with {begins[:4]!r} where b'ULog' must stand; a CSV file's name ends in .csv"
         return (
-            f"a damaged ULog: it cannot be read beyond byte {reached} of {self.path.stat().st_size}; copy it from the "
+            f"a damaged ULog: it cannot be read beyond byte {reached} of {path.stat().st_size}; copy it from the "
             "vehicle again"
         )
 
