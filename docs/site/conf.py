@@ -47,7 +47,7 @@ myst_heading_anchors = 4
 # The notebooks are kept without outputs; each is run for its page.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
-nb_execution_timeout = 120
+nb_execution_timeout = 600
 nb_execution_in_temp = True
 nb_merge_streams = True
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))

@@ -296,7 +296,7 @@ def test_an_interrupted_campaign_goes_on(tmp_path, long_campaign, how):
         os.killpg(process.pid, how)  # as a terminal does, to all processes
     else:
         process.send_signal(how)
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=300)
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[how], errors
     assert output == ""
     assert errors.strip() in ("", "Aborted.")
@@ -304,7 +304,7 @@ def test_an_interrupted_campaign_goes_on(tmp_path, long_campaign, how):
     assert 0 < len(begun) < 12
     assert not (out / "summary.json").exists()
     resumed = start(long_campaign, out, "--processes", "2")
-    _, errors = resumed.communicate(timeout=120)
+    _, errors = resumed.communicate(timeout=300)
     assert (resumed.returncode, errors) == (0, "")
     assert_undisturbed(long_campaign, out)
 
@@ -321,7 +321,7 @@ def test_a_full_disk_ends_a_campaign_that_goes_on_later(tmp_path, long_campaign)
         preexec_fn=limit,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert failed.returncode == 1

@@ -80,7 +80,7 @@ def test_a_worker_is_killed_in_the_middle(tmp_path, cluster, config):
     wait_until(lambda: len(blocks(out)) >= 2)
     workers[0].send_signal(signal.SIGKILL)
     killed_after = len(blocks(out))
-    output, errors = process.communicate(timeout=200)
+    output, errors = process.communicate(timeout=300)
     assert process.returncode == 0, errors
     assert killed_after < BLOCKS
     found = json.loads(output)
@@ -106,7 +106,7 @@ def test_a_scheduler_that_ends_ends_the_campaign_with_a_message(tmp_path, cluste
     )
     wait_until(lambda: len(blocks(out)) >= 1)
     scheduler.kill()
-    _, errors = process.communicate(timeout=200)
+    _, errors = process.communicate(timeout=300)
     assert process.returncode == 1
     assert "the same command goes on from there" in " ".join(errors.split())
 
@@ -138,7 +138,7 @@ def run_pieces(file, call):
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
-        timeout=200,
+        timeout=300,
         check=True,
     )
     said, found = done.stdout.splitlines()

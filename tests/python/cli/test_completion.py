@@ -20,7 +20,7 @@ LINE = rf"[\r\n]{CONTROL}*"
 
 def ask(**variables):
     environment = os.environ | variables
-    done = subprocess.run(PROGRAM, env=environment, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(PROGRAM, env=environment, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -58,10 +58,10 @@ def test_tab_completes_commands_options_and_files(shell, tmp_path):
     } | {name: value for name, value in os.environ.items() if name.startswith("PYTHON")}
     # Not the shell's last command: it would become the program, which looks for the shell that called it.
     subprocess.run(
-        [shell, "-c", "elliptude --install-completion; true"], env=environment, check=True, timeout=120, cwd=tmp_path
+        [shell, "-c", "elliptude --install-completion; true"], env=environment, check=True, timeout=300, cwd=tmp_path
     )
     terminal = pexpect.spawn(
-        shell, ["-i"], env=environment, cwd=str(tmp_path), encoding="utf-8", timeout=120, dimensions=(50, 200)
+        shell, ["-i"], env=environment, cwd=str(tmp_path), encoding="utf-8", timeout=300, dimensions=(50, 200)
     )
     try:
         terminal.expect(PROMPT)  # what is typed before is thrown away
@@ -84,4 +84,4 @@ def test_the_script_is_one(shell):
     script = ask(_ELLIPTUDE_COMPLETE=f"source_{shell}")
     assert "_ELLIPTUDE_COMPLETE=complete_" in script
     if shutil.which(shell):
-        subprocess.run([shell, "-n"], input=script, text=True, check=True, timeout=60)
+        subprocess.run([shell, "-n"], input=script, text=True, check=True, timeout=300)

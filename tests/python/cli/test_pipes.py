@@ -167,7 +167,7 @@ def test_what_cannot_be_read_from_a_pipe(tmp_path):
 def test_a_terminal_is_no_recording():
     import pexpect
 
-    child = pexpect.spawn(sys.executable, ["-c", PROGRAM, "bounds", "-"], encoding="utf-8", timeout=60)
+    child = pexpect.spawn(sys.executable, ["-c", PROGRAM, "bounds", "-"], encoding="utf-8", timeout=300)
     child.expect("error: standard input is a terminal")
     child.expect(pexpect.EOF)
 

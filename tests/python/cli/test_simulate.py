@@ -147,7 +147,7 @@ def test_interrupt(tmp_path):
     while not (tmp_path / "measurements_seed1.csv").exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=300)
     assert process.returncode == 130
     assert output == ""
     assert "Traceback" not in errors

@@ -75,7 +75,7 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path):
     while not progress.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes
-    output, errors = process.communicate(timeout=120)
+    output, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert output == ""
     assert errors.strip() in ("", "Aborted.")

@@ -155,7 +155,7 @@ def test_control_c_ends_it(method):
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=300)
     assert errors.rstrip().endswith("KeyboardInterrupt")
 
 
@@ -167,5 +167,5 @@ def test_a_forked_process_moves_bodies_too():
     """Threads do not outlive a call: nothing is lost in a fork."""
     expected = _advance(0)
     with multiprocessing.get_context("fork").Pool(1) as pool:
-        found = pool.apply_async(_advance, (0,)).get(timeout=60)
+        found = pool.apply_async(_advance, (0,)).get(timeout=300)
     np.testing.assert_array_equal(found[0], expected[0])

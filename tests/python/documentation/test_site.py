@@ -53,7 +53,7 @@ def site(tmp_path_factory):
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder.parent / "built").exists():
             command = [str(ROOT / "tools" / "build_site.sh"), sys.executable, str(folder)]
-            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=1200)
             assert done.returncode == 0, done.stdout + done.stderr
             (folder.parent / "built").touch()
     return folder

@@ -284,7 +284,7 @@ def test_an_interrupt_leaves_nothing_half_written(tmp_path, which):
     while time.monotonic() < until and running.poll() is None and not (out.is_dir() and any(out.iterdir())):
         time.sleep(0.01)
     running.send_signal(which)
-    _, errors = running.communicate(timeout=120)
+    _, errors = running.communicate(timeout=300)
     assert b"Traceback" not in errors
     assert running.returncode != 0
     assert not out.exists()

@@ -62,7 +62,7 @@ def test_nothing_is_left_wherever_an_interrupt_comes(tmp_path):
         [sys.executable, "-c", textwrap.dedent(PROGRAM), str(tmp_path / "file")],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 500
@@ -84,7 +84,7 @@ def test_a_child_process_does_not_remove_its_parents_files(tmp_path):
     """
     target = tmp_path / "file"
     done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program), str(target)], capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", textwrap.dedent(program), str(target)], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     assert target.read_text() == "whole"

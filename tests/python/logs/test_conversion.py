@@ -275,7 +275,7 @@ def test_interrupt_while_estimating(tmp_path):
     while not list(tmp_path.glob("result/.results*")) and time.monotonic() < deadline:
         time.sleep(0.002)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
     assert not (tmp_path / "result" / "summary.json").exists()
@@ -301,7 +301,7 @@ def test_interrupt(tmp_path, suffix):
     while not list(tmp_path.glob(".out*")) and time.monotonic() < deadline:
         time.sleep(0.002)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
     assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
