@@ -133,6 +133,7 @@ def _wrong_names(name: str, parameters: ast.arguments, arguments: tuple[Any, ...
             near = difflib.get_close_matches(key, known, 1)
             hint = f"; did you mean {near[0]}?" if near else f"; it has {_listed(known)}" if known else ""
             return f"{name}() has no argument {key}{hint}"
+    for key in named:
         if key in places[: len(arguments)]:
             return f"{name}(): {key} is given twice, by its place and by its name"
     needed = places[: len(places) - len(parameters.defaults)][len(arguments) :]

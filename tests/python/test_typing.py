@@ -105,9 +105,8 @@ def test_signatures_are_true(name):
     wrong = object()
     with pytest.raises(TypeError) as caught:
         member(*([wrong] if "." in name else []), **dict.fromkeys([*parameters, "no_such_parameter"], wrong))
-    taken = str(caught.value)
-    for parameter in parameters:
-        assert f"{parameter}: " in taken
+    taken = re.split(", | and ", str(caught.value).partition("no argument no_such_parameter; it has ")[2])
+    assert [parameter for parameter in taken if parameter] == parameters
 
 
 def test_examples_in_docstrings():
