@@ -126,6 +126,7 @@ def test_kinds(tmp_path):
     ]
     assert [line[:4] for line in lines if line[:2] == ["gyro", "two"]] == [["gyro", "two", "1", "600"]]
     assert "24 trials with liars, 0 not got over" in done.stdout
+    assert "…" not in done.stdout  # nothing is cut off
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert {case["kind"] for case in summary["cases"]} == {"honest", "liar", "bias"}
     assert summary["total"]["updates"] == 1560

@@ -149,7 +149,7 @@ def validate(
     else:
         terminal = Console()
         # Cells that end in "..." are useless; a narrower terminal breaks the lines.
-        wide = Console(width=max(terminal.width, 152))
+        wide = Console(width=max(terminal.width, 160))
         for table, is_honest in ((_table, True), (_table_of_kinds, False)):
             shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
             if shown:
