@@ -49,6 +49,7 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
         shapes=np.empty((count, rows - 1, 6, 6)),
         used=np.ones((count, rows - 1), bool),
         claims=np.full((count, rows - 1), filter_runs.HOLDS, np.uint8),
+        answers=np.empty((count, rows - 1, 0)),
     )
     if isinstance(of, GyroPlant):
         estimates = mekf.MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)

@@ -3,10 +3,11 @@
 Its sets are those of the first order, scaled; so a test knows what the harness has to find.
 """
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import elliptude as el
 import numpy as np
+from elliptude.results import GuaranteedLog
 
 
 class Flow:
@@ -31,7 +32,7 @@ class Filter:
     def __init__(self, flow, start=None, *, time=0.0, policy="raise"):
         self.flow, self.start, self.time, self.policy = flow.flow, start, time, policy
 
-    def run(self, times, *, directions, reference, bounds, **rates):
+    def run(self, times, *, directions, reference, bounds, vertical=None, **rates):
         start, first = self.start, 0
         if start is None:
             first = next(i for i in range(len(times)) if np.isfinite(directions[i]).all())
@@ -43,13 +44,19 @@ class Filter:
         log = el.AttitudeFilter(self.flow, start, time=times[0] if self.start is None else self.time).run(
             times, directions=directions, reference=reference, bounds=bounds, on_inconsistent="skip", **rates
         )
-        return SimpleNamespace(
+        found = GuaranteedLog(
+            times=times,
             attitudes=log.attitudes,
             vectors=log.vectors,
             shapes=self.scale * log.shapes,
             claims=np.full(len(times), self.claim),
             prediction_used=log.shares > 0.0,
+            updated=np.ones(len(times), bool),
+            dropped=log.used[:, :0],
+            margins=log.margins,
         )
+        angle = found.extents().largest_angles  # answers all questions of the attitude
+        return replace(found, question_bounds=np.column_stack([angle, -angle, angle, angle]))
 
 
 def install(monkeypatch, **settings):

@@ -107,7 +107,7 @@ class Estimator:
         return " ".join(word for word in (self.mode, self.criterion, self.policy) if word)
 
     @property
-    def options(self) -> dict[str, str]:
+    def options(self) -> dict[str, Any]:
         """What its filter is made with."""
         return {"criterion": self.criterion} | ({} if self.policy is None else {"policy": self.policy})
 

@@ -11,7 +11,8 @@ from elliptude import _core
 from elliptude.typing import FloatArray
 from elliptude.validation.adversary import Measured, Motion, Plant, Starts
 from elliptude.validation.judge import Mode, forms_of
-from elliptude.validation.plants import guaranteed
+from elliptude.validation.plants import GyroPlant, guaranteed
+from elliptude.validation.questions import ANSWERS, answers_of_log, direction_shares, shares_of
 
 HOLDS, REFUSED, WITHOUT_SET, FAILED = range(4)
 """Outcomes of an update: there is a set; measurements contradict each other or the prediction; the attitude is not
@@ -32,13 +33,23 @@ class Runs:
     """Whether the prediction went into the set, shape (T, U)."""
     claims: NDArray[np.uint8]
     """`HOLDS`, `REFUSED`, `WITHOUT_SET` or `FAILED`, shape (T, U)."""
+    answers: FloatArray
+    """See `elliptude.validation.questions`, shape (T, U, 14); (T, U, 0) if nothing was asked."""
 
     def of(self, rows: NDArray[np.intp]) -> "Runs":
         """The rows of some trials."""
         return Runs(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def run(of: Plant, mode: Mode, starts: Starts, measured: Measured, **options: Any) -> Runs:
+def run(
+    of: Plant,
+    mode: Mode,
+    starts: Starts,
+    measured: Measured,
+    *,
+    vertical: FloatArray | None = None,
+    **options: Any,
+) -> Runs:
     """Run the filter of a mode over each trial.
 
     Parameters
@@ -47,6 +58,8 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured, **options: An
     mode : Mode
     starts : Starts
     measured : Measured
+    vertical : (3,) array, optional
+        In reference axes. With it the guaranteed filter is asked all questions after each update.
     **options
         What else the filter is made with, such as ``criterion``.
 
@@ -55,12 +68,14 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured, **options: An
     Runs
     """
     count, rows = measured.rates.shape[:2]
+    asks = mode == "guaranteed" and vertical is not None
     runs = Runs(
         attitudes=np.full((count, rows - 1, 3, 3), np.nan),
         vectors=np.full((count, rows - 1, 3), np.nan),
         shapes=np.full((count, rows - 1, 6, 6), np.nan),
         used=np.zeros((count, rows - 1), bool),
         claims=np.full((count, rows - 1), FAILED, np.uint8),
+        answers=np.full((count, rows - 1, ANSWERS if asks else 0), np.nan),
     )
     times: FloatArray = of.interval * np.arange(rows, dtype=np.float64)
     shapes = starts.shapes
@@ -72,7 +87,7 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured, **options: An
         try:
             arguments = (told, times, measured.directions[trial], measured.rates[trial])
             sets = (
-                _guaranteed(of, flow, *arguments, **options)
+                _guaranteed(of, flow, *arguments, vertical=vertical, **options)
                 if mode == "guaranteed"
                 else _first_order(of, flow, mode, *arguments, **options)
             )
@@ -83,7 +98,7 @@ def run(of: Plant, mode: Mode, starts: Starts, measured: Measured, **options: An
     return runs
 
 
-_Sets: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.uint8]]
+_Sets: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.uint8], FloatArray]
 
 
 def _first_order(
@@ -116,7 +131,8 @@ def _first_order(
     refused = log.outcomes[updates] == 2
     used = (log.shares[updates] > 0.0) & (log.outcomes[updates] == 0)
     claims = np.where(refused, REFUSED, HOLDS).astype(np.uint8)
-    return log.attitudes[updates], log.vectors[updates], log.shapes[updates], used, claims
+    nothing = np.empty((len(claims), 0))
+    return log.attitudes[updates], log.vectors[updates], log.shapes[updates], used, claims, nothing
 
 
 def _guaranteed(
@@ -126,6 +142,8 @@ def _guaranteed(
     times: FloatArray,
     directions: FloatArray,
     rates: FloatArray,
+    *,
+    vertical: FloatArray | None = None,
     **options: Any,
 ) -> _Sets:
     """A trial in the guaranteed mode, as the fields of `Runs`: the one place that knows its filter."""
@@ -133,13 +151,19 @@ def _guaranteed(
     arguments = {"gyro": rates[begin:]} if of.has_gyro else {"angular_velocity": rates[begin:], "rate_bound": of.bound}
     made = {"policy": "drop_measurement"} | options
     log = guaranteed("GuaranteedFilter")(flow, told, time=times[begin], **made).run(
-        times[begin:], directions=directions[begin:], reference=of.reference, bounds=of.bound, **arguments
+        times[begin:],
+        directions=directions[begin:],
+        reference=of.reference,
+        bounds=of.bound,
+        vertical=vertical,
+        **arguments,
     )
     updates = slice(1 - begin, None)
     names = [str(claim) for claim in log.claims[updates]]
     claims = np.array([_CLAIMS[name.rsplit(".", maxsplit=1)[-1]] for name in names], np.uint8)
     shapes = np.where((claims == WITHOUT_SET)[:, None, None], np.nan, log.shapes[updates])
-    return log.attitudes[updates], log.vectors[updates], shapes, log.prediction_used[updates], claims
+    answers = np.empty((len(claims), 0)) if vertical is None else answers_of_log(log)[updates]
+    return log.attitudes[updates], log.vectors[updates], shapes, log.prediction_used[updates], claims, answers
 
 
 # A claim by name, member of an enumeration or number. A conditional one means that true measurements were dropped.
@@ -174,6 +198,17 @@ def measured_alone(of: Plant, mode: Mode, measured: Measured) -> FloatArray | No
             except ValueError:  # no bounded set
                 continue
     return shapes
+
+
+def question_shares(
+    of: Plant, runs: Runs, motion: Motion, measured: Measured, vertical: FloatArray
+) -> dict[str, FloatArray]:
+    """How far the truth goes towards the end of each answer of a filter that was asked, shape (T, U) by question."""
+    truth = motion.attitudes[:, 1:], motion.vectors[:, 1:]
+    shares = shares_of(of, (runs.attitudes, runs.vectors), runs.shapes, runs.answers, truth, vertical)
+    if isinstance(of, GyroPlant):
+        shares["direction"] = direction_shares(of, motion, measured)
+    return shares
 
 
 def forms(mode: Mode, runs: Runs, motion: Motion) -> FloatArray:

@@ -23,6 +23,8 @@ def forms_of(
     shapes: FloatArray,
     true_attitudes: FloatArray,
     true_vectors: FloatArray,
+    *,
+    part: slice = slice(None),
 ) -> FloatArray:
     """xᵀP⁻¹x of the truth, in the chart of the set: Gibbs for ``guaranteed``, exponential otherwise.
 
@@ -33,6 +35,8 @@ def forms_of(
         The centers.
     shapes : (..., 6, 6) array
     true_attitudes, true_vectors : (..., 3, 3), (..., 3) array
+    part : slice
+        Which of the six numbers are asked about: of fewer, the projection of the set on them is judged.
 
     Returns
     -------
@@ -41,7 +45,7 @@ def forms_of(
         set.
     """
     arguments = (attitudes, vectors, true_attitudes, true_vectors)
-    states = _errors(mode, *arguments)
+    states, shapes = errors_of(mode, *arguments)[..., part], shapes[..., part, part]
     values = np.full(states.shape[:-1], np.nan)
     known = np.isfinite(shapes).all(axis=(-1, -2))
     scales, eigenvalues, axes = _scaled_eigenvalues(shapes[known])
@@ -54,7 +58,7 @@ def forms_of(
     singular[known] = eigenvalues[:, 0] < _NEARLY_SINGULAR
     for chosen, precisely in ((np.abs(values - 1.0) < _NEAR_EDGE, _precise_forms), (singular, _exact_forms)):
         if chosen.any():
-            precise = _errors(mode, *(array[chosen].astype(np.longdouble) for array in arguments))
+            precise = errors_of(mode, *(array[chosen].astype(np.longdouble) for array in arguments))[..., part]
             values[chosen] = precisely(shapes[chosen].astype(np.longdouble), precise)
     return values
 
@@ -102,7 +106,7 @@ def _exact_forms(shapes: Any, states: Any) -> Any:
     return values
 
 
-def _errors(mode: Mode, attitudes: Any, vectors: Any, true_attitudes: Any, true_vectors: Any) -> Any:
+def errors_of(mode: Mode, attitudes: Any, vectors: Any, true_attitudes: Any, true_vectors: Any) -> Any:
     """Errors (..., 6) in the chart of the mode, in the precision of the arguments."""
     error = attitudes.swapaxes(-1, -2) @ true_attitudes
     skew = error - error.swapaxes(-1, -2)
@@ -119,10 +123,10 @@ def _errors(mode: Mode, attitudes: Any, vectors: Any, true_attitudes: Any, true_
 
 
 def _precise_forms(shapes: Any, states: Any) -> Any:
-    """xᵀP⁻¹x of (n, 6, 6) and (n, 6) by Cholesky's method, in the precision of the arguments."""
+    """xᵀP⁻¹x of (n, k, k) and (n, k) by Cholesky's method, in the precision of the arguments."""
     root, white = np.zeros_like(shapes), np.zeros_like(states)
     with np.errstate(invalid="ignore"):
-        for i in range(6):
+        for i in range(states.shape[-1]):
             for j in range(i):
                 rest = shapes[:, i, j] - np.sum(root[:, i, :j] * root[:, j, :j], axis=1)
                 root[:, i, j] = rest / root[:, j, j]

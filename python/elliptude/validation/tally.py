@@ -11,6 +11,7 @@ from elliptude.validation import trials
 from elliptude.validation.adversary import Starts
 from elliptude.validation.filter_runs import FAILED, HOLDS, REFUSED, WITHOUT_SET, Runs
 from elliptude.validation.judge import FORM_EDGES
+from elliptude.validation.questions import QuestionTally, combine_questions
 
 SETTLED_UPDATE = 6
 """Sizes are means from this update on."""
@@ -28,8 +29,11 @@ class Tally:
         self.counts = dict.fromkeys(COUNTS, 0)
         self.worst: dict[str, Any] | None = None
         self.histogram = np.zeros(len(FORM_EDGES) - 1, np.int64)
+        self.questions = QuestionTally()
 
-    def add(self, starts: Starts, runs: Runs, values: FloatArray) -> None:
+    def add(
+        self, starts: Starts, runs: Runs, values: FloatArray, shares: Mapping[str, FloatArray] | None = None
+    ) -> None:
         """Count runs.
 
         Parameters
@@ -38,6 +42,8 @@ class Tally:
         runs : Runs
         values : (T, U) array
             Their forms.
+        shares : mapping of (T, U) array, optional
+            Of each question that was asked, how far the truth goes towards the end of the answer.
         """
         judged = (runs.claims == HOLDS) | (runs.claims == REFUSED)
         values = np.where(judged & np.isnan(values), np.inf, values)
@@ -61,6 +67,7 @@ class Tally:
             form = float(values[trial, update])
             if self.worst is None or form > self.worst["form"]:
                 self.worst = {"form": form, "trial": self.runs + int(trial), "update": int(update) + 1}
+        self.questions.add(shares or {}, judged, self.runs)
         self.runs += len(values)
 
     def to_dict(self) -> dict[str, Any]:
@@ -68,7 +75,8 @@ class Tally:
         worst = self.worst
         if worst is not None and math.isinf(worst["form"]):
             worst = worst | {"form": float(np.finfo(float).max)}
-        return self.counts | {"worst": worst, "histogram": self.histogram.tolist()}
+        counts = self.counts | {"worst": worst, "histogram": self.histogram.tolist()}
+        return counts | ({"questions": self.questions.counts} if self.questions.counts else {})
 
 
 def mean_sizes(compared: Mapping[str, FloatArray]) -> dict[str, Any]:
@@ -88,6 +96,9 @@ def combine(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         counts["slowest"] = max(part["slowest"] for part in parts)
     worsts = [part["worst"] for part in parts if part["worst"] is not None]
     histogram = np.sum([part["histogram"] for part in parts], axis=0).tolist()
+    asked = [part["questions"] for part in parts if "questions" in part]
+    if asked:
+        counts["questions"] = combine_questions(asked)
     return counts | {
         "worst": max(worsts, key=lambda worst: worst["form"], default=None),
         "histogram": histogram,

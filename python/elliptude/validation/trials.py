@@ -17,6 +17,14 @@ from elliptude.typing import FloatArray
 from elliptude.validation.adversary import Case, Motion, Plant, draw_errors, draw_starts, measure
 from elliptude.validation.judge import FORM_EDGES, forms_of
 from elliptude.validation.plants import guaranteed, plant
+from elliptude.validation.questions import (
+    ANSWERS,
+    QuestionTally,
+    answers_of_filter,
+    answers_of_log,
+    draw_vertical,
+    shares_of,
+)
 from elliptude.validation.trial_kinds import KINDS, Told, Trial
 
 UNCONDITIONAL, CONDITIONAL, NO_SET = (CLAIMS.index(name) for name in ("unconditional", "conditional", "none"))
@@ -59,6 +67,8 @@ class Outcome:
     """Rows whose measurements were refused as a whole, with an error: none of them is in the set, shape (R,)."""
     forgotten: NDArray[np.bool_]
     """Rows at which an input was refused, so that a new filter begins that knows nothing, shape (R,)."""
+    answers: FloatArray
+    """See `elliptude.validation.questions`, shape (R, 14)."""
 
 
 # --- the filter over a trial ------------------------------------------------------------------------------------------
@@ -67,8 +77,8 @@ class Outcome:
 class _Runner:
     """The filter of one trial, which gets as many rows at once as it takes."""
 
-    def __init__(self, of: Plant, flow: Any, told: Told) -> None:
-        self.of, self.flow, self.told = of, flow, told
+    def __init__(self, of: Plant, flow: Any, told: Told, vertical: FloatArray) -> None:
+        self.of, self.flow, self.told, self.vertical = of, flow, told, vertical
         self.times: FloatArray = of.interval * told.rows.astype(np.float64)
         count, sensors = told.lies.shape
         self.outcome = Outcome(
@@ -80,6 +90,7 @@ class _Runner:
             contradicted=np.zeros(count, bool),
             refused=np.zeros(count, bool),
             forgotten=np.zeros(count, bool),
+            answers=np.full((count, ANSWERS), np.nan),
         )
         self.filter = self._first()
 
@@ -141,6 +152,7 @@ class _Runner:
         directions, rates = told.directions[rows], told.rates[rows]
         directions[0] = np.nan
         arguments: dict[str, Any] = {"directions": directions, "reference": of.reference, "bounds": of.bound}
+        arguments["vertical"] = self.vertical
         if of.has_gyro:
             arguments["gyro"] = rates
             if told.increments is not None:
@@ -156,6 +168,7 @@ class _Runner:
         into = self.outcome
         for name in ("attitudes", "vectors", "shapes", "claims"):
             getattr(into, name)[known] = getattr(log, name)[1:]
+        into.answers[known] = answers_of_log(log)[1:]
         into.dropped[known] = log.dropped[1:, : into.dropped.shape[1]]
         with np.errstate(invalid="ignore"):
             into.contradicted[known] = (log.margins[1:] < 0.0) | log.dropped[1:].any(axis=1)
@@ -183,6 +196,7 @@ class _Runner:
             if ellipsoid is not None:
                 into.attitudes[row], into.vectors[row] = ellipsoid.attitude, ellipsoid.vector
                 into.shapes[row] = ellipsoid.shape
+                into.answers[row] = answers_of_filter(self.filter, self.vertical)
         return True
 
     def _update(self, row: int) -> tuple[bool, NDArray[np.bool_]]:
@@ -356,11 +370,11 @@ def try_kind(case: Case, count: int, updates: int, draws: np.random.Generator) -
     motion = of.motion(starts, errors)
     measured = measure(of, motion, errors)
     flow = of.guaranteed_flow()
-    tally = Tally()
+    tally = Tally(draw_vertical(of, draws))
     for trial in range(count):
         told = kind.tell(Trial(of, starts, motion, measured, trial), draws)
         truth = Motion(*(getattr(motion, field.name)[trial, told.rows][None] for field in fields(motion)))
-        outcome = _Runner(of, flow, told).run()
+        outcome = _Runner(of, flow, told, tally.vertical).run()
         tally.add(of, told, outcome, truth)
     return tally.to_dict()
 
@@ -378,9 +392,11 @@ def _forms(told: Told, outcome: Outcome, truth: Motion) -> FloatArray:
 
 
 class Tally:
-    """Counts over the trials of a chunk."""
+    """Counts over the trials of a chunk, in which tilt and heading are about one vertical, shape (3,)."""
 
-    def __init__(self) -> None:
+    def __init__(self, vertical: FloatArray) -> None:
+        self.vertical = vertical
+        self.questions = QuestionTally()
         self.counts = dict.fromkeys(COUNTS, 0)
         self.trials = 0
         self.slowest = 0
@@ -422,6 +438,9 @@ class Tally:
             update = int(np.argmax(np.where(judged, values, -np.inf)))
             if self.worst is None or values[update] > self.worst["form"]:
                 self.worst = {"form": float(values[update]), "trial": self.trials, "update": update}
+        centers, true = (outcome.attitudes, outcome.vectors), (truth.attitudes[0], truth.vectors[0])
+        shares = shares_of(of, centers, outcome.shapes, outcome.answers, true, self.vertical)
+        self.questions.add({name: share[None, 1:] for name, share in shares.items()}, judged[None, 1:], self.trials)
         self.trials += 1
 
     def to_dict(self) -> dict[str, Any]:
@@ -430,4 +449,4 @@ class Tally:
         if worst is not None and np.isinf(worst["form"]):
             worst = worst | {"form": float(np.finfo(float).max)}
         figures = {"slowest": self.slowest, "worst": worst, "histogram": self.histogram.tolist()}
-        return self.counts | figures | {"sizes": {"updates": 0}}
+        return self.counts | figures | {"sizes": {"updates": 0}, "questions": self.questions.counts}

@@ -13,6 +13,7 @@ import guaranteed_stand_in
 import pytest
 from elliptude import cli
 from elliptude.cli.trials import validate
+from elliptude.results import GuaranteedLog
 from elliptude.validation import adversary, monte_carlo, trial_kinds, trials
 from typer.testing import CliRunner
 
@@ -120,15 +121,37 @@ def test_kinds(tmp_path):
     done = run("--out", tmp_path, "--kind", "liar", "--kind", "bias", "--kind", "honest", *options)
     assert done.exit_code == 0, done.output
     lines = [line.split() for line in done.stdout.splitlines()]
-    assert [line[:5] for line in lines if line[:1] in (["liar"], ["bias"])] == [
+    assert [line[:5] for line in lines if line[:2] in (["liar", "gyro"], ["bias", "gyro"])] == [
         [kind, "gyro", "two", "1", "480"] for kind in ("liar", "bias")
     ]
     assert [line[:4] for line in lines if line[:2] == ["gyro", "two"]] == [["gyro", "two", "1", "600"]]
     assert "24 trials with liars, 0 not got over" in done.stdout
+    assert "…" not in done.stdout  # nothing is cut off
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert {case["kind"] for case in summary["cases"]} == {"honest", "liar", "bias"}
     assert summary["total"]["updates"] == 1560
     assert summary["total"]["liars"] == 24
+    heading = summary["total"]["questions"]["heading"]
+    assert [line for line in lines if line[:1] == ["heading"]] == [
+        ["heading", str(heading["updates"]), "0", f"{heading['largest']['share']:.5g}"]
+    ]
+    # A set that rests on a lie promises no answer.
+    assert 960 <= heading["updates"] <= 1560
+    assert ["question", "answers", "escapes", "share", "in", "gyro"] in lines
+
+
+def test_a_wrong_answer_makes_the_exit_code_1(tmp_path, monkeypatch):
+    right = GuaranteedLog.extents
+    monkeypatch.setattr(
+        GuaranteedLog, "extents", lambda log: right(log)._replace(largest_angles=0.5 * right(log).largest_angles)
+    )
+    done = run("--out", tmp_path, "--processes", 1, *SMALL)
+    assert done.exit_code == 1, done.output
+    total = json.loads((tmp_path / "summary.json").read_text())["total"]
+    assert total["escapes"] == 0
+    wrong = total["questions"]["largest angle"]["escapes"]
+    assert wrong > 0
+    assert f"{9 * 160} answers to single questions, the truth outside of {wrong}." in done.stdout
 
 
 def test_every_kind_may_be_asked_for(tmp_path, monkeypatch):

@@ -12,6 +12,7 @@ import pytest
 from elliptude import _core
 from elliptude.validation import adversary, judge, plants, trials
 from elliptude.validation.adversary import Case
+from elliptude.validation.questions import ANSWERS
 from elliptude.validation.trial_kinds import KINDS, Trial
 from elliptude.validation.trials import CONDITIONAL, FAILED, NO_SET, TOO_LATE, UNCONDITIONAL, Outcome
 
@@ -53,9 +54,7 @@ class Smaller(elliptude.GuaranteedFilter):
 
     def run(self, *arguments, **options):
         log = super().run(*arguments, **options)
-        return SimpleNamespace(
-            **{f.name: getattr(log, f.name) for f in dataclasses.fields(log)} | {"shapes": log.shapes / 4}
-        )
+        return dataclasses.replace(log, shapes=log.shapes / 4)
 
 
 @pytest.mark.parametrize(("kind", "scenario"), PLACES)
@@ -83,9 +82,7 @@ def test_a_filter_that_claims_too_much_is_found(monkeypatch, kind, scenario):
         def run(self, *arguments, **options):
             log = super().run(*arguments, **options)
             claims = np.where(log.claims == CONDITIONAL, UNCONDITIONAL, log.claims)
-            return SimpleNamespace(
-                **{f.name: getattr(log, f.name) for f in dataclasses.fields(log)} | {"claims": claims}
-            )
+            return dataclasses.replace(log, claims=claims)
 
     monkeypatch.setattr(elliptude, "GuaranteedFilter", Boasting)
     assert tried(kind, scenario, updates=40)["overclaimed"] > 0
@@ -339,6 +336,7 @@ def story(claims, *, contradicted=(), dropped=(), lies=(), start_lies=False, gyr
         contradicted=where,
         refused=np.zeros(count, bool),
         forgotten=np.zeros(count, bool),
+        answers=np.full((count, ANSWERS), np.nan),
     )
     return of, told, outcome
 

@@ -17,6 +17,7 @@ from reference import so3
 
 LONG = np.longdouble
 UPDATES = 8
+NOTHING = np.empty((1, 4, 0))  # was asked
 
 
 def angles(a, b):
@@ -140,6 +141,7 @@ def test_form_in_the_chart_of_the_set(mode, scale):
         np.broadcast_to(root @ root.T, (count, 1, 6, 6)),
         np.ones((count, 1), bool),
         np.zeros((count, 1), np.uint8),
+        NOTHING,
     )
     motion = adversary.Motion(true, np.zeros((count, 2, 3)), np.stack([0 * offsets[:, 3:], vector + offsets[:, 3:]], 1))
     np.testing.assert_allclose(filter_runs.forms(mode, runs, motion), 1.0, rtol=1e-9 + 1e-14 / scale)
@@ -167,7 +169,12 @@ def test_form_of_thin_sets_near_the_edge():
         assert abs(expected - 1.0) < 1e-6
         identity = np.broadcast_to(np.eye(3), (1, 2, 3, 3))
         runs = Runs(
-            identity[:, 1:], np.zeros((1, 1, 3)), shape[None, None], np.ones((1, 1), bool), np.zeros((1, 1), np.uint8)
+            identity[:, 1:],
+            np.zeros((1, 1, 3)),
+            shape[None, None],
+            np.ones((1, 1), bool),
+            np.zeros((1, 1), np.uint8),
+            NOTHING,
         )
         motion = adversary.Motion(identity, np.zeros((1, 2, 3)), np.broadcast_to(offset[3:], (1, 2, 3)))
         np.testing.assert_allclose(filter_runs.forms("guaranteed", runs, motion), expected, rtol=1e-8)
@@ -176,7 +183,10 @@ def test_form_of_thin_sets_near_the_edge():
 def test_sets_that_are_none_are_not_passed_over():
     claims = np.array([[filter_runs.HOLDS, filter_runs.HOLDS, filter_runs.REFUSED, filter_runs.HOLDS]], np.uint8)
     runs = Runs(
-        *(np.zeros((1, 4, *rest)) for rest in ((3, 3), (3,), (6, 6))), used=np.zeros((1, 4), bool), claims=claims
+        *(np.zeros((1, 4, *rest)) for rest in ((3, 3), (3,), (6, 6))),
+        used=np.zeros((1, 4), bool),
+        claims=claims,
+        answers=NOTHING,
     )
     runs.attitudes[:] = np.eye(3)
     runs.shapes[0, 0] = np.eye(6)

@@ -23,6 +23,7 @@ from elliptude.validation import adversary, monte_carlo, tally, trial_kinds
 from elliptude.validation.adversary import Case
 from elliptude.validation.judge import Mode
 from elliptude.validation.monte_carlo import Arguments
+from elliptude.validation.questions import combine_questions
 
 _PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
 # In the guaranteed mode none of these may happen.
@@ -98,10 +99,12 @@ def validate(
     Prints for each case how many updates were judged, how often the truth had left the set, the largest value of its
     form (the edge is at 1), how often the prediction went into the set, and the mean trace and volume radius against
     those of mode paper and of the measurements alone on the same data; for other kinds than honest, what the sets
-    claim, and how many updates the recovery from a liar took. Writes summary.json and a figure.
+    claim, and how many updates the recovery from a liar took. In mode guaranteed the filter is also asked each question
+    that it answers: a table has how often the truth was outside the answer, and how far it went towards its end.
+    Writes summary.json and a figure.
 
-    The exit code is 1 if the guaranteed mode lost the truth, took true measurements for contradictory, gave up, or did
-    not recover from a liar.
+    The exit code is 1 if the guaranteed mode lost the truth, gave a wrong answer, took true measurements for
+    contradictory, gave up, or did not recover from a liar.
     """
     if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
         raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
@@ -146,17 +149,19 @@ def validate(
     else:
         terminal = Console()
         # Cells that end in "..." are useless; a narrower terminal breaks the lines.
-        wide = Console(width=max(terminal.width, 152))
+        wide = Console(width=max(terminal.width, 160))
         for table, is_honest in ((_table, True), (_table_of_kinds, False)):
             shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
             if shown:
                 wide.print(table(shown))
+        if "questions" in summary["total"]:
+            wide.print(_table_of_questions(summary))
         _print_total(summary)
         if before == 0:
             typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
         typer.echo(f"{out / _SUMMARY}\n{out / _FIGURE}")
     total = summary["total"]
-    if mode == "guaranteed" and sum(total[name] for name in _FAULTS) > 0:
+    if mode == "guaranteed" and sum(total[name] for name in _FAULTS) + _wrong_answers(total) > 0:
         raise typer.Exit(1)
 
 
@@ -273,6 +278,25 @@ def _table(cases: list[dict[str, Any]]) -> Table:
     return table
 
 
+def _table_of_questions(summary: dict[str, Any]) -> Table:
+    """A line for each question, with the largest share in each scenario, over all else."""
+    scenarios = list(dict.fromkeys(case["scenario"] for case in summary["cases"]))
+    table = _new_table(("question",), ("answers", "escapes", *(f"share in {name}" for name in scenarios)))
+    of_scenarios = [
+        combine_questions([case["questions"] for case in summary["cases"] if case["scenario"] == name])
+        for name in scenarios
+    ]
+    for question, counted in summary["total"]["questions"].items():
+        largest = [asked[question]["largest"] if question in asked else None for asked in of_scenarios]
+        shares = ("" if one is None else f"{one['share']:.5g}" for one in largest)
+        table.add_row(question, f"{counted['updates']}", f"{counted['escapes']}", *shares)
+    return table
+
+
+def _wrong_answers(total: dict[str, Any]) -> int:
+    return sum(counted["escapes"] for counted in total.get("questions", {}).values())
+
+
 def _ratio(sizes: dict[str, Any], size: str, to: str) -> str:
     if to not in sizes:
         return ""
@@ -287,6 +311,12 @@ def _print_total(summary: dict[str, Any]) -> None:
         f"largest form {'not known' if worst is None else f'{worst:.6g}'}; "
         f"{total['refused']} refused, {total['without_set']} without a set, {total['failed']} failed."
     )
+    if "questions" in total:
+        answers = sum(counted["updates"] for counted in total["questions"].values())
+        typer.echo(
+            f"{answers} answers to single questions, the truth outside of {_wrong_answers(total)}. Share: how far it "
+            "went from the\nmiddle of an answer towards its end, which is at 1."
+        )
     kinds = {case["kind"] for case in summary["cases"]}
     if "honest" in kinds:
         typer.echo(
