@@ -89,13 +89,36 @@ class StatedTorquePotential final : public Potential {
   return {std::move(reference), statement};
 }
 
+/// What a potential has in common with another one: a direction that may turn, and being written and copied by what it was made of.
+/// \param strength the name of its other property.
+template <typename OwnPotential>
+void define_of_turning_direction(py::class_<OwnPotential, Potential>& potential, const char* strength) {
+  potential
+      .def_property_readonly(
+          "direction", [](const OwnPotential& self) { return to_constant_array(self.settings().direction); },
+          "The direction at time 0 as it was given, shape (3,); read-only.")
+      .def_property_readonly(
+          "turn", [](const OwnPotential& self) { return to_constant_array(self.settings().turn); },
+          "Its angular velocity, rad/s, reference axes, shape (3,); read-only.")
+      .def("__repr__",
+           [strength](const py::object& self) {
+             return py::str("{}({}={}, direction={}, turn={})")
+                 .format(py::type::of(self).attr("__name__"), strength, self.attr(strength).attr("tolist")(),
+                         self.attr("direction").attr("tolist")(), self.attr("turn").attr("tolist")());
+           })
+      .def("__reduce__", [strength](const py::object& self) {
+        return py::make_tuple(py::type::of(self),
+                              py::make_tuple(self.attr(strength), self.attr("direction"), self.attr("turn")));
+      });
+}
+
 }  // namespace
 
 void define_own_potentials(py::module_& module) {
   using namespace py::literals;
 
-  py::class_<OwnLinearPotential, Potential>(module, "LinearPotential", py::is_final(),
-                                            R"(LinearPotential(moment, direction, turn=None)
+  py::class_<OwnLinearPotential, Potential> linear(module, "LinearPotential", py::is_final(),
+                                                   R"(LinearPotential(moment, direction, turn=None)
 --
 
 A potential that is linear in the attitude: U = −pᵀb with b = Cᵀr(t). M = p × b.
@@ -116,7 +139,8 @@ Raises
 ------
 ValueError
     If an entry is not finite, the direction is zero, or the turn is not at right angles to it.
-)")
+)");
+  linear
       .def(py::init([](const py::object& moment, const py::object& direction, const py::object& turn) {
              const LinearPotentialSettings settings{single(moment, "moment", {3}).vector<3>(0),
                                                     single(direction, "direction", {3}).vector<3>(0),
@@ -130,27 +154,11 @@ ValueError
            "moment"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, moment, direction, turn=None)\n--\n\n")
       .def_property_readonly(
           "moment", [](const OwnLinearPotential& self) { return to_constant_array(self.settings().moment); },
-          "p in N m, body axes, shape (3,); read-only.")
-      .def_property_readonly(
-          "direction", [](const OwnLinearPotential& self) { return to_constant_array(self.settings().direction); },
-          "The direction at time 0 as it was given, shape (3,); read-only.")
-      .def_property_readonly(
-          "turn", [](const OwnLinearPotential& self) { return to_constant_array(self.settings().turn); },
-          "Its angular velocity, rad/s, reference axes, shape (3,); read-only.")
-      .def("__repr__",
-           [](const OwnLinearPotential& self) {
-             return py::str("LinearPotential(moment={}, direction={}, turn={})")
-                 .format(to_array(self.settings().moment).attr("tolist")(),
-                         to_array(self.settings().direction).attr("tolist")(),
-                         to_array(self.settings().turn).attr("tolist")());
-           })
-      .def("__reduce__", [](const py::object& self) {
-        return py::make_tuple(py::type::of(self),
-                              py::make_tuple(self.attr("moment"), self.attr("direction"), self.attr("turn")));
-      });
+          "p in N m, body axes, shape (3,); read-only.");
+  define_of_turning_direction(linear, "moment");
 
-  py::class_<OwnQuadraticPotential, Potential>(module, "QuadraticPotential", py::is_final(),
-                                               R"(QuadraticPotential(matrix, direction, turn=None)
+  py::class_<OwnQuadraticPotential, Potential> quadratic(module, "QuadraticPotential", py::is_final(),
+                                                         R"(QuadraticPotential(matrix, direction, turn=None)
 --
 
 A potential that is quadratic in the attitude: U = ½ bᵀKb with b = Cᵀr(t). M = b × Kb.
@@ -170,7 +178,8 @@ Raises
 ------
 ValueError
     If an entry is not finite, the matrix is not symmetric, the direction is zero, or the turn is not at right angles to it.
-)")
+)");
+  quadratic
       .def(py::init([](const py::object& matrix, const py::object& direction, const py::object& turn) {
              const QuadraticPotentialSettings settings{single(matrix, "matrix", {3, 3}).matrix3(0),
                                                        single(direction, "direction", {3}).vector<3>(0),
@@ -184,24 +193,8 @@ ValueError
            "matrix"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, matrix, direction, turn=None)\n--\n\n")
       .def_property_readonly(
           "matrix", [](const OwnQuadraticPotential& self) { return to_constant_array(self.settings().matrix); },
-          "K in N m, body axes, shape (3, 3); read-only.")
-      .def_property_readonly(
-          "direction", [](const OwnQuadraticPotential& self) { return to_constant_array(self.settings().direction); },
-          "The direction at time 0 as it was given, shape (3,); read-only.")
-      .def_property_readonly(
-          "turn", [](const OwnQuadraticPotential& self) { return to_constant_array(self.settings().turn); },
-          "Its angular velocity, rad/s, reference axes, shape (3,); read-only.")
-      .def("__repr__",
-           [](const OwnQuadraticPotential& self) {
-             return py::str("QuadraticPotential(matrix={}, direction={}, turn={})")
-                 .format(to_array(self.settings().matrix).attr("tolist")(),
-                         to_array(self.settings().direction).attr("tolist")(),
-                         to_array(self.settings().turn).attr("tolist")());
-           })
-      .def("__reduce__", [](const py::object& self) {
-        return py::make_tuple(py::type::of(self),
-                              py::make_tuple(self.attr("matrix"), self.attr("direction"), self.attr("turn")));
-      });
+          "K in N m, body axes, shape (3, 3); read-only.");
+  define_of_turning_direction(quadratic, "matrix");
 
   py::class_<StatedTorquePotential, Potential>(module, "StatedTorque", py::is_final(),
                                                collectable<StatedTorquePotential>(),
