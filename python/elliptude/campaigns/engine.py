@@ -104,12 +104,15 @@ def _here(function: Callable[..., Any], pieces: Iterable[Piece]) -> Iterator[tup
 
 def _on_executor(function: Callable[..., Any], waiting: deque[Piece], executor: Executor) -> Iterator[tuple[str, Any]]:
     running: dict[Future[Any], Piece] = {}
+    suspects: deque[Piece] = deque()  # Dask blames what waits on a worker that dies, too: alone, it is seen who kills
     failures = Failures()
     try:
-        while waiting or running:
-            while waiting and len(running) < AT_ONCE:
-                running[executor.submit(function, *waiting[0].arguments)] = waiting[0]
-                waiting.popleft()
+        while waiting or running or suspects:
+            are_alone = not waiting and not running
+            source, most = (suspects, 1) if are_alone else (waiting, AT_ONCE)
+            while source and len(running) < most:
+                running[executor.submit(function, *source[0].arguments)] = source[0]
+                source.popleft()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 piece = running.pop(future)
@@ -118,7 +121,10 @@ def _on_executor(function: Callable[..., Any], waiting: deque[Piece], executor: 
                 except (BrokenExecutor, CancelledError):
                     raise
                 except Exception as error:
-                    failures.add(piece, _reason(error))
+                    if type(error).__name__ == "KilledWorker" and not are_alone:
+                        suspects.append(piece)
+                    else:
+                        failures.add(piece, _reason(error))
                     continue
                 yield piece.name, result
     except (BrokenExecutor, CancelledError) as error:

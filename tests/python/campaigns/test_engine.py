@@ -5,8 +5,9 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing
 from multiprocessing import get_context
 from pathlib import Path
@@ -86,6 +87,44 @@ def test_a_fault_that_is_elsewhere_ends_the_work_soon():
     with pytest.raises(FileError, match=f"^{pieces.MOST_FAILED} pieces"):
         found.extend(engine.results(campaign_work.fail_at_odd, numbered(1000), processes=1))
     assert len(found) == pieces.MOST_FAILED
+
+
+class KilledWorker(Exception):
+    """As Dask's, which also says it of work that waited on a worker when other work killed it."""
+
+
+class Blaming(Executor):
+    """Blames pieces 2 and 3 for what 3 does; notes what else was under way when each began."""
+
+    def __init__(self):
+        self.under_way, self.begun = set(), []
+
+    def submit(self, function, /, *arguments, **options):
+        (number,) = arguments
+        future = Future()
+        is_blamed = number == 3 or (number == 2 and 2 not in [before for before, _ in self.begun])
+        self.begun.append((number, set(self.under_way)))
+        self.under_way.add(number)
+        future.add_done_callback(lambda _: self.under_way.discard(number))
+
+        def end():
+            if is_blamed:
+                future.set_exception(KilledWorker("four times"))
+            else:
+                future.set_result(function(number))
+
+        threading.Timer(0.2, end).start()
+        return future
+
+
+def test_who_is_blamed_for_a_dead_worker_is_tried_alone():
+    """So that the innocent come back, and the one that kills is named."""
+    executor, found = Blaming(), []
+    with pytest.raises(FileError, match=r"^1 piece of the work failed: piece 3: KilledWorker: four times"):
+        found.extend(engine.results(abs, numbered(6), executor=executor))
+    assert sorted(result for _, result in found) == [0, 1, 2, 4, 5]
+    assert len(executor.begun) == 8
+    assert sorted(executor.begun[6:]) == [(2, set()), (3, set())]
 
 
 def test_an_executor_that_breaks():
