@@ -99,6 +99,8 @@ class Spooled(NamedFile):
     @cached_property
     def _copy(self) -> Path:
         """It is removed, with its folder, when nothing refers to this any more."""
+        if self._source is None and sys.stdin is None:
+            raise FileError("standard input is closed; pipe a recording into the command, or name a file")
         if self._source is None and sys.stdin.isatty():
             raise FileError("standard input is a terminal; pipe a recording into the command, or name a file")
         try:

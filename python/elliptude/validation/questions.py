@@ -129,15 +129,15 @@ def shares_of(
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = {
             "attitude": attitude,
-            "body turns": _largest(turns / answers[..., _BODY]),
-            "reference turns": _largest(in_reference / answers[..., _REFERENCE]),
-            "largest angle": whole / answers[..., _LARGEST],
-            "tilt": tilt / answers[..., _TILT],
-            "heading": np.abs(2 * heading - least - most) / (most - least),
-            "angle": whole / answers[..., _ANGLE],
+            "body turns": _largest(turns, answers[..., _BODY]),
+            "reference turns": _largest(in_reference, answers[..., _REFERENCE]),
+            "largest angle": _share(whole, answers[..., _LARGEST]),
+            "tilt": _share(tilt, answers[..., _TILT]),
+            "heading": _share(np.abs(2 * heading - least - most), most - least),
+            "angle": _share(whole, answers[..., _ANGLE]),
         }
         names = OF_BIAS if of.has_gyro else OF_RATE
-        shares |= dict(zip(names, (vector, _largest(offsets / answers[..., _VECTOR])), strict=True))
+        shares |= dict(zip(names, (vector, _largest(offsets, answers[..., _VECTOR])), strict=True))
     return {name: share.astype(np.float64) for name, share in shares.items()}
 
 
@@ -168,7 +168,7 @@ def direction_shares(of: GyroPlant, motion: Motion, measured: Measured) -> Float
             continue
         caps, seen = log.directions[1:].astype(_LONG), true[trial, 1:]
         angles = np.arctan2(_norms(np.cross(caps, seen)), np.sum(caps * seen, axis=-1))
-        shares[trial] = angles / log.angles[1:]
+        shares[trial] = _share(angles, log.angles[1:])
     return np.where(np.isnan(shares), np.inf, shares)
 
 
@@ -176,8 +176,13 @@ def _norms(vectors: Any) -> Any:
     return np.sqrt(np.sum(vectors**2, axis=-1))
 
 
-def _largest(shares: Any) -> Any:
-    return np.max(np.abs(shares), axis=-1)
+def _share(errors: Any, bounds: Any) -> Any:
+    """Errors over their bounds; infinite of a bound below zero, which holds nothing."""
+    return np.where(bounds < 0, np.inf, errors / bounds)
+
+
+def _largest(errors: Any, bounds: Any) -> Any:
+    return np.max(_share(np.abs(errors), bounds), axis=-1)
 
 
 # --- the counts -------------------------------------------------------------------------------------------------------

@@ -205,6 +205,13 @@ PHYPHOX = {"Gyroscope": "Gyroscope {} (rad/s)", "Accelerometer": "Acceleration {
 PHYPHOX |= {"Linear Acceleration": "Linear Acceleration {} (m/s^2)", "Magnetometer": "Magnetic field {} (µT)"}
 
 
+def test_names_in_an_archive_may_begin_with_a_dot(tmp_path):
+    """As libarchive writes them for `./*`."""
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr(zipfile.ZipInfo("./Gyroscope.csv"), "time,x\n1,2\n")
+    assert open_folder(tmp_path / "a.zip").columns == ("Gyroscope.time", "Gyroscope.x")
+
+
 def phyphox(recording, *, mark=",", decimal=".", pauses=()):
     vectors = {
         "Gyroscope": recording.angular_velocities,

@@ -14,6 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from elliptude.io.files import FileError
+from elliptude.io.spool import recording
 from elliptude.io.tables import Result
 from test_proposals import made
 from two_commands import HEADER, app, columns_of, dirty, inside, succeed
@@ -170,6 +172,12 @@ def test_a_terminal_is_no_recording():
     child = pexpect.spawn(sys.executable, ["-c", PROGRAM, "bounds", "-"], encoding="utf-8", timeout=300)
     child.expect("error: standard input is a terminal")
     child.expect(pexpect.EOF)
+
+
+def test_standard_input_that_is_closed(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    with pytest.raises(FileError, match="standard input is closed"):
+        os.fspath(recording(Path("-")))
 
 
 def test_no_room_for_the_copy(tmp_path, monkeypatch):

@@ -85,6 +85,18 @@ def test_shares_are_ratios_of_the_error_to_each_answer():
             np.testing.assert_allclose(shares[name], [share], rtol=1e-12, err_msg=name)
 
 
+def test_an_answer_below_zero_holds_no_truth():
+    of = plants.plant(FREE)
+    up = np.array([0.0, 0.0, 1.0])
+    center = np.eye(3)[None], np.zeros((1, 3))
+    true = Rotation.from_rotvec([[0.1, 0.2, 0.3]]).as_matrix(), np.full((1, 3), 0.1)
+    # The heading's ends are the wrong way round.
+    answers = np.concatenate([[-1.0, 1.0, -1.0, -1.0], np.full(10, -1.0)])
+    shares = questions.shares_of(of, center, np.eye(6)[None], answers[None], true, up)
+    for name, share in shares.items():
+        assert np.isinf(share) == (name not in {"attitude", "rate"}), name
+
+
 def test_up_is_measured_or_anything_and_changes_no_error():
     of = plants.plant(Case("free", "three", 1.0, "inside"))
     ups = []

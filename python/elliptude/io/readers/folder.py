@@ -250,8 +250,9 @@ class _Unpacked:
         self.folder = Path(tempfile.mkdtemp(prefix="elliptude-"))
         weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
         with zipfile.ZipFile(path) as archive:
-            members = [PurePosixPath(name) for name in archive.namelist() if name.lower().endswith(".csv")]
-            members = [one for one in members if one.parts[0] != "__MACOSX" and not one.name.startswith("._")]
+            # The archive's own names: of "./Gyroscope.csv" a path keeps less.
+            names = {PurePosixPath(name): name for name in archive.namelist() if name.lower().endswith(".csv")}
+            members = [one for one in names if one.parts[0] != "__MACOSX" and not one.name.startswith("._")]
             if not members:
                 return
             top = min(members, key=lambda one: len(one.parts)).parent
@@ -260,7 +261,7 @@ class _Unpacked:
                     # By their last names alone: nothing is written outside the folder, whatever the archive says.
                     place = self.folder / ("meta" if member.parent != top else "") / member.name
                     place.parent.mkdir(exist_ok=True)
-                    with archive.open(str(member)) as packed, place.open("wb") as file:
+                    with archive.open(names[member]) as packed, place.open("wb") as file:
                         shutil.copyfileobj(packed, file, 1 << 20)
 
 
