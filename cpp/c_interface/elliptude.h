@@ -285,7 +285,8 @@ elliptude_status elliptude_body_predict(elliptude_body* filter, elliptude_number
 /*
  * Fuses the measurements of the filter's time with the prediction.
  * Returns NULL_POINTER, also of directions where the count is not 0; NOT_INITIALIZED; OUT_OF_RANGE of too many directions, of a bound that is
- * not positive or of more than eight measurements where some may be wrong; NOT_FINITE, ZERO_DIRECTION, NOT_A_ROTATION,
+ * not positive, of more than eight measurements where some may be wrong, or, where nothing may be left out, of a rate or a bound of it above
+ * 1e9 rad/s (1e6 in float); NOT_FINITE, ZERO_DIRECTION, NOT_A_ROTATION,
  * NOT_POSITIVE_DEFINITE, BEYOND_DOMAIN of a measurement; EMPTY_INTERSECTION if they contradict what is known and the policy is to say so.
  */
 elliptude_status elliptude_body_update(elliptude_body* filter, const elliptude_measurements* measurements,
@@ -336,7 +337,9 @@ elliptude_status elliptude_gyro_defaults(elliptude_gyro_parameters* parameters);
 elliptude_status elliptude_gyro_init(elliptude_gyro* filter, size_t size, const elliptude_gyro_parameters* parameters,
                                      elliptude_number time);
 
-/* rate: rad/s, for the interval since the filter's time; NULL if there is none, as if the interval were longer than the longest. */
+/* rate: rad/s, for the interval since the filter's time; NULL if there is none, as if the interval were longer than the longest.
+ * Returns as that of a rigid body, but neither TOO_MANY_STEPS nor STEP_TOO_LONG; under ELLIPTUDE_RAISE OUT_OF_RANGE also of a turn
+ * above 1e9 rad (1e6 in float) about a body axis. */
 elliptude_status elliptude_gyro_predict(elliptude_gyro* filter, elliptude_number time, const elliptude_number rate[3],
                                         elliptude_report* report);
 

@@ -1,5 +1,6 @@
 /// \file What Python says of a call whose arguments do not fit, and of objects that have nothing else to say.
 
+#include <exception>
 #include <string>
 
 #include "module.hpp"
@@ -39,20 +40,37 @@ bool say_what_is_wrong(const py::error_already_set& error, PyObject* const* valu
   return true;
 }
 
-PyObject* dispatch(PyObject* self, PyObject* const* values, size_t count_and_flags, PyObject* names) {
-  PyObject* result = pybind11_dispatcher(self, values, count_and_flags, names);
-  if (result != nullptr || PyErr_ExceptionMatches(PyExc_TypeError) == 0) {
-    return result;
-  }
-  py::error_already_set error;
+/// Reports pybind11's complaint about a call, in our own words where there are any.
+void report(py::error_already_set error, PyObject* const* values, Py_ssize_t count, PyObject* names) {
+  // What a function written in Python has raised, one that a call of ours has called, is not about our arguments.
+  const bool is_ours = !error.trace();
   try {
-    if (say_what_is_wrong(error, values, PyVectorcall_NARGS(count_and_flags), names)) {
-      return nullptr;
+    if (is_ours && say_what_is_wrong(error, values, count, names)) {
+      return;
     }
-  } catch (const py::error_already_set&) {
-    // What was said first is better than why it could not be said better.
+  } catch (py::error_already_set& why) {
+    // What was said first is better than why it could not be said better; but Ctrl-C is not about the words.
+    if (!why.matches(PyExc_Exception)) {
+      why.restore();
+      return;
+    }
   }
   error.restore();
+}
+
+/// Nothing may be thrown through Python's own functions, which call this.
+PyObject* dispatch(PyObject* self, PyObject* const* values, size_t count_and_flags, PyObject* names) noexcept {
+  try {
+    PyObject* result = pybind11_dispatcher(self, values, count_and_flags, names);
+    if (result == nullptr && PyErr_ExceptionMatches(PyExc_TypeError) != 0) {
+      report(py::error_already_set(), values, PyVectorcall_NARGS(count_and_flags), names);
+    }
+    return result;
+  } catch (py::error_already_set& error) {  // of pybind11 itself, as for a name that is no text
+    error.restore();
+  } catch (const std::exception& error) {
+    PyErr_SetString(PyExc_RuntimeError, error.what());
+  }
   return nullptr;
 }
 

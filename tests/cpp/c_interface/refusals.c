@@ -265,6 +265,8 @@ static void predictions(void) {
     REFUSES_GYRO(elliptude_gyro_predict(&gyro, 0, rate, &report), ELLIPTUDE_OUT_OF_RANGE);
   }
   start();
+  rate[1] = (elliptude_number)-1.5e9;
+  REFUSES_GYRO(elliptude_gyro_predict(&gyro, 2, rate, &report), ELLIPTUDE_OUT_OF_RANGE);
   REFUSES_BODY(elliptude_body_predict(&body, 1000000, NULL, NULL, &report), ELLIPTUDE_TOO_MANY_STEPS);
   CHECK(report.status == ELLIPTUDE_TOO_MANY_STEPS && report.limits_hit == ELLIPTUDE_LIMIT_STEPS && report.time == 1);
   CHECK(elliptude_gyro_predict(&gyro, 1000000, NULL, &report) == ELLIPTUDE_OK); /* without a rate: forgotten */

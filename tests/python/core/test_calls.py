@@ -1,6 +1,8 @@
 """What a wrong call of the bindings says, and one line for each object of theirs."""
 
 import inspect
+import subprocess
+import sys
 
 import elliptude as el
 import numpy as np
@@ -101,6 +103,42 @@ def test_errors_of_other_kinds_pass():
 
     with pytest.raises(TypeError, match=r"^exp\(\) needs the argument rotation_vector$"):
         el.Integrator(BODY, Own(), step=0.1).step(np.eye(3), np.array([0.0, 0.0, 1.0]), 0.1)
+
+
+def test_the_complaint_of_another_library_is_not_about_our_arguments():
+    """A user's function may call one that pybind11 has made, and wrongly."""
+    theirs = "foo(): incompatible function arguments. The following argument types are supported:\n    1. () -> None\n"
+
+    class Own:
+        def energy(self, attitude, time):
+            return 0.0
+
+        def torque(self, attitude, time):
+            raise TypeError(theirs)
+
+        def torque_jacobian(self, attitude, time):
+            return np.zeros((3, 3))
+
+    with pytest.raises(TypeError) as raised:
+        el.Integrator(BODY, Own(), step=0.1).step(np.eye(3), np.array([0.0, 0.0, 1.0]), 0.1)
+    assert str(raised.value) == theirs
+
+
+def test_an_interrupt_while_a_wrong_call_is_worded_is_not_lost(monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("elliptude.errors._said_of_call", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        el.exp()
+
+
+def test_a_name_that_is_no_text_does_not_end_the_process():
+    """pybind11 throws at it where nothing catches."""
+    program = (
+        "import elliptude as el\ntry:\n    el.exp(**{chr(0xD800): 1})\nexcept (TypeError, UnicodeError):\n    pass\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
 
 @pytest.mark.parametrize(

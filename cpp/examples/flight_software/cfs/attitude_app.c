@@ -2,12 +2,14 @@
  * how far it may be off, and what the filter reports. It is compiled here against a stub of cFE's interface, and has never run under cFE. */
 #include "attitude_app.h"
 
+#include <math.h>
 #include <string.h>
 
 static struct {
   CFE_SB_PipeId_t Pipe;
   elliptude_gyro Filter;
   elliptude_number Rate[3]; /* of the sample before, which stands for the interval that it begins */
+  bool HasRate;             /* whether it is a number: else the interval has no rate */
   ATTITUDE_APP_Tlm_t Tlm;
 } App;
 
@@ -68,12 +70,13 @@ static void take_sensors(const ATTITUDE_APP_Sensors_t* sensors) {
   }
   measured.directions = sensors->Stars;
   measured.direction_count = sensors->StarCount;
-  if (elliptude_gyro_predict(&App.Filter, time, App.Rate, &report) == ELLIPTUDE_NOT_INITIALIZED) {
+  if (elliptude_gyro_predict(&App.Filter, time, App.HasRate ? App.Rate : NULL, &report) == ELLIPTUDE_NOT_INITIALIZED) {
     report.status = start_filter(time); /* the first message */
   }
   note("predict", &report);
   if (report.status == ELLIPTUDE_OK) {
     memcpy(App.Rate, sensors->Rate, sizeof App.Rate);
+    App.HasRate = isfinite(App.Rate[0]) && isfinite(App.Rate[1]) && isfinite(App.Rate[2]);
     (void)elliptude_gyro_update(&App.Filter, &measured, &report);
     note("update", &report);
   }

@@ -6,7 +6,7 @@
 
 #include "attitude_app.h"
 
-enum { cycles = 20, liar = 12, wrong_size = 15, forget = 17 };
+enum { cycles = 20, no_rate = 9, liar = 12, wrong_size = 15, forget = 17 };
 
 static ATTITUDE_APP_Sensors_t sensors;
 static CFE_MSG_CommandHeader_t command;
@@ -83,7 +83,9 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t** BufPtr, CFE_SB_PipeId_t Pipe
     sensors.Stars[i].bound = 1e-3;
   }
   *BufPtr = (CFE_SB_Buffer_t*)(void*)&sensors;
-  if (received == liar) {
+  if (received == no_rate) {
+    sensors.Rate[2] = NAN;
+  } else if (received == liar) {
     sensors.Stars[1].body[2] = 0.5;
   } else if (received == wrong_size) {
     sensors.Header.Msg.Size -= 1;

@@ -1,6 +1,7 @@
 #include "AttitudeEstimator.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace Adcs {
 
@@ -35,9 +36,10 @@ void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample
   measured.directions = directions.data();
   measured.direction_count = count;
   elliptude_report report;
-  (void)elliptude_gyro_predict(&m_filter, sample.get_seconds(), m_rate.data(), &report);
+  (void)elliptude_gyro_predict(&m_filter, sample.get_seconds(), m_hasRate ? m_rate.data() : nullptr, &report);
   if (this->note("predict", report)) {
     m_rate = sample.get_rate();
+    m_hasRate = std::all_of(m_rate.begin(), m_rate.end(), [](F64 one) { return std::isfinite(one); });
     (void)elliptude_gyro_update(&m_filter, &measured, &report);
     (void)this->note("update", report);
   }

@@ -37,7 +37,9 @@ int main() {
   for (int row = 0; row < 20; ++row) {
     const double seconds = 0.25 * row;
     Adcs::Sample sample = sample_at(seconds);
-    if (row == 12) {
+    if (row == 9) {
+      sample = Adcs::Sample(seconds, {0, 0, std::nan("")}, 2, sample.get_stars());
+    } else if (row == 12) {
       Adcs::Stars stars = sample.get_stars();
       stars[1] = Adcs::Star({0, 1, 0}, {0, 1, 0.5}, 1e-3);
       sample = Adcs::Sample(seconds, sample.get_rate(), 2, stars);
