@@ -71,6 +71,26 @@ TEST_CASE("a lost prediction: the attitude is forgotten, the vector is not, and 
   }
 }
 
+TEST_CASE("a linear measurement that contradicts is reported alone, and nothing of an update before it") {
+  Scene scene(7);
+  BodyFilter filter = filter_with({});
+  Report update;
+  REQUIRE(filter.update(scene.all(), update) == Status::ok);
+  update.fusions = 9;
+  update.steps = -1;
+  update.contradicting = direction_bit(3);
+  update.ended_by_limit = true;
+  LinearMeasurement<double, 1> linear{Vector<double, 1>::Constant(100), Matrix<double, 1, 6>::Zero(),
+                                      Matrix<double, 1>::Constant(1e-3)};
+  linear.h(0, 5) = 1;
+  REQUIRE(filter.update(linear, update) == Status::empty_intersection);
+  CHECK(update.margin < 0);
+  CHECK(update.fusions == 1);
+  CHECK(update.steps >= 0);
+  CHECK(update.contradicting == 0);
+  CHECK_FALSE(update.ended_by_limit);
+}
+
 TEST_CASE("policies after a contradiction") {
   for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart}) {
     Scene scene(8);

@@ -321,9 +321,9 @@ class GuaranteedFilter {
       status =
           minimal_intersection(&predicted, &of_attitude, 1, detail::attitude_criterion(settings_.criterion), found);
       fusion.margin = found.margin;
+      fusion.steps = found.steps;
+      fusion.ended_by_limit = found.ended_by_limit;
       if (status == Status::ok) {
-        fusion.steps = found.steps;
-        fusion.ended_by_limit = found.ended_by_limit;
         fusion.prediction_alone = found.prediction_alone;
         fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
         fusion.set.shape = detail::product_shape(found.set.shape, known_.vector_bound.shape);
@@ -331,7 +331,7 @@ class GuaranteedFilter {
     }
     if (status != Status::ok) {
       if (status == Status::empty_intersection) {
-        update.margin = fusion.margin;
+        report_contradiction({Claim::none, false, 0, fusion.margin, 0, 1, fusion.steps, fusion.ended_by_limit}, update);
       }
       return status;
     }
