@@ -3,9 +3,9 @@
 #include <atomic>
 #include <chrono>
 #include <elliptude/dynamics/linearization.hpp>
+#include <exception>
 #include <limits>
 #include <mutex>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -44,6 +44,9 @@ using elliptude_kernels::Bodies;
 using elliptude_kernels::Outcome;
 using elliptude_kernels::Settings;
 using elliptude_kernels::Stop;
+
+/// After how many steps of a body a call looks whether to stop; the same for all bodies, as each run begins at a time of its own.
+constexpr long longest_run = 1L << 12;
 
 /// What a call returns: to begin with the initial states, then where each body is.
 struct Moved {
@@ -114,7 +117,7 @@ class Run {
               {[](void* stopped) noexcept { return static_cast<std::atomic<bool>*>(stopped)->load(); }, &stopped_});
           --others_at_work_;
         });
-      } catch (const std::system_error&) {  // no more threads: those that there are do the work
+      } catch (const std::exception&) {  // no more threads, or no memory for them: those that there are do the work
         --others_at_work_;
         break;
       }
@@ -146,9 +149,8 @@ class Run {
     }
   }
 
-  /// States alone in runs of as many steps as `trajectory` has, after each of which it looks whether to stop.
+  /// States alone in runs of steps, after each of which it looks whether to stop.
   void move(Index first, Index size, const Stop& stop) noexcept {
-    constexpr long longest_run = 1L << 15;
     std::array<double, elliptude_kernels::most> times;
     std::array<double, 3 * elliptude_kernels::most> controls;
     for (Index i = 0; i < size; ++i) {
@@ -196,15 +198,26 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
   const PotentialInCall potential{*self.potential, failure};
   const Interruption signals = interruption_by_signals();
   for (Index i = 0; i < start.count(); ++i) {
-    RigidBodyState<double> next;
+    RigidBodyState<double> state = start.state(i);
     FlowLinearization<double> linearization = FlowLinearization<double>::identity();
-    const Status status = integrate_linearized(self.body, potential, self.composition, start.time(i), self.step, steps,
-                                               start.control_torque(i), start.state(i), next, linearization, signals);
+    Status status = Status::ok;
+    for (long done = 0, run = 0; status == Status::ok && done < steps; done += run) {
+      const double time = start.time(i) + static_cast<double>(done) * self.step;
+      run = linearized ? steps : std::min(longest_run, steps - done);
+      status = linearized
+                   ? integrate_linearized(self.body, potential, self.composition, time, self.step, run,
+                                          start.control_torque(i), state, state, linearization, signals)
+                   : integrate(self.body, potential, self.composition, time, self.step, run, start.control_torque(i),
+                               state, state, [](long, const RigidBodyState<double>&) {});
+      if (status == Status::ok && signals.stop(signals.context)) {
+        status = Status::interrupted;
+      }
+    }
     raise_if_interrupted(status);
     if (status != Status::ok || failure.happened()) {
-      raise_integration(status, failure, self, start.state(i), start.where(i));
+      raise_integration(status, failure, self, state, start.where(i));
     }
-    moved.set(i, next);
+    moved.set(i, state);
     if (linearized) {
       moved.by_state.set(i, linearization.state);
       moved.by_control.set(i, linearization.control);
