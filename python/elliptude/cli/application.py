@@ -76,12 +76,12 @@ COMMANDS = {
         "Find what a recording leaves possible of its sensors' offsets and scales, and write how to correct them.",
     ),
     "compare": Command(
-        "compare",
+        "judging.compare",
         "compare",
         "Compare results with a reference attitude: containment, error of the center, width of the sets.",
     ),
     "monitor": Command(
-        "monitor",
+        "judging.monitor",
         "monitor",
         "Bound the error of another filter's attitudes, with a proof where they cannot be true.",
     ),

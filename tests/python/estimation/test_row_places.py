@@ -76,7 +76,7 @@ def test_the_file_is_not_read_again_for_each_contradiction(tmp_path, openings, c
     wrong = np.linspace(0, 2999, count).astype(int)
     path, configuration = contradicting_log(tmp_path, 3000, wrong)
     with Progress(disable=True) as progress:
-        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body")
     # The header; the first cells, which say what a column is; the lines of all contradictions.
     assert len(openings) <= 3
     listed = (tmp_path / "dropped.csv").read_text().splitlines()[2:]
@@ -113,7 +113,7 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
         watched(estimate, "run_guaranteed")
         watched(estimate, "write_columns")
         watched(estimate, "finish")
-        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress)
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body")
     assert shown == [
         ("run_guaranteed", "Estimating", 3000, False),
         ("write_columns", "Writing", 3000, False),

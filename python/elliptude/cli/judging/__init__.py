@@ -1,0 +1,1 @@
+"""Commands that judge attitudes: ``elliptude compare`` and ``elliptude monitor``."""
