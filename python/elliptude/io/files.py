@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -118,8 +118,14 @@ os.register_at_fork(after_in_child=_unfinished.clear)
 
 @atexit.register
 def _remove_unfinished() -> None:
-    for temporary in _unfinished:
+    for temporary in list(_unfinished):
+        _remove(temporary)
+
+
+def _remove(temporary: Path) -> None:
+    with suppress(OSError):  # its folder may be gone
         temporary.unlink(missing_ok=True)
+    _unfinished.discard(temporary)
 
 
 @contextmanager
@@ -134,8 +140,7 @@ def _temporary(final: Path) -> Iterator[Path]:
         temporary.touch(exist_ok=False)
         yield temporary
     finally:
-        temporary.unlink(missing_ok=True)
-        _unfinished.discard(temporary)
+        _remove(temporary)
 
 
 def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = False) -> None:

@@ -91,6 +91,26 @@ def test_a_child_process_does_not_remove_its_parents_files(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_what_cannot_be_removed_is_no_traceback_at_the_end(tmp_path):
+    """The folder of the temporary file is a file."""
+    (tmp_path / "file").write_text("")
+    program = """
+        import sys
+        from pathlib import Path
+        from elliptude.io import files
+
+        try:
+            files.require_writable(Path(sys.argv[1]) / "file" / "out")
+        except files.FileError as error:
+            print(error)
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program), str(tmp_path)], capture_output=True, text=True, timeout=300
+    )
+    assert done.stderr == ""
+    assert "within a file, where a folder is needed" in done.stdout
+
+
 def test_a_trial_leaves_nothing(tmp_path):
     files.require_writable(tmp_path / "new" / "file", makes_folders=True)
     assert list(tmp_path.iterdir()) == []
