@@ -50,7 +50,8 @@ void moves_as_each_alone(const Potential<Number>& potential, int order) {
   Composition<Number> composition{};
   REQUIRE(composition_of_order(order, composition) == Status::ok);
   const Ensemble<Number, Width, Potential> ensemble(body, potential, composition, step);
-  for (const std::size_t count : {1, Width - 1, Width, 3 * Width + 1}) {
+  constexpr std::size_t width = Width;
+  for (const std::size_t count : {std::size_t{1}, width - 1, width, 3 * width + 1}) {
     const std::vector<EnsembleMember<Number>> start = members(count, step);
     std::vector<EnsembleMember<Number>> together = start;
     const EnsembleStatus done = ensemble.integrate(50, together.data(), count);
