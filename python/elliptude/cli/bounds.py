@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.cli.columns import in_words as columns_in_words
-from elliptude.cli.columns import stated_csv, tables_of
+from elliptude.cli.columns import state_field, stated_csv, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
@@ -147,7 +147,8 @@ def bounds(
         "magnetometer": (magnetometer, magnetometer_unit),
     }
     stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
-    tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest, field_ut)
+    tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest)
+    state_field(tables, field_ut, config)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
     tables = mapping.as_written(tables, open_log(source, stated_csv(tables, stated), lenient=repair), repair=repair)

@@ -30,28 +30,8 @@ def tables_of(
     truth: str | None,
     stated: Stated,
     at_rest: AtRest | None,
-    field_ut: float | None,
 ) -> tuple[Tables, os.PathLike[str]]:
-    """Which columns are which sensors, and the file that says so."""
-    tables, source = _found(log, config, like, time, time_unit, named, truth, stated, at_rest)
-    if config is None:
-        scale_field(tables, field_ut)
-    elif field_ut is not None:
-        raise typer.BadParameter("the configuration says it: unit_ut", param_hint="--field-ut")
-    return tables, source
-
-
-def _found(
-    log: NamedFile,
-    config: Path | None,
-    like: str | None,
-    time: str | None,
-    time_unit: str,
-    named: dict[str, tuple[str | None, str | None]],
-    truth: str | None,
-    stated: Stated,
-    at_rest: AtRest | None,
-) -> tuple[Tables, os.PathLike[str]]:
+    """Which columns of a log are which sensors, and the file that says so."""
     by_name = any(columns is not None for columns, _ in named.values()) or time is not None
     if (config is not None) + (like is not None) + by_name > 1:
         raise typer.BadParameter("give one of a configuration, --like, and columns by name")
@@ -93,6 +73,14 @@ def _found(
     found = mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ())
     turn_at_rest(found, at_rest)
     return found, log
+
+
+def state_field(tables: Tables, field_ut: float | None, config: Path | None) -> None:
+    """Say in tables how strong the local field is at least, unless a configuration has them, which says it itself."""
+    if config is None:
+        scale_field(tables, field_ut)
+    elif field_ut is not None:
+        raise typer.BadParameter("the configuration says it: unit_ut", param_hint="--field-ut")
 
 
 def stated_csv(tables: Tables, by_options: Stated) -> Stated:
