@@ -154,11 +154,12 @@ def _suffix(beginning: bytes) -> str:
 
 
 def _is_npz(path: Path) -> bool:
-    """Whether an archive holds arrays of NumPy."""
+    """Whether an archive holds arrays of NumPy, and nothing else: other archives may have some beside their files."""
     import zipfile
 
     try:
         with zipfile.ZipFile(path) as archive:
-            return any(member.endswith(".npy") for member in archive.namelist())
+            members = archive.namelist()
+            return bool(members) and all(member.endswith(".npy") for member in members)
     except zipfile.BadZipFile:
         return False

@@ -199,6 +199,30 @@ def test_an_archive_writes_nowhere_else(tmp_path):
     assert sorted(one.name for one in tmp_path.iterdir()) == ["evil.zip"]
 
 
+def test_two_files_of_one_sensor_are_not_guessed(tmp_path):
+    for name in ("Gyroscope.csv", "Gyroscope.CSV"):
+        (tmp_path / name).write_text("t,x\n0,1\n")
+    with pytest.raises(FileError, match=r"Gyroscope.CSV and Gyroscope.csv: two files of one sensor"):
+        open_folder(tmp_path)
+    with zipfile.ZipFile(tmp_path / "twice.zip", "w") as archive:
+        archive.writestr("Gyroscope.csv", "t,x\n0,1\n")
+        archive.writestr("./Gyroscope.csv", "t,x\n0,2\n")
+    with pytest.raises(FileError, match=r"twice.zip: Gyroscope.csv is in it twice"):
+        open_folder(tmp_path / "twice.zip")
+
+
+def test_an_archive_of_windows_may_have_backslashes(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name, text in (
+            ("run\\Gyroscope.csv", "t,x\n0,1\n"),
+            ("run\\meta\\time.csv", "event,experiment time\nSTART,0\n"),
+        ):
+            member = zipfile.ZipInfo("placeholder")
+            member.filename = name
+            archive.writestr(member, text)
+    assert open_folder(tmp_path / "a.zip").columns == ("Gyroscope.t", "Gyroscope.x")
+
+
 # --- phyphox ----------------------------------------------------------------------------------------------------------
 
 PHYPHOX = {"Gyroscope": "Gyroscope {} (rad/s)", "Accelerometer": "Acceleration {} (m/s^2)"}

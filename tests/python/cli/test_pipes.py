@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 from elliptude.io.files import FileError
+from elliptude.io.readers.open import open_log
 from elliptude.io.spool import recording
 from elliptude.io.tables import Result
 from test_proposals import made
@@ -124,6 +126,18 @@ def test_the_format_is_found_from_the_content(tmp_path, format_of):
     done = CliRunner().invoke(app(), ["bounds", "-", *options, "--json"], input=(tmp_path / log).read_bytes())
     assert done.exit_code == 0, done.output
     assert json.loads(done.output) == expected | {"log": "standard input"}
+
+
+def test_an_archive_that_has_arrays_beside_its_files_is_none_of_numpy(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("Gyroscope.csv", "t,x\n0,1\n")
+        archive.writestr("spectrum.npy", "something")
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    content = (tmp_path / "a.zip").read_bytes()
+    writer = threading.Thread(target=pipe.write_bytes, args=(content,), daemon=True)
+    writer.start()
+    assert open_log(recording(pipe)).columns == ("Gyroscope.t", "Gyroscope.x")
 
 
 @pytest.mark.parametrize("packer", ["gzip", "bzip2", "zstd"])

@@ -49,7 +49,13 @@ class CsvFolder:
         self._folder = _folder_of(self.path)
         self.tables: dict[str, CsvTable] = {}
         faults: list[str] = []
+        stems: dict[str, str] = {}
         for file in csv_files(self._folder):
+            if file.stem in stems:
+                raise FileError(
+                    f"{path}: {stems[file.stem]} and {file.name}: two files of one sensor; take one of the two out"
+                )
+            stems[file.stem] = file.name
             try:
                 self.tables[file.stem] = CsvTable(NamedFile(file, f"{path}/{file.name}"), stated, lenient=lenient)
             except FileError as error:
@@ -250,8 +256,15 @@ class _Unpacked:
         self.folder = Path(tempfile.mkdtemp(prefix="elliptude-"))
         weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
         with zipfile.ZipFile(path) as archive:
-            # The archive's own names: of "./Gyroscope.csv" a path keeps less.
-            names = {PurePosixPath(name): name for name in archive.namelist() if name.lower().endswith(".csv")}
+            # The archive's own names: of "./Gyroscope.csv" a path keeps less. Some programs write backslashes.
+            names: dict[PurePosixPath, str] = {}
+            for name in archive.namelist():
+                member = PurePosixPath(name.replace("\\", "/"))
+                if member.suffix.lower() != ".csv":
+                    continue
+                if member in names:
+                    raise FileError(f"{path}: {member} is in it twice; pack it again with one of the two")
+                names[member] = name
             members = [one for one in names if one.parts[0] != "__MACOSX" and not one.name.startswith("._")]
             if not members:
                 return
@@ -278,6 +291,8 @@ def _folder_of(path: os.PathLike[str]) -> Path:
     try:
         state = place.stat()
         return _unpacked(os.fspath(path), state.st_size, state.st_mtime_ns).folder
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"{path}: {system_fault(error)}") from error
     except Exception as error:  # zipfile and what it unpacks with raise what they happen to meet
