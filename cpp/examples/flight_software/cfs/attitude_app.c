@@ -87,7 +87,9 @@ static void take_command(const CFE_MSG_Message_t* message) {
   CFE_MSG_FcnCode_t code = 0;
   (void)CFE_MSG_GetFcnCode(message, &code);
   if (code == ATTITUDE_APP_FORGET_CC) {
-    (void)elliptude_gyro_forget(&App.Filter);
+    /* Its time too: one message whose clock is ahead would else have all that follow refused. The next message starts it. */
+    memset(&App.Filter, 0, sizeof App.Filter);
+    App.HasRate = false;
   } else if (code != ATTITUDE_APP_NOOP_CC) {
     (void)CFE_EVS_SendEvent(ATTITUDE_APP_MESSAGE_EID, CFE_EVS_EventType_ERROR, "unknown command %u", (unsigned)code);
   }

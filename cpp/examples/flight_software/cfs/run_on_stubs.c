@@ -6,7 +6,7 @@
 
 #include "attitude_app.h"
 
-enum { cycles = 20, no_rate = 9, liar = 12, wrong_size = 15, forget = 17 };
+enum { cycles = 20, no_rate = 9, liar = 12, wrong_size = 15, clock_ahead = 16, forget = 17 };
 
 static ATTITUDE_APP_Sensors_t sensors;
 static CFE_MSG_CommandHeader_t command;
@@ -89,6 +89,8 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t** BufPtr, CFE_SB_PipeId_t Pipe
     sensors.Stars[1].body[2] = 0.5;
   } else if (received == wrong_size) {
     sensors.Header.Msg.Size -= 1;
+  } else if (received == clock_ahead) {
+    sensors.Time.Seconds += 1000000;
   } else if (received == forget) {
     (void)CFE_MSG_Init(CFE_MSG_PTR(command), CFE_SB_ValueToMsgId(ATTITUDE_APP_CMD_MID), sizeof command);
     command.Msg.FcnCode = ATTITUDE_APP_FORGET_CC;
@@ -104,7 +106,7 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t* MsgPtr, bool IsOriginat
   CHECK(IsOrigination && MsgPtr->Id == ATTITUDE_APP_TLM_MID && MsgPtr->Size == sizeof last);
   memcpy(&last, MsgPtr, sizeof last);
   CHECK(last.Knows == 1 && last.Last.status == ELLIPTUDE_OK);
-  CHECK(last.Last.time == 1000 + 0.25 * row);
+  CHECK(last.Last.time == 1000 + 0.25 * row + (row == clock_ahead ? 1000000 : 0));
   /* The center is within the set's half-width of the truth, which is in the set. */
   CHECK(fabs(atan2(last.Attitude[3], last.Attitude[0]) - angle) <= 2 * last.HalfWidths[2]);
   CHECK(last.HalfWidths[2] > 0 && last.HalfWidths[2] < 0.01);

@@ -36,6 +36,9 @@ void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample
   measured.directions = directions.data();
   measured.direction_count = count;
   elliptude_report report;
+  if (m_forgotten) {
+    m_forgotten = !this->configure(sample.get_seconds());
+  }
   (void)elliptude_gyro_predict(&m_filter, sample.get_seconds(), m_hasRate ? m_rate.data() : nullptr, &report);
   if (this->note("predict", report)) {
     m_rate = sample.get_rate();
@@ -47,8 +50,10 @@ void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample
 }
 
 void AttitudeEstimator::FORGET_cmdHandler(FwOpcodeType opCode, U32 cmdSeq) {
-  const bool forgot = elliptude_gyro_forget(&m_filter) == ELLIPTUDE_OK;
-  this->cmdResponse_out(opCode, cmdSeq, forgot ? Fw::CmdResponse::OK : Fw::CmdResponse::EXECUTION_ERROR);
+  // Its time too: one sample whose clock is ahead would else have all that follow refused. The next sample starts it.
+  m_forgotten = m_forgotten || elliptude_gyro_forget(&m_filter) == ELLIPTUDE_OK;
+  m_hasRate = false;
+  this->cmdResponse_out(opCode, cmdSeq, m_forgotten ? Fw::CmdResponse::OK : Fw::CmdResponse::EXECUTION_ERROR);
 }
 
 bool AttitudeEstimator::note(const char* what, const elliptude_report& report) {

@@ -30,6 +30,7 @@ class AttitudeEstimator final : public AttitudeEstimatorComponentBase {
   elliptude_gyro m_filter{};  // zeros are a filter that was not made
   Vector m_rate{};            // of the sample before, which stands for the interval that it begins
   bool m_hasRate{false};      // whether it is a number: else the interval has no rate
+  bool m_forgotten{false};    // whether the next sample starts the filter
 };
 
 }  // namespace Adcs

@@ -54,8 +54,13 @@ int main() {
   }
   estimator.command(0, 0);
   check(estimator.sent().responses == 1, "the command is answered");
+  Adcs::Sample ahead = sample_at(1e6);
+  estimator.take(ahead);
   estimator.take(early);
   check(estimator.sent().refused == 2, "a sample from the past is refused");
+  estimator.command(0, 0);
+  estimator.take(early);
+  check(estimator.sent().refused == 2 && estimator.sent().knows, "but not after the command");
   std::printf("%d failures\n", failures);
   return failures == 0 ? 0 : 1;
 }
