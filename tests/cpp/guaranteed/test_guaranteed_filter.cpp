@@ -159,6 +159,36 @@ TEST_CASE("two directions that contradict each other where nothing else is known
   }
 }
 
+TEST_CASE("two directions that contradict each other say so where nothing tells the vector") {
+  for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart}) {
+    Scene scene(10);
+    BodyFilter::Settings settings;
+    settings.policy = policy;
+    BodyFilter filter = filter_with(settings);
+    const Measurements<double> both{scene.directions.data(), 2, nullptr, nullptr};
+    Report update;
+    // They agree: no set, as the angular velocity may be any, and nothing is wrong.
+    REQUIRE(filter.update(both, update) == Status::ok);
+    CHECK(update.claim == Claim::none);
+    CHECK(update.dropped == 0);
+    CHECK(update.margin > 0);
+    const Snapshot before = snapshot(filter);
+    scene.directions[1].body =
+        exp(Vector3d(0.3, 0.2, 0.1)) * Vector3d(0.5 * (scene.directions[1].body + scene.directions[0].body));
+    const Status status = filter.update(both, update);
+    CHECK(update.margin < 0);
+    CHECK((update.contradicting & (direction_bit(0) | direction_bit(1))) != 0);
+    if (policy == Policy::raise) {
+      CHECK(status == Status::empty_intersection);
+      CHECK(same(before, snapshot(filter)));
+      continue;
+    }
+    REQUIRE(status == Status::ok);
+    CHECK(update.dropped == (direction_bit(0) | direction_bit(1)));
+    CHECK(update.claim == Claim::none);
+  }
+}
+
 TEST_CASE("directions that are seen in a mirror contradict each other, where Wahba's problem is undetermined too") {
   // Two axes of a sensor are swapped: each pair of directions fits some attitude, and no attitude fits all three.
   for (const double angle : {0.01, 0.1, 0.5, 0.9}) {

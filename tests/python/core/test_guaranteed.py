@@ -459,6 +459,20 @@ def test_a_filter_starts_from_nothing_when_it_can() -> None:
         el.GuaranteedFilter(case.flow).update_linear([0.0], np.ones((1, 6)), [[1.0]])
 
 
+def test_directions_that_contradict_each_other_where_nothing_tells_the_vector() -> None:
+    references = np.array([[0.0, 0, 1], [0, 1, 0]])
+    bounds = np.deg2rad([2.0, 5.0])
+    for flow in (body_flow(), el.GuaranteedGyroFlow(noise=0.01)):
+        filter_ = el.GuaranteedFilter(flow)
+        assert filter_.update([[0.0, 0, 1], [0, 1, 0.05]], references, bounds).claim == "none"
+        with pytest.raises(el.InconsistentMeasurement, match=r"compass.*margin -"):
+            filter_.update([[0.0, 0, 1], [0, 0.9, 0.6]], references, bounds, sensors=["gravity", "compass"])
+        for policy in ("drop_measurement", "restart"):
+            update = el.GuaranteedFilter(flow, policy=policy).update([[0.0, 0, 1], [0, 0.9, 0.6]], references, bounds)
+            assert update.dropped == ("direction 0", "direction 1")
+            assert update.claim == "none"
+
+
 def test_rates_that_contradict_each_other_without_an_attitude() -> None:
     for policy in ("raise", "drop_measurement", "restart"):
         filter_ = el.GuaranteedFilter(body_flow(), policy=policy)

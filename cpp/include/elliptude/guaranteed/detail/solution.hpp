@@ -195,6 +195,11 @@ class SetSolver {
     const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
     const Status status =
         detail::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
+    if (status == Status::unbounded) {
+      // What leaves the state open may still contradict itself: two directions, where nothing tells the vector.
+      const Status alone = solve_attitude(selected, false, solution);
+      return alone == Status::empty_intersection ? alone : status;
+    }
     solution.used_prediction =
         with_prediction && status == Status::ok &&
         (solution.fusion.prediction_alone || solution.fusion.predicted_multiplier > least_multiplier());
@@ -202,11 +207,9 @@ class SetSolver {
   }
 
   /// Solves for the attitude alone: the vector is in its bound, and the state in the product of both sets.
+  /// \return `unbounded` also of a vector without a bound.
   [[nodiscard]] Status solve_attitude(Sensors selected, bool with_prediction,
                                       Solution<State>& solution) const noexcept {
-    if (!known.has_vector_bound) {
-      return Status::unbounded;
-    }
     const Matrix3<Scalar>& attitude = solution.center.attitude;
     std::array<Quadric<Scalar, 3>, most_quadrics> quadrics;
     std::size_t count = 0;
@@ -236,6 +239,9 @@ class SetSolver {
     solution.fusion.ended_by_limit = found.ended_by_limit;
     if (status != Status::ok) {
       return status;
+    }
+    if (!known.has_vector_bound) {
+      return Status::unbounded;
     }
     const Vector3<Scalar> offset = known.vector_bound.center - vector_part(solution.center);
     solution.fusion.set.center << found.set.center, offset;
