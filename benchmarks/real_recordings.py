@@ -19,7 +19,7 @@ import numpy as np
 from elliptude import estimation, logs
 from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.logs import Log
 from elliptude.simulation import fermi
 from elliptude.typing import FloatArray
@@ -70,7 +70,7 @@ def broad(folder: Path, trial: str, criterion: str = "volume", anchor_s: float |
 def fermi_log(path: Path) -> tuple[Log, FloatArray]:
     """The four hours of Fermi, with the synthetic star in the first row alone; and the Sun in reference axes."""
     names = (*tables.QUATERNION, *tables.RATE, "sada_py_deg")
-    columns = tables.read_columns(path, time="met_s", numbers=names)
+    columns = column_files.read_columns(path, time="met_s", numbers=names)
     recorded = fermi.Telemetry(
         met=columns["met_s"],
         quaternions=np.column_stack([columns[name] for name in tables.QUATERNION]),

@@ -26,9 +26,9 @@ from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
+from elliptude.io.column_files import write_columns, writing_columns
 from elliptude.io.files import FileError
 from elliptude.io.spool import NamedFile, recording
-from elliptude.io.tables import write_columns, writing_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.repair import Repaired, Survey

@@ -13,7 +13,7 @@ from rich.progress import track
 from elliptude import __version__
 from elliptude.cli.options import Force, SummaryAsJson, quantity
 from elliptude.cli.outputs import require_outputs
-from elliptude.io import tables
+from elliptude.io import column_files
 from elliptude.io.files import FileError, replacing, write_json
 from elliptude.simulation import scenarios
 from elliptude.simulation import simulated as simulation
@@ -88,7 +88,7 @@ def simulate(
         temporary.write_text(tomlkit.dumps(configuration_tables(chosen, last)), encoding="utf-8")
     summary = {
         "elliptude": __version__,
-        "table_version": tables.VERSION,
+        "table_version": column_files.VERSION,
         "noise": noise,
         "directions": last.directions,
         "direction_bound_rad": last.direction_bound,

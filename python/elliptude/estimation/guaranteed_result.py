@@ -18,7 +18,8 @@ from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
 from elliptude.estimation.vertical import Vertical
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.io import tables
-from elliptude.io.tables import Column, Result, names_of_chosen
+from elliptude.io.column_files import Column
+from elliptude.io.tables import Result, names_of_chosen
 from elliptude.logs.log import Log
 from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray

@@ -20,7 +20,7 @@ from elliptude.estimation import guaranteed_result
 from elliptude.estimation.best import Best
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.tables import Result
 from elliptude.logs.plausibility import Heard
 from elliptude.typing import FloatArray
@@ -118,7 +118,7 @@ class Summary:
             "elliptude": elliptude.__version__,
             "python": platform.python_version(),
             "numpy": np.__version__,
-            "table_version": tables.VERSION,
+            "table_version": column_files.VERSION,
             "mode": configuration.estimator.mode,
             "criterion": configuration.estimator.criterion,
             "reference_frame": configuration.frame,

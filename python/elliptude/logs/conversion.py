@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import field_at_start
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.base import Cells, LogFile, require_columns
 from elliptude.io.readers.open import open_log
@@ -97,7 +97,7 @@ def convert_measurements(
         As `elliptude.logs.read_log`; or if nothing can be written.
     """
     count = 0
-    label = f"elliptude measurements {tables.VERSION}"
+    label = f"elliptude measurements {column_files.VERSION}"
     pieces = logs.read_pieces(source, configuration)
     if configuration.rule is not None and len(configuration.directions) > 1:
         # The field's reference is known once the rest at the start has been read; the mode needs the whole log anyway.

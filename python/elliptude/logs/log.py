@@ -6,7 +6,7 @@ file of any length needs little memory: `read_pieces`; `read_log` puts the piece
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -21,20 +21,17 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
-    Axes,
     Direction,
-    Magnetometer,
     RestPhase,
     SunByTime,
-    Timed,
     WorldModel,
-    rotation_of_axes,
 )
 from elliptude.io.files import FileError
-from elliptude.io.readers.base import LogFile, require_columns
+from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
-from elliptude.logs.alignment import Channel, Clock, Fill, Piece, first_second, pieces, take
+from elliptude.logs.alignment import Piece, first_second, pieces, take
+from elliptude.logs.channels import clocks_of
 from elliptude.logs.repair import Repaired, Survey, require_rows_in_time, survey
 from elliptude.typing import FloatArray
 
@@ -164,7 +161,7 @@ def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
         As `read_log`, when the reading gets there.
     """
     file = open_configured(path, configuration)
-    clocks = _clocks(file, configuration)
+    clocks = clocks_of(file, configuration)
     constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
     is_empty = True
     try:
@@ -190,7 +187,7 @@ def open_configured(path: LogSource, configuration: Configuration) -> LogFile:
     """
     file = open_log(path, configuration.csv.stated(), lenient=configuration.timing.repair)
     if configuration.timing.repair:
-        return Repaired(file, survey(file, _clocks(file, configuration)))
+        return Repaired(file, survey(file, clocks_of(file, configuration)))
     if configuration.timing.backward == "drop":
         # The rows that are left out may be all that shows how much time went by.
         require_rows_in_time(file, faults_of(path, configuration))
@@ -206,7 +203,7 @@ def faults_of(path: LogSource, configuration: Configuration) -> Survey:
         If it cannot be read at all.
     """
     file = open_log(path, configuration.csv.stated(), lenient=True)
-    return survey(file, _clocks(file, configuration))
+    return survey(file, clocks_of(file, configuration))
 
 
 def with_all_faults(error: FileError, path: LogSource, configuration: Configuration) -> FileError:
@@ -290,7 +287,7 @@ def read_samples(path: LogSource, configuration: Configuration, names: Sequence[
 
 
 def _samples_of(file: LogFile, configuration: Configuration, names: Sequence[str] | None) -> list[Samples]:
-    clocks = _clocks(file, configuration, names)
+    clocks = clocks_of(file, configuration, names)
     timing = configuration.timing.effective()
     origin: int | None = 0 if timing.origin == "file" else None
     found: list[Samples] = []
@@ -313,121 +310,6 @@ def _samples_of(file: LogFile, configuration: Configuration, names: Sequence[str
                 Samples(channel.name, rows, times, values[:, : len(channel.columns) - channel.companions], origin or 0)
             )
     return found
-
-
-# --- what is read together -------------------------------------------------------------------------------------------
-
-
-def _clocks(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[Clock]:
-    """What is read, of all sensors or of some."""
-    clocks: dict[tuple[str, str, float], Clock] = {}
-
-    def add(timed: Timed | None, channel: Channel) -> None:
-        if names is not None and channel.name not in names:
-            return
-        require_columns(file, channel.columns)
-        stream = file.stream(channel.columns[0])
-        stamps = file.stamps(stream)
-        column, unit, delay = configuration.time_column, configuration.time_unit, timed.delay_s if timed else 0.0
-        if timed is not None and timed.time_column is not None and timed.time_unit is not None:
-            column, unit = timed.time_column, timed.time_unit
-        elif stamps is not None:
-            if "time_column" in configuration.model_fields_set:
-                raise FileError(
-                    f"{file.path}: {stream} has stamps of its own, {stamps[0]}: the log needs no time_column"
-                )
-            column, unit = stamps[0], _time_unit(stamps[1])
-        require_columns(file, [column])
-        if (own := file.time_unit(column)) is not None:
-            stated = (
-                "time_unit" in (configuration if timed is None or timed.time_unit is None else timed).model_fields_set
-            )
-            if stated and unit != own:
-                raise FileError(f"{file.path}: column {column!r} has times of day: leave time_unit out, or say '{own}'")
-            unit = _time_unit(own)
-        for other in (column, *channel.columns):
-            if file.stream(other) != stream:
-                raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
-        clock = clocks.setdefault(
-            (column, unit, delay), Clock(column, unit, delay, column != configuration.time_column, [], stream)
-        )
-        clock.channels.append(channel)
-
-    flow, truth = configuration.flow, configuration.truth
-    if isinstance(flow, GyroFlow):
-        fill: Fill = "linear" if flow.interval_rate == "mean_of_ends" else "previous"
-        convert = _converted(units.ANGULAR_VELOCITY[flow.unit], flow.axes)
-        if (gyro := configuration.gyro_correction()) is not None:
-            convert = _corrected(convert, np.zeros(3), np.asarray(gyro.matrix))
-        add(flow, Channel("the gyro", flow.columns, convert, fill))
-    else:
-        for name, columns in (
-            ("the control torque", flow.control_torque_columns),
-            ("the wheel momentum", flow.wheel_momentum_columns),
-        ):
-            if columns is not None:
-                add(None, Channel(name, columns, lambda values: values, "next"))
-    for sensor in configuration.directions:
-        scale = 1.0
-        moving: tuple[str, ...] = ()
-        if isinstance(sensor, Accelerometer):
-            scale = units.ACCELERATION[sensor.unit] * (1.0 if sensor.at_rest == "up" else -1.0)
-        elif isinstance(sensor, Magnetometer):
-            scale = sensor.tesla
-        else:
-            moving = sensor.reference_columns or ()
-        convert = _converted(scale, sensor.axes)
-        if (found := configuration.correction_of(sensor)) is not None:
-            convert = _corrected(convert, found.offset(), np.asarray(found.matrix))
-        vectors = 2 if moving else 1
-        add(sensor, Channel(sensor.name, (*sensor.columns, *moving), convert, vectors=vectors, companions=len(moving)))
-    if (rate := configuration.rate) is not None:
-        add(rate, Channel("rate", rate.columns, _converted(units.ANGULAR_VELOCITY[rate.unit], rate.axes)))
-    if truth is not None:
-        add(truth, Channel("true attitude", truth.attitude_columns, lambda values: values))
-        if truth.vector_columns is not None:
-            scale = units.ANGULAR_VELOCITY[truth.vector_unit]
-            add(truth, Channel("true vector", truth.vector_columns, _converted(scale, ("x", "y", "z"))))
-    if not clocks:  # nothing is measured: there are only the times
-        require_columns(file, [configuration.time_column])
-        stream = file.stream(configuration.time_column)
-        return [Clock(configuration.time_column, configuration.time_unit, 0.0, False, [], stream)]
-    return list(clocks.values())
-
-
-def _time_unit(unit: str) -> units.TimeUnit:
-    return next(known for known in units.TICKS_PER_SECOND if known == unit)
-
-
-def _converted(scale: float, axes: Axes) -> Callable[[FloatArray], FloatArray]:
-    """SI units and body axes of the first three columns; the others, a reference that moves, stay."""
-    matrix = scale * rotation_of_axes(axes)
-    if np.array_equal(matrix, np.eye(3)):
-        return lambda values: values
-
-    def convert(values: FloatArray) -> FloatArray:
-        converted = values.copy()
-        # Component by component: the result of a row must not depend on the rows that are converted with it.
-        for i in range(3):
-            converted[:, i] = matrix[i, 0] * values[:, 0] + matrix[i, 1] * values[:, 1] + matrix[i, 2] * values[:, 2]
-        return converted
-
-    return convert
-
-
-def _corrected(
-    convert: Callable[[FloatArray], FloatArray], offset: FloatArray, matrix: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
-    """What a sensor's calibration makes of converted samples."""
-
-    def correct(values: FloatArray) -> FloatArray:
-        corrected = convert(values).copy()
-        x, y, z = (corrected[:, :3] - offset).T
-        for i in range(3):
-            corrected[:, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
-        return corrected
-
-    return correct
 
 
 # --- what it is -------------------------------------------------------------------------------------------------------
@@ -505,7 +387,7 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
 
 
 def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
-    (clock,) = _clocks(file, configuration, [name])
+    (clock,) = clocks_of(file, configuration, [name])
     total, lengths, count = np.zeros(3), 0.0, 0
     for piece in pieces(file, [clock], configuration.timing.effective()):
         times = piece.times + piece.origin

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.io.column_files import read_columns, stacked
 from elliptude.io.files import FileError
-from elliptude.io.tables import QUATERNION, read_columns, stacked
+from elliptude.io.tables import QUATERNION
 from elliptude.logs import log
 from elliptude.typing import FloatArray
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.io.tables import Column, Result
+from elliptude.io.column_files import Column
+from elliptude.io.tables import Result
 from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at
 from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
 from elliptude.monitoring.monitor import QUESTIONS, Heading

@@ -30,6 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms
+from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric
 from elliptude.io.files import FileError
 from elliptude.io.tables import (
     ATTITUDE_ERRORS,
@@ -41,11 +42,6 @@ from elliptude.io.tables import (
     UP,
     YAW,
     attitudes_from_quaternions,
-    column_names,
-    read_columns,
-    read_events,
-    stacked,
-    symmetric,
 )
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.body_axes import turns

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.bounds.about_axes import half_widths_along
 from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.tables import Measurements, Result
 from elliptude.typing import FloatArray
 
@@ -48,7 +48,7 @@ def telemetry() -> Telemetry:
     """Read the telemetry that comes with this package."""
     quaternion, rate = tables.QUATERNION, tables.RATE
     with resources.as_file(_FOLDER / _DATA) as file:
-        columns = tables.read_columns(file, time="met_s", numbers=(*quaternion, *rate, "sada_py_deg"))
+        columns = column_files.read_columns(file, time="met_s", numbers=(*quaternion, *rate, "sada_py_deg"))
     return Telemetry(
         met=columns["met_s"],
         quaternions=np.column_stack([columns[name] for name in quaternion]),

@@ -11,7 +11,7 @@ from elliptude import cli, estimation
 from elliptude.configuration import Configuration
 from elliptude.configuration.references import from_enu, up
 from elliptude.estimation import best as best_estimates
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.tables import Result
 from elliptude.logs import Log
 from elliptude.report.run import read_run
@@ -322,7 +322,9 @@ def test_command(files, suffix):
     np.savetxt(estimate, rows, delimiter=",", header=header, comments="", fmt="%.17g")
     judged = files / "judged"
     assert run("monitor", out, "--estimate", estimate, "--out", judged).exit_code == 0
-    monitored = tables.read_columns(judged / "monitor.csv", numbers=("total_bound", "tilt_bound", "heading_bound"))
+    monitored = column_files.read_columns(
+        judged / "monitor.csv", numbers=("total_bound", "tilt_bound", "heading_bound")
+    )
     np.testing.assert_allclose(monitored["total_bound"], table.best_bounds, atol=1e-9)
     np.testing.assert_allclose(monitored["tilt_bound"], table.best_tilt_bounds, atol=1e-9)
     np.testing.assert_allclose(monitored["heading_bound"], np.abs(table.best_headings).max(axis=1), atol=1e-9)
@@ -335,7 +337,9 @@ def test_options_of_the_command(files, monkeypatch):
     assert done.exit_code == 0
     done = run(*inputs, "--out", files / "none", "--best", "none")
     assert "best estimate" not in done.output
-    assert not any(name.startswith("best") for name in tables.column_names(files / "none" / "results.csv", "results"))
+    assert not any(
+        name.startswith("best") for name in column_files.column_names(files / "none" / "results.csv", "results")
+    )
     monkeypatch.setitem(sys.modules, "vqf", None)
     done = run(*inputs, "--out", files / "missing")
     assert "the center of the set (vqf is not installed: pip install 'elliptude[best]'): within" in done.output

@@ -13,7 +13,7 @@ import pytest
 from elliptude import cli, estimation, logs, simulation
 from elliptude.configuration import Configuration
 from elliptude.estimation.summary import Summary
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs import plausibility
 from elliptude.report import figures, thinning
@@ -163,7 +163,7 @@ def write_log(folder, rows, wrong_unit=False):
         columns |= dict(zip(names, values.T, strict=True))
     quaternions = Rotation.from_matrix(log.true_attitudes).as_quat(scalar_first=True)
     columns |= dict(zip(tables.QUATERNION, quaternions.T, strict=True))
-    tables.write_columns(folder / "log.csv", "measurements", columns)
+    column_files.write_columns(folder / "log.csv", "measurements", columns)
     unit = "deg/s" if wrong_unit else "rad/s"
     (folder / "config.toml").write_text(
         f"""
@@ -249,7 +249,7 @@ def test_a_table_that_fails_in_the_background_is_not_written(tmp_path):
     path.write_text("old")
 
     def write_both():
-        with tables.writing_columns(path, "results") as write:
+        with column_files.writing_columns(path, "results") as write:
             write({"time_s": np.arange(3.0)})
             write({"time_s": np.array([3.0, np.inf])})
 

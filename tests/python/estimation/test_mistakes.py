@@ -10,7 +10,7 @@ import pytest
 import tomlkit
 from elliptude import cli
 from elliptude.configuration import Configuration, rules, suspicions
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.logs.body_at_rest import axis_in_words, up_at_rest
 from elliptude.logs.quaternion_readings import misread, readings
 from elliptude.report.run import read_run
@@ -376,7 +376,7 @@ def estimated(tmp_path_factory):
 
 def reference(path: Path, rotations, times):
     quaternions = rotations.as_quat(canonical=True, scalar_first=True)
-    tables.write_columns(
+    column_files.write_columns(
         path, "measurements", {"time_s": times} | dict(zip(tables.QUATERNION, quaternions.T, strict=True))
     )
     return path

@@ -8,7 +8,7 @@ import pytest
 from elliptude import estimation, logs
 from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.io import tables
+from elliptude.io import column_files
 from elliptude.io.readers.csv import CsvTable
 from rich.console import Console
 from rich.progress import Progress
@@ -46,7 +46,7 @@ def contradicting_log(folder, rows, wrong, policy="drop_measurement"):
     constant = {"x": 0.0, "y": 0.0, "z": 0.0, "a": 0.0, "b": 0.0, "d": 0.0, "e": 0.6, "f": -0.8}
     columns = {"time_s": 0.01 * np.arange(rows), "c": forces}
     columns |= {name: np.full(rows, value) for name, value in constant.items()}
-    tables.write_columns(folder / "log.csv", "measurements", columns)
+    column_files.write_columns(folder / "log.csv", "measurements", columns)
     (folder / "config.toml").write_text(CONFIGURATION.replace("POLICY", policy))
     return folder / "log.csv", read_configuration(folder / "config.toml")
 

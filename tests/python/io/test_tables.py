@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.files import FileError, replacing, write_json
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -96,14 +96,14 @@ def test_roll_pitch_and_yaw_come_back_also_without_an_attitude(tmp_path, rng):
     written = results(rng, roll_pitch_yaw=angles)
     written.write(tmp_path / "results.csv")
     assert_same_bits(written, tables.Result.read(tmp_path / "results.csv"))
-    names = tables.column_names(tmp_path / "results.csv", "results")
+    names = column_files.column_names(tmp_path / "results.csv", "results")
     first = names.index("roll")
     assert names[first : first + 9] == (
         *("roll", "roll_from", "roll_to", "pitch", "pitch_from", "pitch_to"),
         *("yaw", "yaw_from", "yaw_to"),
     )
     np.testing.assert_array_equal(
-        tables.read_columns(tmp_path / "results.csv", optional=[("yaw_to",)])["yaw_to"], angles[:, 8]
+        column_files.read_columns(tmp_path / "results.csv", optional=[("yaw_to",)])["yaw_to"], angles[:, 8]
     )
 
 
@@ -112,18 +112,21 @@ def test_roll_pitch_and_yaw_come_back_also_without_an_attitude(tmp_path, rng):
 def test_every_number_comes_back(tmp_path_factory, numbers):
     path = tmp_path_factory.mktemp("numbers") / "log.csv"
     columns = {"time_s": np.arange(float(len(numbers))), "x": np.array(numbers)}
-    tables.write_columns(path, "measurements", columns)
-    back = tables.read_columns(path, numbers=["x"])
+    column_files.write_columns(path, "measurements", columns)
+    back = column_files.read_columns(path, numbers=["x"])
     assert back["x"].tobytes() == columns["x"].tobytes()
 
 
 def test_columns_of_results(tmp_path, rng):
     results(rng).write(tmp_path / "results.csv")
-    names = tables.column_names(tmp_path / "results.csv", "results")
+    names = column_files.column_names(tmp_path / "results.csv", "results")
     assert names[:9] == ("time_s", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "P11")
     assert len([name for name in names if name.startswith("P")]) == 21
     assert (tmp_path / "results.csv").read_text().startswith("# elliptude results 1\ntime_s,qw,")
-    written, columns = results(np.random.default_rng(1)), tables.read_columns(tmp_path / "results.csv", numbers=["P24"])
+    written, columns = (
+        results(np.random.default_rng(1)),
+        column_files.read_columns(tmp_path / "results.csv", numbers=["P24"]),
+    )
     np.testing.assert_array_equal(columns["P24"], written.shapes[:, 1, 3])
 
 
@@ -154,7 +157,7 @@ def write(tmp_path, text, name="log.csv"):
 
 
 def read(path):
-    return tables.read_columns(path, numbers=["x"], optional=[("y",)])
+    return column_files.read_columns(path, numbers=["x"], optional=[("y",)])
 
 
 @pytest.mark.parametrize(
@@ -196,9 +199,9 @@ def test_parquet_of_other_programs(tmp_path):
     np.testing.assert_array_equal(columns["y"], [np.nan, 3.0])
     assert columns["x"].dtype == np.float64
     with pytest.raises(FileError, match="column 'note' is of type string, not of numbers"):
-        tables.read_columns(tmp_path / "log.parquet", numbers=["note"])
+        column_files.read_columns(tmp_path / "log.parquet", numbers=["note"])
     with pytest.raises(FileError, match="row 1, column 'y': empty"):
-        tables.read_columns(tmp_path / "log.parquet", numbers=["y"])
+        column_files.read_columns(tmp_path / "log.parquet", numbers=["y"])
     pa.parquet.write_table(table.set_column(1, "x", [[1.0, np.inf]]), tmp_path / "log.parquet")
     with pytest.raises(FileError, match="row 2, column 'x': not a finite number"):
         read(tmp_path / "log.parquet")
@@ -261,7 +264,7 @@ def test_kind_and_version(tmp_path, rng):
     with pytest.raises(FileError, match="version 2 of the format; this elliptude reads up to version 1"):
         tables.Measurements.read(csv)
     with pytest.raises(FileError, match="version 2"):
-        tables.read_columns(csv)
+        column_files.read_columns(csv)
     csv.write_text(csv.read_text().split("\n", 1)[1])
     assert tables.Measurements.read(csv).sensors == ("sun", "field_2")
 
@@ -278,12 +281,12 @@ def test_large_log_is_read_fast_and_its_last_line_found(tmp_path):
     count = 200_000
     columns = {"time_s": np.arange(float(count)), "x": np.random.default_rng(0).standard_normal(count)}
     path = tmp_path / "log.csv"
-    tables.write_columns(path, "measurements", columns)
-    np.testing.assert_array_equal(tables.read_columns(path, numbers=["x"])["x"], columns["x"])
+    column_files.write_columns(path, "measurements", columns)
+    np.testing.assert_array_equal(column_files.read_columns(path, numbers=["x"])["x"], columns["x"])
     with path.open("a") as file:
         file.write("200000,oops\n")
     with pytest.raises(FileError, match=r"line 200003, column 2 \(x\)"):
-        tables.read_columns(path, numbers=["x"])
+        column_files.read_columns(path, numbers=["x"])
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -291,9 +294,9 @@ def test_large_log_is_read_fast_and_its_last_line_found(tmp_path):
 
 def test_infinity_and_unknown_suffix_are_not_written(tmp_path):
     with pytest.raises(ValueError, match="column x: a table holds no infinite numbers"):
-        tables.write_columns(tmp_path / "log.csv", "measurements", {"x": np.array([np.inf])})
+        column_files.write_columns(tmp_path / "log.csv", "measurements", {"x": np.array([np.inf])})
     with pytest.raises(FileError, match=r"a table's name ends in \.csv or \.parquet"):
-        tables.write_columns(tmp_path / "log.xlsx", "measurements", {"x": np.array([1.0])})
+        column_files.write_columns(tmp_path / "log.xlsx", "measurements", {"x": np.array([1.0])})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -335,7 +338,7 @@ def test_full_disk_is_a_clear_error(tmp_path, suffix):
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
         with pytest.raises(FileError, match=rf"log\.{suffix}: not written: .*{os.strerror(errno.EFBIG)}"):
-            tables.write_columns(tmp_path / f"log.{suffix}", "measurements", columns)
+            column_files.write_columns(tmp_path / f"log.{suffix}", "measurements", columns)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert list(tmp_path.iterdir()) == []
@@ -352,9 +355,9 @@ def test_written_files_have_the_permissions_of_any_other(tmp_path):
 
 def test_spaces_about_names_do_not_matter(tmp_path):
     path = write(tmp_path, "time_s, x\n0, 1\n1, 2\n")
-    np.testing.assert_array_equal(tables.read_columns(path, numbers=["x"])["x"], [1.0, 2.0])
+    np.testing.assert_array_equal(column_files.read_columns(path, numbers=["x"])["x"], [1.0, 2.0])
 
 
 def test_the_columns_there_are_without_a_space(tmp_path):
     with pytest.raises(FileError, match="no column 'y'; the columns are time_s, x"):
-        tables.read_columns(write(tmp_path, "time_s, x\n0, 1\n"), numbers=["y"])
+        column_files.read_columns(write(tmp_path, "time_s, x\n0, 1\n"), numbers=["y"])

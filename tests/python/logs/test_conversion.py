@@ -15,7 +15,7 @@ import recorders
 import tomlkit
 from elliptude import cli
 from elliptude.configuration import read_configuration
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.readers.open import open_log
 from elliptude.logs import conversion, read_log
 from test_check import files, recording
@@ -290,7 +290,7 @@ def test_interrupt(tmp_path, suffix):
         "t": np.arange(float(count)),
         **dict(zip("xyz", np.random.default_rng(0).random((3, count)), strict=True)),
     }
-    tables.write_columns(tmp_path / "log.csv", "measurements", columns)
+    column_files.write_columns(tmp_path / "log.csv", "measurements", columns)
     program = [sys.executable, "-c", "from elliptude.cli import main; main()"]
     target = tmp_path / f"out{suffix}"
     # An archive is written at the end: the interrupt comes while the log is read.

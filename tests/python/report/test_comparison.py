@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from elliptude import cli
 from elliptude.estimation.containment import attitude_forms
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import comparison
@@ -44,10 +44,10 @@ def write(folder, made, claims=None, suffix="csv"):
         margins=np.zeros(10),
     )  # fmt: skip
     extra = {} if claims is None else {"claim": claims}
-    tables.write_columns(folder / f"results.{suffix}", "results", results.columns() | extra)
+    column_files.write_columns(folder / f"results.{suffix}", "results", results.columns() | extra)
     true = (estimated * Rotation.from_rotvec(zeta)).as_quat(scalar_first=True)
     columns = {"time_s": times} | dict(zip(tables.QUATERNION, true.T, strict=True))
-    tables.write_columns(folder / "reference.csv", "measurements", columns)
+    column_files.write_columns(folder / "reference.csv", "measurements", columns)
     return folder / f"results.{suffix}", folder / "reference.csv"
 
 

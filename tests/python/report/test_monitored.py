@@ -8,7 +8,7 @@ import pytest
 import tomlkit
 from datasets import broad, needs_datasets
 from elliptude import cli
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.monitoring import Limits
 from elliptude.report import monitored
 from elliptude.report.run import read_run
@@ -31,7 +31,7 @@ def quaternions(rotations):
 
 def write_estimate(path, times, rotations):
     columns = {"time_s": times} | dict(zip(tables.QUATERNION, quaternions(rotations).T, strict=True))
-    tables.write_columns(path, "measurements", columns)
+    column_files.write_columns(path, "measurements", columns)
     return path
 
 
@@ -57,7 +57,7 @@ def result(tmp_path):
     for name, values in columns.items():
         if isinstance(values, np.ndarray) and name != "time_s":
             columns[name] = np.where(lost, np.nan, values)
-    tables.write_columns(tmp_path / "results.csv", "results", columns)
+    column_files.write_columns(tmp_path / "results.csv", "results", columns)
     return tmp_path / "results.csv", times, centers
 
 
@@ -76,7 +76,7 @@ def test_table_picture_and_summary(tmp_path, result, suffix):
     bounds, texts = [f"{q}_{w}" for w in ("bound", "least") for q in ("total", "tilt", "heading")], (
         "claim", "tilt_claim", "alarm", "outside", "over_limit",
     )  # fmt: skip
-    read = tables.read_columns(out / f"monitor.{suffix}", optional=[(name,) for name in bounds], texts=texts)
+    read = column_files.read_columns(out / f"monitor.{suffix}", optional=[(name,) for name in bounds], texts=texts)
     np.testing.assert_array_equal(read["time_s"], times)
     tilt = np.rad2deg(read["tilt_bound"])
     np.testing.assert_allclose(tilt[:100], 3.0, atol=1e-6)

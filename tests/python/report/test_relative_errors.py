@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from elliptude import cli
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import comparison
 from elliptude.report.run import Run
@@ -49,10 +49,12 @@ def write(folder, run, reference):
         refused=[""] * count, shares=np.zeros(count), margins=np.zeros(count),
     )  # fmt: skip
     folder.mkdir(exist_ok=True)
-    tables.write_columns(folder / "results.csv", "results", results.columns() | {"claim": ["unconditional"] * count})
+    column_files.write_columns(
+        folder / "results.csv", "results", results.columns() | {"claim": ["unconditional"] * count}
+    )
     quaternions = reference.attitudes.as_quat(scalar_first=True)
     columns = {"time_s": reference.times} | dict(zip(tables.QUATERNION, quaternions.T, strict=True))
-    tables.write_columns(folder / "reference.csv", "measurements", columns)
+    column_files.write_columns(folder / "reference.csv", "measurements", columns)
     return folder / "results.csv", folder / "reference.csv"
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from elliptude.io import tables
+from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import run as runs
@@ -45,7 +45,7 @@ def table_columns(run):
 
 def write(folder, columns):
     folder.mkdir(exist_ok=True)
-    tables.write_columns(folder / "results.csv", "results", columns)
+    column_files.write_columns(folder / "results.csv", "results", columns)
     return folder / "results.csv"
 
 
@@ -112,7 +112,7 @@ def write_guaranteed(folder):
     }
     columns["prediction_used"][49] = np.nan
     write(folder, columns)
-    tables.write_columns(folder / "dropped.csv", "dropped", DROPPED)
+    column_files.write_columns(folder / "dropped.csv", "dropped", DROPPED)
     said = {"compared_with": "camera", "truth_error_deg": 0.5, "void": ["field"], "heading": "from the first row"}
     (folder / "summary.json").write_text(json.dumps(said))
     return columns
@@ -174,7 +174,7 @@ def test_no_table(tmp_path):
     with pytest.raises(FileError, match="a table of measurements, where one of results"):
         runs.read_run(measurements)
     write(tmp_path, table_columns(make_run()))
-    tables.write_columns(tmp_path / "results.parquet", "results", table_columns(make_run()))
+    column_files.write_columns(tmp_path / "results.parquet", "results", table_columns(make_run()))
     with pytest.raises(FileError, match="name the table"):
         runs.read_run(tmp_path)
 

@@ -18,9 +18,9 @@ from elliptude.configuration.configuration import Configuration, read_configurat
 from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.io.background import ahead
+from elliptude.io.column_files import write_columns
 from elliptude.io.files import FileError, write_json
 from elliptude.io.spool import STANDARD_INPUT, NamedFile, recording
-from elliptude.io.tables import write_columns
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.quaternion_readings import readings

@@ -1,0 +1,275 @@
+"""Any table of numbers over time, column by column, as CSV or Parquet: the format is described in ``docs/tables.md``.
+
+A table has one row for each time and one named column for each number; an empty cell (null in Parquet) is what was not
+measured, and NaN in the arrays here. NaN and infinity as text are refused, because their meaning is not clear.
+"""
+
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+from elliptude.io.files import FileError, replacing
+from elliptude.io.readers.arrow import Table
+from elliptude.io.readers.base import require_columns
+from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.parquet import ParquetTable
+from elliptude.typing import FloatArray
+
+VERSION = 1
+"""Version of the format. A reader takes this version and older ones; a new column does not make a new version."""
+
+Kind: TypeAlias = Literal["measurements", "results", "dropped", "monitor"]
+Column: TypeAlias = FloatArray | Sequence[str]
+
+
+def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, Column]) -> None:
+    """Write a table in whole or not at all.
+
+    Numbers keep every bit. In CSV they have the fewest digits that do.
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in ``.csv`` or ``.parquet``.
+    kind : {"measurements", "results", "dropped"}
+        Written into the file, with the version of the format.
+    columns : mapping of str to array of shape (N,), or to N texts
+        NaN becomes an empty cell. Texts hold no comma, quote or line break.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    ValueError
+        If a number is infinite.
+    """
+    with writing_columns(path, kind) as write:
+        write(columns)
+
+
+@contextmanager
+def writing_columns(
+    path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()
+) -> Iterator[Callable[[Mapping[str, Column]], None]]:
+    """Write a table piece by piece, in whole or not at all: see `write_columns`.
+
+    A piece is written in the background, one at a time, while the next one is being made.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : {"measurements", "results"}
+    notes : sequence of str
+        What whoever reads the table must know, as it is when the first rows are given: comments in CSV, in Parquet the
+        metadata's ``elliptude notes``.
+
+    Yields
+    ------
+    callable
+        Takes the columns of the next rows, the same ones each time; what goes wrong with a piece is raised when the
+        next one is given, or at the end.
+
+    Raises
+    ------
+    FileError, ValueError
+        As `write_columns`.
+    """
+    label = f"elliptude {kind} {VERSION}"
+    suffix = Path(path).suffix
+    if suffix not in {".csv", ".parquet"}:
+        raise FileError(f"{path}: a table's name ends in .csv or .parquet")
+    with replacing(path) as temporary, ExitStack() as opened, ThreadPoolExecutor(1) as pool:
+        writer: pa.parquet.ParquetWriter | None = None
+        file = opened.enter_context(temporary.open("wb")) if suffix == ".csv" else None
+        pending: list[Future[None]] = []
+        said: list[str] = []
+
+        def write_piece(columns: Mapping[str, Column]) -> None:
+            nonlocal writer
+            for name, values in columns.items():
+                if isinstance(values, np.ndarray) and np.isinf(values).any():
+                    raise ValueError(f"column {name}: a table holds no infinite numbers")
+            table = pa.table({name: _arrow_array(values) for name, values in columns.items()})
+            if file is None:
+                metadata = {"elliptude": label} | ({"elliptude notes": "\n".join(said)} if said else {})
+                table = table.replace_schema_metadata(metadata)
+                writer = writer or opened.enter_context(pa.parquet.ParquetWriter(temporary, table.schema))
+                writer.write_table(table)
+                return
+            if file.tell() == 0:
+                # Arrow would put every name in quotes.
+                head = [f"# {label}", *(f"# {' '.join(note.split())}" for note in said), ",".join(columns)]
+                file.write(("\n".join(head) + "\n").encode())
+            pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
+
+        def write(columns: Mapping[str, Column]) -> None:
+            if pending:
+                pending.pop().result()
+            elif not said:
+                said.extend(notes)
+            pending.append(pool.submit(write_piece, columns))
+
+        yield write
+        if pending:
+            pending.pop().result()
+
+
+def _arrow_array(values: Column) -> pa.Array:
+    if isinstance(values, np.ndarray):
+        return pa.array(values, type=pa.float64(), from_pandas=True)
+    return pa.array(values, type=pa.string())
+
+
+def column_names(path: str | os.PathLike[str], kind: Kind | None = None) -> tuple[str, ...]:
+    """The names of a table's columns.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's.
+    kind : {"measurements", "results"}, optional
+        What it must be if it is elliptude's.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    FileError
+        If there is no header, or the table is of another kind or a newer version.
+    """
+    return _open(path, kind).columns
+
+
+def read_columns(
+    path: str | os.PathLike[str],
+    *,
+    time: str = "time_s",
+    numbers: Iterable[str] = (),
+    optional: Iterable[tuple[str, ...]] = (),
+    texts: Iterable[str] = (),
+) -> dict[str, NDArray[np.float64]]:
+    """Read some columns of a table of numbers over time; what is in the others does not matter.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV, which may be compressed, or Parquet; elliptude's or another program's. Lines before the header that begin
+        with ``#`` are comments.
+    time : str
+        The column of times, which must increase strictly.
+    numbers : iterable of str
+        Columns of finite numbers.
+    optional : iterable of tuple of str
+        Groups of columns of finite numbers, such as the components of a direction, whose cells may be empty, but in one
+        row only all together.
+    texts : iterable of str
+        Columns of text.
+
+    Returns
+    -------
+    dict of str to array
+        Each shape (N,), N at least 1; NaN for an empty cell, and arrays of text as objects.
+
+    Raises
+    ------
+    FileError
+        If the file is not such a table; the message names file, line and column.
+    """
+    groups, texts = [tuple(group) for group in optional], list(texts)
+    required = [time, *numbers]
+    wanted = list(dict.fromkeys([*required, *(name for group in groups for name in group)]))
+    source = _open(path)
+    require_columns(source, [*wanted, *texts])
+    table = source.read(wanted, texts)
+    if table.num_rows == 0:
+        raise FileError(f"{path}: a header, but no rows below it")
+    columns: dict[str, NDArray[np.float64]] = {}
+    empty: dict[str, NDArray[np.bool_]] = {}
+    for name in wanted:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        empty[name] = np.asarray(table[name].is_null().to_numpy(), dtype=np.bool_)
+        source.refuse(
+            ~(np.isfinite(columns[name]) | empty[name]), name, "not a finite number; leave empty what is not known"
+        )
+    for name in required:
+        source.refuse(empty[name], name, "empty")
+    source.refuse(np.diff(columns[time], prepend=-np.inf) <= 0.0, time, "not after the time of the row before")
+    for group in groups:
+        some = np.any([empty[name] for name in group], axis=0)
+        for name in group:
+            source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def read_events(
+    path: str | os.PathLike[str], kind: Kind, *, numbers: Iterable[str], texts: Iterable[str]
+) -> dict[str, NDArray[Any]]:
+    """Read a table with a row for each event, of which several may be at a time, and which may have none.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : str
+    numbers, texts : iterable of str
+        Columns of finite numbers and of text.
+
+    Returns
+    -------
+    dict of str to array
+        With ``time_s``, each shape (n,); texts as objects.
+
+    Raises
+    ------
+    FileError
+        If it is no such table; the message names file, line and column.
+    """
+    source, numbers, texts = _open(path, kind), ["time_s", *numbers], list(texts)
+    require_columns(source, [*numbers, *texts])
+    table = source.read(numbers, texts)
+    columns: dict[str, NDArray[Any]] = {}
+    for name in numbers:
+        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
+        source.refuse(~np.isfinite(columns[name]), name, "not a finite number")
+    source.refuse(np.diff(columns["time_s"], prepend=-np.inf) < 0.0, "time_s", "before the time of the row before")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
+    if not Path(path).is_file():
+        raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
+    source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)
+    if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
+        if int(match[2]) > VERSION:
+            raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
+        if kind is not None and match[1] != kind:
+            raise FileError(f"{path}: a table of {match[1]}, where one of {kind} is needed")
+    return source
+
+
+def stacked(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Some columns side by side, shape (N, len(names))."""
+    return np.column_stack([columns[name] for name in names])
+
+
+def symmetric(columns: Mapping[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    """Symmetric matrices (N, n, n) from the columns of their upper entries, row by row."""
+    entries = stacked(columns, names)
+    n = math.isqrt(2 * len(names))
+    upper = np.triu_indices(n)
+    matrices = np.empty((len(entries), n, n))
+    matrices[:, *upper] = entries
+    matrices[:, *upper[::-1]] = entries
+    return matrices
