@@ -3,7 +3,8 @@
 import dataclasses
 import json
 import shlex
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -39,6 +40,11 @@ from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_con
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 from elliptude.units import STANDARD_GRAVITY
 
+_NO_RULE_IN_FREE_FALL = (
+    "there is no rule for a spacecraft: in free fall an accelerometer does not show up, and every rule begins with up. "
+    "State star tracker, Sun sensor and gyro one by one in a configuration (docs/logs.md), each with the bound of its "
+    "datasheet"
+)
 _NOTE = (
     "These are quantiles and maxima of one recording. They are no guarantee: another recording, or the next minute of "
     "this one, may exceed any of them. A bound to rely on needs a reason, such as a datasheet or the size of the room."
@@ -133,12 +139,7 @@ def bounds(
     quantiles and maxima of this recording, which guarantee nothing about another.
     """
     if carried == "spacecraft":
-        raise typer.BadParameter(
-            "there is no rule for a spacecraft: in free fall an accelerometer does not show up, and every rule begins "
-            "with up. State star tracker, Sun sensor and gyro one by one in a configuration (docs/logs.md), each with "
-            "the bound of its datasheet",
-            param_hint="--carried",
-        )
+        raise typer.BadParameter(_NO_RULE_IN_FREE_FALL, param_hint="--carried")
     require_outputs((path for path in (out, rule) if path is not None), force=force)
     source = recording_of(log)
     named = {
@@ -160,10 +161,10 @@ def bounds(
     implausible = _look(source, configuration, refuse=out is not None or rule is not None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
-    try:
+    with _naming(source):
         proposed = proposals.propose(recording)
-        document = None
         if out is not None:
+            shared = recording.shared_stamps
             document = starting_configuration(
                 tables,
                 proposed,
@@ -171,53 +172,36 @@ def bounds(
                 mode=mode,
                 log=source.name,
                 origin=origin,
-                shared_stamps=recording.shared_stamps,
+                shared_stamps=shared,
                 carried=carried,
             )
-    except ValueError as error:
-        raise FileError(f"{source}: {error}") from error
-    if out is not None and document is not None:
+    if out is not None:
         validate(stated_in, document.unwrap(), Configuration)
-        with replacing(out) as temporary:
-            temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+        _write(out, document)
     if rule is not None:
-        _write(rule, proposed, margin, source, carried)
+        _write(rule, _rule_document(proposed, margin, source, carried))
     ruled = rule_tables(proposed, margin, carried=carried)
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
     no_rule, says = None, list[str]()
     if mode == "guaranteed" and "rule" not in tables:
-        full = {"estimator": {"mode": mode}} | tables
-        no_rule = why_no_rule(full, ruled, proposed, recording.shared_stamps)
+        no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
         says = what_it_says(numbers_of(ruled), proposed)
-    up = None
-    if recording.specific_forces is not None:
-        up = body_at_rest.up_at_rest(
-            recording.times + origin, recording.angular_velocities, recording.specific_forces, recording.fields
-        )
+    up = _up_at_rest(recording, origin)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
-        summary["why_no_rule"] = no_rule
-        summary["up_at_rest"] = None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
+        summary |= {"why_no_rule": no_rule, "up_at_rest": _up_as_json(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
     _say(source, tables, recording, proposed, up, implausible, suspicious)
-    if says:
-        _say_statements(carried, statements_of(ruled), says)
-    if no_rule is not None:
-        apart = "" if recording.shared_stamps > 0.5 else ": what is not sampled together is not averaged over windows"
-        typer.secho(
-            f"no rule can describe this recording: {no_rule}. Each sensor states its own bounds, which say less{apart}",
-            fg=typer.colors.YELLOW,
-        )
+    _say_statements(carried, statements_of(ruled), says)
+    _say_no_rule(no_rule, recording)
     typer.echo(_NOTE)
     if out is not None:
-        typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
-        following = ["estimate", source.argument, "--config", str(out), "--out", "result", "--report", "report.html"]
-        typer.echo(f"  elliptude {shlex.join(following)}")
+        _say_next(source, out, mode, margin)
     if rule is not None:
         typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
 
@@ -250,6 +234,15 @@ def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> list
     return heard.ignored
 
 
+@contextmanager
+def _naming(log: NamedFile) -> Iterator[None]:
+    """What cannot be proposed is said of the log."""
+    try:
+        yield
+    except ValueError as error:
+        raise FileError(f"{log}: {error}") from error
+
+
 def _mode(mode: Mode | None, tables: Tables) -> Mode:
     """The mode of the option, that of the configuration, or the guaranteed mode."""
     estimator = tables.get("estimator")
@@ -259,6 +252,17 @@ def _mode(mode: Mode | None, tables: Tables) -> Mode:
     if mode not in {None, stated}:
         raise typer.BadParameter(f"{mode!r}, but the configuration's [estimator] says otherwise", param_hint="--mode")
     return stated
+
+
+def _up_as_json(up: body_at_rest.UpAtRest | None) -> dict[str, Any] | None:
+    return None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
+
+
+def _up_at_rest(recording: Recording, origin: float) -> body_at_rest.UpAtRest | None:
+    if recording.specific_forces is None:
+        return None
+    times = recording.times + origin
+    return body_at_rest.up_at_rest(times, recording.angular_velocities, recording.specific_forces, recording.fields)
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------
@@ -296,6 +300,8 @@ def _say(
 
 def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: list[str]) -> None:
     """What a person must check: numbers that depend on how the sensor is carried, each with its reason."""
+    if not says:
+        return
     others = ", ".join(f"--carried {one}" for one in get_args(Carried) if one != carried)
     typer.echo(f"What sets will rest on, by {in_words(carried)} ({others} if it is not); check each number:")
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
@@ -309,6 +315,23 @@ def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: li
     Console(width=max(Console().width, 100)).print(table)
     for line in says:
         typer.secho(line, fg=typer.colors.YELLOW)
+
+
+def _say_no_rule(why: str | None, recording: Recording) -> None:
+    if why is None:
+        return
+    apart = "" if recording.shared_stamps > 0.5 else ": what is not sampled together is not averaged over windows"
+    typer.secho(
+        f"no rule can describe this recording: {why}. Each sensor states its own bounds, which say less{apart}",
+        fg=typer.colors.YELLOW,
+    )
+
+
+def _say_next(log: NamedFile, out: Path, mode: Mode, margin: float) -> None:
+    """What was written, and the command that it is for."""
+    typer.echo(f"Written: {out}, mode {mode}, maxima times {margin:g}. It is for")
+    following = ["estimate", log.argument, "--config", str(out), "--out", "result", "--report", "report.html"]
+    typer.echo(f"  elliptude {shlex.join(following)}")
 
 
 def _table(proposed: Proposal) -> Table:
@@ -326,7 +349,12 @@ def _table(proposed: Proposal) -> Table:
 # --- what is written --------------------------------------------------------------------------------------------------
 
 
-def _write(path: Path, proposed: Proposal, margin: float, log: NamedFile, carried: Carried) -> None:
+def _write(path: Path, document: tomlkit.TOMLDocument) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+
+
+def _rule_document(proposed: Proposal, margin: float, log: NamedFile, carried: Carried) -> tomlkit.TOMLDocument:
     document = tomlkit.document()
     for line in (
         f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",
@@ -343,5 +371,4 @@ def _write(path: Path, proposed: Proposal, margin: float, log: NamedFile, carrie
     for name, section in sections(rule_tables(proposed, margin, carried=carried)).items():
         document.add(tomlkit.nl())
         document.add(name, section)
-    with replacing(path) as temporary:
-        temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+    return document

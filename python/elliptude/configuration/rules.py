@@ -361,15 +361,21 @@ def apply_rule(
     # The reference is the field where the recording starts: there nothing disturbs it.
     field = field_within(everywhere, magnetometer.disturbance_ut)
     field = _known_better(field, rest, field_within(rest, 0.0))
-    # The dip: a row that contradicts it is as wrong as one whose length does.
-    dip_excess = strength * angle_excess(up, field, float(np.arctan2(reference[1], reference[2])))
-    excess = np.maximum(field.excess, dip_excess)
-    void = excess > 0.0
-    if magnetometer.contradiction_voids == "recording":
-        void = np.full_like(void, void.any())
-    field = dataclasses.replace(field, angles=np.where(void, np.nan, field.angles), excess=excess)
+    field = _without_contradictions(field, up, reference, whole=magnetometer.contradiction_voids == "recording")
     east = cross_bounds(up, field, reference, in_plane_error=error)
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
+
+
+def _without_contradictions(
+    field: WindowBounds, up: WindowBounds, reference: FloatArray, *, whole: bool
+) -> WindowBounds:
+    """The field without rows that contradict the dip, which are as wrong as those of a wrong length."""
+    strength, dip = float(np.linalg.norm(reference)), float(np.arctan2(reference[1], reference[2]))
+    excess = np.maximum(field.excess, strength * angle_excess(up, field, dip))
+    void = excess > 0.0
+    if whole:
+        void = np.full_like(void, void.any())
+    return dataclasses.replace(field, angles=np.where(void, np.nan, field.angles), excess=excess)
 
 
 def field_at_start(

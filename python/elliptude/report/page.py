@@ -12,6 +12,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import elliptude
 from elliptude.io.files import FileError, replacing
@@ -77,6 +78,16 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         del summary["left_out"]["dropped"]
     if run.listed is not None:
         summary["left_out"]["own bound"] = sum(why == "own_bound" for why in run.listed.contradicts)
+    summary |= _where_it_is_known(run)
+    if compared.any():
+        summary |= _against_the_reference(run, compared, escaped)
+    return summary
+
+
+def _where_it_is_known(run: Run) -> dict[str, Any]:
+    """Figures that not every run has."""
+    summary: dict[str, Any] = {}
+    known = run.known
     if run.bounds_from_recording is not None:
         summary["bounds_from_recording"] = run.bounds_from_recording
     if run.implausible:
@@ -99,19 +110,21 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         summary["rows_with_up_alone"] = int(run.up_alone.sum())
     if run.prediction_used is not None:
         summary["prediction_used_rows"] = int((run.prediction_used[known] == 1.0).sum())
-    if compared.any():
-        assert run.errors is not None
-        summary |= {
-            "rows_compared": int(compared.sum()),
-            "escapes": int(escaped.sum()),
-            "first_escape_s": float(run.times[np.argmax(escaped)]) if escaped.any() else None,
-            "escapes_by_claim": None
-            if run.claims is None
-            else {claim: int((escaped & run.claimed(claim)).sum()) for claim in CLAIMS},
-            "reference_error_deg": float(np.rad2deg(run.reference_error)),
-            "error_deg": _spread(np.rad2deg(np.linalg.norm(run.errors[compared], axis=1))),
-        }
     return summary
+
+
+def _against_the_reference(run: Run, compared: NDArray[np.bool_], escaped: NDArray[np.bool_]) -> dict[str, Any]:
+    assert run.errors is not None
+    return {
+        "rows_compared": int(compared.sum()),
+        "escapes": int(escaped.sum()),
+        "first_escape_s": float(run.times[np.argmax(escaped)]) if escaped.any() else None,
+        "escapes_by_claim": None
+        if run.claims is None
+        else {claim: int((escaped & run.claimed(claim)).sum()) for claim in CLAIMS},
+        "reference_error_deg": float(np.rad2deg(run.reference_error)),
+        "error_deg": _spread(np.rad2deg(np.linalg.norm(run.errors[compared], axis=1))),
+    }
 
 
 def _spread(values: FloatArray) -> dict[str, float] | None:

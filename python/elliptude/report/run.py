@@ -375,13 +375,9 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         return tuple(str(text or "") for text in columns[name]) if name in columns else None
 
     claims, charts, up_claims = words("claim"), words("chart"), words("up_claim")
-    allowed_words = (("claim", claims, CLAIMS), ("chart", charts, get_args(Chart)), ("up_claim", up_claims, CLAIMS))
-    for name, found, allowed in allowed_words:
-        for row, word in enumerate(found or ()):
-            if word and word not in allowed:
-                raise FileError(
-                    f"{table}: row {row + 1} below the header, column {name!r}: {word!r}, not {_or(allowed)}"
-                )
+    _require_words(table, "claim", claims, CLAIMS)
+    _require_words(table, "chart", charts, get_args(Chart))
+    _require_words(table, "up_claim", up_claims, CLAIMS)
     used_charts = {word for word in charts or () if word} or {"exponential"}
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
@@ -419,6 +415,12 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         frame=summary.frame,
     )
     return run, summary.label
+
+
+def _require_words(table: Path, column: str, found: tuple[str, ...] | None, allowed: tuple[str, ...]) -> None:
+    for row, word in enumerate(found or ()):
+        if word and word not in allowed:
+            raise FileError(f"{table}: row {row + 1} below the header, column {column!r}: {word!r}, not {_or(allowed)}")
 
 
 def _table_of(result: Path) -> Path:

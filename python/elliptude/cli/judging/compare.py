@@ -129,21 +129,22 @@ def compare(
         _say(summary, error_deg, source)
         for path in written:
             typer.echo(f"  {path}")
+    if (fault := _fault(compared, misread)) is not None:
+        typer.secho(fault, err=True, fg=typer.colors.RED)
+        raise typer.Exit(1)
+
+
+def _fault(compared: comparison.Comparison, misread: str | None) -> str | None:
+    """What must not be, if anything is so."""
     if misread is not None:
-        typer.secho(
+        return (
             f"the reference {misread}: its quaternions are not as declared; [truth] of a configuration (--config) says "
-            "how they are",
-            err=True,
-            fg=typer.colors.RED,
+            "how they are"
         )
-        raise typer.Exit(1)
     if compared.broken_promises:
-        typer.secho(
-            f"{compared.broken_promises} rows claim a set that holds without a condition, and the reference is outside",
-            err=True,
-            fg=typer.colors.RED,
-        )
-        raise typer.Exit(1)
+        rows = compared.broken_promises
+        return f"{rows} rows claim a set that holds without a condition, and the reference is outside"
+    return None
 
 
 def _say(summary: dict[str, Any], error_deg: float, source: str | None) -> None:

@@ -101,10 +101,7 @@ def monitor(
     if source.argument == other.argument == STANDARD_INPUT:
         raise typer.BadParameter("only one of LOG and --estimate can be a pipe", param_hint="--estimate")
     run, configuration = _judge(source, config)
-    if configuration is not None:
-        if frame is not None:
-            raise typer.BadParameter("the configuration says it", param_hint="--frame")
-        frame = _ground_frame(configuration)
+    frame = _frame_of_sets(frame, configuration)
     described = None if estimate_config is None else read_configuration(estimate_config)
     truth = None if described is None else described.truth
     choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
@@ -190,9 +187,13 @@ def _heading_of_sets(run: Run, log: NamedFile, configuration: Configuration | No
     return "as referenced" if configuration is not None or summary.is_file() else "not stated"
 
 
-def _ground_frame(configuration: Configuration) -> _GroundFrame | None:
-    frame = configuration.frame
-    return None if frame == "J2000" else frame
+def _frame_of_sets(stated: _GroundFrame | None, configuration: Configuration | None) -> _GroundFrame | None:
+    """The option's, or the configuration's if it is on the ground."""
+    if configuration is None:
+        return stated
+    if stated is not None:
+        raise typer.BadParameter("the configuration says it", param_hint="--frame")
+    return None if configuration.frame == "J2000" else configuration.frame
 
 
 def _turn(of_estimate: _GroundFrame, of_sets: _GroundFrame | None) -> np.ndarray[Any, np.dtype[np.float64]]:
