@@ -36,6 +36,8 @@ PYBIND11_MODULE(_core, module) {
   define_quadrics(module);
   define_rigid_body(module);
   define_potentials(module);
+  define_gravity_potentials(module);
+  define_combined_potentials(module);
   define_own_potentials(module);
   define_integrator(module);
   define_wahba(module);

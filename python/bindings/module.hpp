@@ -15,6 +15,8 @@ void define_ellipsoids(pybind11::module_& module);
 void define_quadrics(pybind11::module_& module);
 void define_rigid_body(pybind11::module_& module);
 void define_potentials(pybind11::module_& module);
+void define_gravity_potentials(pybind11::module_& module);
+void define_combined_potentials(pybind11::module_& module);
 void define_own_potentials(pybind11::module_& module);
 void define_integrator(pybind11::module_& module);
 void define_wahba(pybind11::module_& module);

@@ -20,12 +20,22 @@ struct TorqueOfPotential {
   [[nodiscard]] Matrix3<double> torque_jacobian(const Matrix3<double>& attitude, const double& time) const noexcept;
 };
 
-/// The sum of up to `most_terms` of the core's potentials; a free body is the sum of none.
+template <typename... Potentials>
+struct PotentialList {
+  using Any = std::variant<Potentials...>;
+  template <int Terms>
+  using AnyExpansion = std::variant<std::monostate, TorqueExpansion<Potentials, double, Terms>...>;
+};
+
+/// The potentials that guaranteed flows take: those with a `TorqueExpansion`. A new one is added here.
+using PotentialsWithBounds = PotentialList<UniformGravity<double>, GravityGradient<double>, LinearPotential<double>,
+                                           QuadraticPotential<double>, StatedTorque<double, TorqueOfPotential>>;
+
+/// The sum of up to `most_terms` of them; a free body is the sum of none.
 class BoundedPotential {
  public:
   static constexpr std::size_t most_terms = 8;
-  using Term = std::variant<UniformGravity<double>, GravityGradient<double>, LinearPotential<double>,
-                            QuadraticPotential<double>, StatedTorque<double, TorqueOfPotential>>;
+  using Term = PotentialsWithBounds::Any;
 
   /// \return whether there was room.
   [[nodiscard]] bool add(const Term& term) noexcept {
@@ -112,10 +122,7 @@ class TorqueExpansion<python::BoundedPotential, double, Terms> {
  private:
   template <typename Potential>
   using Expansion = TorqueExpansion<Potential, double, Terms>;
-  using Stated = StatedTorque<double, python::TorqueOfPotential>;
-  using Term =
-      std::variant<std::monostate, Expansion<UniformGravity<double>>, Expansion<GravityGradient<double>>,
-                   Expansion<LinearPotential<double>>, Expansion<QuadraticPotential<double>>, Expansion<Stated>>;
+  using Term = python::PotentialsWithBounds::AnyExpansion<Terms>;
 
   template <typename Self, typename Function>
   static void for_each(Self& self, const Function& f) noexcept {

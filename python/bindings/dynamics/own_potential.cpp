@@ -89,27 +89,15 @@ class StatedTorquePotential final : public Potential {
   return {std::move(reference), statement};
 }
 
-/// What a potential has in common with another one: a direction that may turn, and being written and copied by what it was made of.
-/// \param strength the name of its other property.
-template <typename OwnPotential>
-void define_of_turning_direction(py::class_<OwnPotential, Potential>& potential, const char* strength) {
-  potential
-      .def_property_readonly(
-          "direction", [](const OwnPotential& self) { return to_constant_array(self.settings().direction); },
-          "The direction at time 0 as it was given, shape (3,); read-only.")
-      .def_property_readonly(
-          "turn", [](const OwnPotential& self) { return to_constant_array(self.settings().turn); },
-          "Its angular velocity, rad/s, reference axes, shape (3,); read-only.")
-      .def("__repr__",
-           [strength](const py::object& self) {
-             return py::str("{}({}={}, direction={}, turn={})")
-                 .format(py::type::of(self).attr("__name__"), strength, self.attr(strength).attr("tolist")(),
-                         self.attr("direction").attr("tolist")(), self.attr("turn").attr("tolist")());
-           })
-      .def("__reduce__", [strength](const py::object& self) {
-        return py::make_tuple(py::type::of(self),
-                              py::make_tuple(self.attr(strength), self.attr("direction"), self.attr("turn")));
-      });
+/// The parameters of a potential along a direction that may turn.
+/// \param strength the one before the direction.
+template <typename Core, typename Settings, typename Strength>
+void define_along_direction(py::class_<BuiltIn<Core, Settings>, Potential>& potential,
+                            const Parameter<Settings, Strength>& strength) {
+  define_parameters(
+      potential, strength,
+      Parameter{"direction", &Settings::direction, "The direction at time 0 as it was given, shape (3,); read-only."},
+      Parameter{"turn", &Settings::turn, "Its angular velocity, rad/s, reference axes, shape (3,); read-only."});
 }
 
 }  // namespace
@@ -140,22 +128,19 @@ Raises
 ValueError
     If an entry is not finite, the direction is zero, or the turn is not at right angles to it.
 )");
-  linear
-      .def(py::init([](const py::object& moment, const py::object& direction, const py::object& turn) {
-             const LinearPotentialSettings settings{single(moment, "moment", {3}).vector<3>(0),
-                                                    single(direction, "direction", {3}).vector<3>(0),
-                                                    turn_or_none(turn)};
-             LinearPotential<double> core;
-             raise_unless_ok(LinearPotential<double>::make(settings.moment,
-                                                           turning_direction(settings.direction, settings.turn), core),
-                             "moment");
-             return OwnLinearPotential(core, settings);
-           }),
-           "moment"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, moment, direction, turn=None)\n--\n\n")
-      .def_property_readonly(
-          "moment", [](const OwnLinearPotential& self) { return to_constant_array(self.settings().moment); },
-          "p in N m, body axes, shape (3,); read-only.");
-  define_of_turning_direction(linear, "moment");
+  linear.def(
+      py::init([](const py::object& moment, const py::object& direction, const py::object& turn) {
+        const LinearPotentialSettings settings{single(moment, "moment", {3}).vector<3>(0),
+                                               single(direction, "direction", {3}).vector<3>(0), turn_or_none(turn)};
+        LinearPotential<double> core;
+        raise_unless_ok(
+            LinearPotential<double>::make(settings.moment, turning_direction(settings.direction, settings.turn), core),
+            "moment");
+        return OwnLinearPotential(core, settings);
+      }),
+      "moment"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, moment, direction, turn=None)\n--\n\n");
+  define_along_direction(
+      linear, Parameter{"moment", &LinearPotentialSettings::moment, "p in N m, body axes, shape (3,); read-only."});
 
   py::class_<OwnQuadraticPotential, Potential> quadratic(module, "QuadraticPotential", py::is_final(),
                                                          R"(QuadraticPotential(matrix, direction, turn=None)
@@ -179,22 +164,19 @@ Raises
 ValueError
     If an entry is not finite, the matrix is not symmetric, the direction is zero, or the turn is not at right angles to it.
 )");
-  quadratic
-      .def(py::init([](const py::object& matrix, const py::object& direction, const py::object& turn) {
-             const QuadraticPotentialSettings settings{single(matrix, "matrix", {3, 3}).matrix3(0),
-                                                       single(direction, "direction", {3}).vector<3>(0),
-                                                       turn_or_none(turn)};
-             QuadraticPotential<double> core;
-             raise_unless_ok(QuadraticPotential<double>::make(
-                                 settings.matrix, turning_direction(settings.direction, settings.turn), core),
-                             "matrix");
-             return OwnQuadraticPotential(core, settings);
-           }),
-           "matrix"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, matrix, direction, turn=None)\n--\n\n")
-      .def_property_readonly(
-          "matrix", [](const OwnQuadraticPotential& self) { return to_constant_array(self.settings().matrix); },
-          "K in N m, body axes, shape (3, 3); read-only.");
-  define_of_turning_direction(quadratic, "matrix");
+  quadratic.def(
+      py::init([](const py::object& matrix, const py::object& direction, const py::object& turn) {
+        const QuadraticPotentialSettings settings{single(matrix, "matrix", {3, 3}).matrix3(0),
+                                                  single(direction, "direction", {3}).vector<3>(0), turn_or_none(turn)};
+        QuadraticPotential<double> core;
+        raise_unless_ok(QuadraticPotential<double>::make(settings.matrix,
+                                                         turning_direction(settings.direction, settings.turn), core),
+                        "matrix");
+        return OwnQuadraticPotential(core, settings);
+      }),
+      "matrix"_a, "direction"_a, "turn"_a = py::none(), "__init__(self, matrix, direction, turn=None)\n--\n\n");
+  define_along_direction(quadratic, Parameter{"matrix", &QuadraticPotentialSettings::matrix,
+                                              "K in N m, body axes, shape (3, 3); read-only."});
 
   py::class_<StatedTorquePotential, Potential>(module, "StatedTorque", py::is_final(),
                                                collectable<StatedTorquePotential>(),

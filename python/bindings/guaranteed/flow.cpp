@@ -29,10 +29,10 @@ namespace {
     case Potential::Added::yes:
       break;
     case Potential::Added::no_bounds:
-      value_error(
-          "potential offers no bounds of its torque, which a guaranteed flow needs: use FreeBody, UniformGravity, "
-          "GravityGradient, LinearPotential, QuadraticPotential, or state what bounds a torque of your own by "
-          "StatedTorque(potential, curvature=..., rate=..., error=...); a SumPotential adds them up");
+      value_error("potential offers no bounds of its torque, which a guaranteed flow needs: use " +
+                  py::module_::import("elliptude._potentials").attr("names")().cast<std::string>() +
+                  ", or state what bounds a torque of your own by StatedTorque(potential, curvature=..., rate=..., "
+                  "error=...); a SumPotential adds them up");
     case Potential::Added::too_many:
       value_error("potential must be a sum of at most " + std::to_string(BoundedPotential::most_terms) +
                   " potentials other than FreeBody");
@@ -105,9 +105,9 @@ How a rigid body in a potential moves, in continuous time, with a set that holds
 Parameters
 ----------
 body : RigidBody
-potential : FreeBody, UniformGravity, GravityGradient, LinearPotential, QuadraticPotential, StatedTorque or a SumPotential, optional
-    A free body if omitted; a sum of at most 8 terms. A potential written in Python has no bounds of its torque until they are
-    stated: `StatedTorque`. A `StatedTorque` adds to the set some curvature ‖θ‖² of unknown torque, where θ is the set's largest
+potential : Potential, optional
+    One of elliptude's own but `GradientPotential`, or a sum of at most 8 of them; a free body if omitted. A potential written in
+    Python has no bounds of its torque until they are stated: `StatedTorque`. A `StatedTorque` adds to the set some curvature ‖θ‖² of unknown torque, where θ is the set's largest
     angle and half of a step's turn: take short steps.
 step : float
     The longest step, s; an interval is divided into the fewest equal steps that are no longer. The set holds the motion

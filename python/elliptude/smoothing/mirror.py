@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import elliptude
+from elliptude._potentials import backward, names
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import gaps
@@ -20,8 +21,6 @@ from elliptude.results import DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray, TorqueLike
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-# An orbit that is run through backward: its normal and its direction of motion turn round.
-_BACKWARD_ORBIT = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +144,8 @@ def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:
     ValueError
         If nothing is stated of it.
     """
-    if isinstance(potential, elliptude.FreeBody | elliptude.UniformGravity):
-        return potential
-    if isinstance(potential, elliptude.GravityGradient):
-        return elliptude.GravityGradient(potential.body, potential.orbit_rate, potential.orbit @ _BACKWARD_ORBIT)
-    if isinstance(potential, elliptude.LinearPotential):
-        return elliptude.LinearPotential(potential.moment, potential.direction, -potential.turn)
-    if isinstance(potential, elliptude.QuadraticPotential):
-        return elliptude.QuadraticPotential(potential.matrix, potential.direction, -potential.turn)
+    if (found := backward(potential)) is not None:
+        return found
     if isinstance(potential, elliptude.StatedTorque):
         return elliptude.StatedTorque(
             _Backward(potential.stated), rate=potential.rate, error=potential.error, curvature=potential.curvature
@@ -163,7 +156,7 @@ def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:
             return elliptude.SumPotential([mirrored_potential(one) for one in parts])
     raise ValueError(
         f"smoothing goes backward in time, and {type(potential).__name__} does not say what its torque is then; "
-        "FreeBody, UniformGravity, GravityGradient, LinearPotential, QuadraticPotential, StatedTorque and their sums do"
+        f"{names()}, StatedTorque and their sums do"
     )
 
 
