@@ -43,11 +43,11 @@ test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptio
 	ctest --preset $(PRESET) --tests-regex '^(freestanding|test_no_allocation):'
 
 .PHONY: test-python
-test-python: $(VENV)/package ## The Python tests alone
+test-python: $(VENV)/package $(VENV)/test ## The Python tests alone
 	.venv/bin/python -m pytest $(PYTEST_SPREAD)
 
 .PHONY: requirements
-requirements: $(VENV)/dev $(VENV)/compare $(VENV)/docs ## Install all that any test needs, so that none is skipped
+requirements: $(VENV)/test $(VENV)/dev $(VENV)/compare $(VENV)/docs ## Install all that any test needs, so that none is skipped
 
 FUZZ_SECONDS ?= 600
 FUZZ_PRESET ?= fuzz
@@ -56,7 +56,7 @@ FUZZ_SEED ?= 0
 # All, unless some are named.
 FUZZ_TARGETS ?=
 .PHONY: fuzz
-fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/fuzz ## Fuzz the core and the readers of files, each target for FUZZ_SECONDS (600)
+fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/test $(VENV)/fuzz ## Fuzz the core and the readers of files, each target for FUZZ_SECONDS (600)
 	cmake --preset $(FUZZ_PRESET)
 	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
 	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) $(FUZZ_TARGETS) --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
@@ -72,7 +72,7 @@ single-header: ## Write the C++ core as one header, build/single_header/elliptud
 	$(PYTHON) tools/single_header.py build/single_header/elliptude.hpp
 
 .PHONY: site
-site: $(VENV)/package $(VENV)/docs ## Build the documentation's site in build/site, and run its notebooks
+site: $(VENV)/package $(VENV)/test $(VENV)/docs ## Build the documentation's site in build/site, and run its notebooks
 	tools/build_site.sh .venv/bin/python build/site
 
 .PHONY: demo
@@ -98,17 +98,17 @@ flight: $(SYSTEM)-test $(SYSTEM)-flight ## Filters on two bare microcontrollers,
 	$(PYTHON) tools/flight.py $(if $(FLIGHT),--only $(FLIGHT))
 
 .PHONY: compare
-compare: $(SYSTEM)-test $(SYSTEM)-bench $(VENV)/package $(VENV)/peers ## Measure beside what a user would take instead, as ratios: docs/performance.md
+compare: $(SYSTEM)-test $(SYSTEM)-bench $(VENV)/package $(VENV)/test $(VENV)/peers ## Measure beside what a user would take instead, as ratios: docs/performance.md
 	cmake --preset bench
 	cmake --build --preset bench
 	.venv/bin/python benchmarks/compare_peers.py --programs build/bench/cpp/benchmarks --page docs/performance.md
 
 .PHONY: mutate
-mutate: $(SYSTEM)-test $(VENV)/package ## Change the source as a person might by mistake, place by place, and see whether a test notices
+mutate: $(SYSTEM)-test $(VENV)/package $(VENV)/test ## Change the source as a person might by mistake, place by place, and see whether a test notices
 	.venv/bin/python tools/mutate.py
 
 .PHONY: lint
-lint: $(VENV)/package $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
+lint: $(VENV)/package $(VENV)/test $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
@@ -132,11 +132,16 @@ $(SYSTEM)-%: tools/install_system_packages.sh
 	tools/install_system_packages.sh $*
 	mkdir -p $(@D) && touch $@
 
-# The virtual environment holds the build requirements too, so that the package can be built again without the network.
+# What the package and its commands need; what tests need beside that is not for who wants a demo. The virtual environment
+# holds the build requirements too, so that the package can be built again without the network.
 $(VENV)/requirements: pyproject.toml tools/requirements.py | $(SYSTEM)-test
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py build runtime cli ulog ros igrf report test)
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py build runtime cli ulog ros igrf report)
 	mkdir -p $(@D) && touch $@
+
+$(VENV)/test: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py test)
+	touch $@
 
 $(VENV)/dev: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py dev)
