@@ -37,7 +37,8 @@ class Constraints:
 
     center: Rotation
     """Of the row's set: tilt and heading are counted from it."""
-    prior: el.StateEllipsoid
+    prior: el.StateEllipsoid | None
+    """The anchor's set, carried; None where it has grown to half turns."""
     references: FloatArray
     """(m, 3)."""
     directions: FloatArray
@@ -55,11 +56,14 @@ class Constraints:
         away = np.arctan2(
             np.linalg.norm(np.cross(seen, self.directions), axis=2), np.einsum("nmi,mi->nm", seen, self.directions)
         )
-        x = Rotation.from_matrix(self.prior.attitude).inv() * Rotation.from_matrix(attitudes)
-        x, y, z, w = x.as_quat(canonical=True).T
+        obeyed: np.ndarray[Any, np.dtype[np.bool_]] = (away <= self.angles).all(axis=1)
+        if self.prior is None:
+            return obeyed
+        errors = Rotation.from_matrix(self.prior.attitude).inv() * Rotation.from_matrix(attitudes)
+        x, y, z, w = errors.as_quat(canonical=True).T
         gibbs = 2.0 * np.column_stack([x, y, z]) / np.maximum(w, 1e-9)[:, None]
         forms = np.einsum("ni,ij,nj->n", gibbs, np.linalg.inv(self.prior.shape[:3, :3]), gibbs)
-        obeyed: np.ndarray[Any, np.dtype[np.bool_]] = (away <= self.angles).all(axis=1) & (forms <= 1.0)
+        obeyed &= forms <= 1.0
         return obeyed
 
 
@@ -71,12 +75,10 @@ def constraints(run: GuaranteedRun, row: int) -> Constraints:
     start = el.StateEllipsoid(sets.attitudes[anchor], sets.vectors[anchor], sets.shapes[anchor], chart="gibbs")
     carried = el.GuaranteedFilter(run.given.flow, start, vector_bound=run.given.vector_bound, estimate_vector=False)
     carried.predict_turn(1.0, turns.vectors[row], float(turns.angles[row]))
-    prior = carried.ellipsoid
-    assert prior is not None
     told = np.isfinite(run.given.measured["bounds"][row])
     center = Rotation.from_matrix(sets.attitudes[row])
     angles = rows.angles[row, told]
-    return Constraints(center, prior, rows.references[row, told], rows.directions[row, told], angles)
+    return Constraints(center, carried.ellipsoid, rows.references[row, told], rows.directions[row, told], angles)
 
 
 def _tilts(points: FloatArray) -> FloatArray:
@@ -161,7 +163,7 @@ def main() -> None:
     parser.add_argument("--criterion", default="trace", help="what the filter makes small")
     parser.add_argument("--trials", nargs="+", default=TRIALS, help="which excerpts")
     parser.add_argument("--rows", type=int, default=24, help="of each trial, to be sampled")
-    parser.add_argument("--disturbance-ut", nargs="*", type=float, default=[0.5], help="µT, while 02 was recorded")
+    parser.add_argument("--disturbance-ut", nargs="*", type=float, default=[0.5, 0.3], help="µT, while 02 was recorded")
     arguments = parser.parse_args()
     folder, plain = arguments.datasets / "broad", broad_configuration(arguments.criterion)
     heading = (
