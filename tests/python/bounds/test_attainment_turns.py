@@ -234,3 +234,17 @@ def test_noise_that_goes_round_at_the_rate_of_the_body():
     gyro = GyroBounds(noise=1e-2, increment=2.0 * radius)
     for bound in (gyro.window_angle(times, shown), anchored(gyro, times, shown, 10.0)):
         assert angle <= bound <= 1.4 * angle
+
+
+def test_the_ball_about_the_values_of_an_integral():
+    """The corners of a regular tetrahedron are as far apart as the increment, and in no smaller ball."""
+    corners = 0.5 * 0.3 / np.sqrt(2.0) * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    apart = np.linalg.norm(corners[:, None] - corners, axis=2)
+    np.testing.assert_allclose(apart[~np.eye(4, dtype=bool)], 0.3, rtol=1e-12)
+    radius = np.linalg.norm(corners[0])
+    gyro = GyroBounds(1.0, increment=0.3)
+    # From one end to the other, and Θ times in between; a short turn has less by the distance from where it began.
+    np.testing.assert_allclose(gyro.swept_increment(np.array([8.0])), radius * 10.0, rtol=1e-12)
+    np.testing.assert_allclose(gyro.swept_increment(np.array([0.1])), 0.3 * 1.1, rtol=1e-12)
+    np.testing.assert_allclose(gyro.swept_increment(np.array([16.0]), 2.0), 2.0 * radius * 10.0, rtol=1e-12)
+    assert np.isinf(GyroBounds(1.0).swept_increment(np.array([8.0]))).all()
