@@ -19,6 +19,8 @@ from elliptude.bounds.turns import (
 from elliptude.typing import FloatArray
 
 _SQRT3 = math.sqrt(3.0)
+# A set of points none of which are further apart than one is in a ball of this radius (Jung's theorem).
+_RADIUS_OF_SET = math.sqrt(3.0 / 8.0)
 TIMES_USUAL = 1.5
 """A gap is longer than this times the usual interval: one lost sample exceeds it, the ticks of a clock do not."""
 
@@ -278,6 +280,26 @@ class GyroBounds:
             anchor = piece.stop - 1
         return AnchoredTurns(anchors, mean_rates, noise, angles, angles_turned, over_gap)
 
+    def swept_increment(self, turned: FloatArray, length: FloatArray | float = 1.0) -> FloatArray:
+        """Bound of the noise's integral in axes that turn, (18.10), or of a mean of such integrals.
+
+        Parameters
+        ----------
+        turned : (...) array
+            The angle that the measured rate turns, rad; or the mean of it times vectors' lengths.
+        length : (...) array
+            The mean of those lengths.
+
+        Returns
+        -------
+        (...) array
+            rad, times the lengths' unit; infinite without an increment.
+        """
+        if np.isinf(self.increment):
+            return np.full_like(turned, np.inf)
+        swept: FloatArray = self.increment * np.minimum(length + turned, _RADIUS_OF_SET * (2.0 * length + turned))
+        return swept
+
     def _angle_with_one_matrix(
         self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
     ) -> FloatArray:
@@ -285,7 +307,7 @@ class GyroBounds:
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
         scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
         of_scale = _SQRT3 * scale * _largest_stretch(by_matrix)
-        of_noise = other * np.minimum(self.noise * spans, self.increment * (1.0 + turned))
+        of_noise = other * np.minimum(self.noise * spans, self.swept_increment(turned))
         farthest = np.maximum.accumulate(of_scale + of_noise)
         second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
         of_bias = other * running_integral(spans, self.bias + self.drift * elapsed)
@@ -300,7 +322,7 @@ class GyroBounds:
         return np.minimum(linear, self._increment_angle(turned, longest))
 
     def _increment_angle(self, turned: FloatArray | float, longest: FloatArray | float) -> FloatArray:
-        swept = self.increment * (1.0 + np.asarray(turned, dtype=np.float64))
+        swept = self.swept_increment(np.asarray(turned, dtype=np.float64))
         angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
         return angle
 

@@ -19,6 +19,7 @@ def time_offset_angles(
     gyro: GyroBounds | None = None,
     bias_known: float | None = None,
     angular_acceleration: float = 0.0,
+    vectors: ArrayLike | None = None,
 ) -> FloatArray:
     """How far a direction in body axes may turn between the time on the stamp and the true one, (18.8).
 
@@ -36,6 +37,8 @@ def time_offset_angles(
         When the gyro's bias was known, s, from where on it drifts; at the first row if left out.
     angular_acceleration : float
         Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
+    vectors : (N, 3) array, optional
+        Of the directions, body axes. If given, only the part of the measured rate across the row's own counts.
 
     Returns
     -------
@@ -48,13 +51,16 @@ def time_offset_angles(
     stamps = increasing_times(times)
     rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
     speeds = np.linalg.norm(rates, axis=1)
+    directions = None if vectors is None else _unit(vector_rows("vectors", vectors, len(stamps)))
     if offset == 0.0:
         return np.zeros_like(stamps)
     # Between rows: at most the larger of both, but in a gap.
     fastest = np.zeros_like(stamps)
+    errors = np.zeros_like(stamps)
     if gyro is not None:
         since = stamps - (stamps[0] if bias_known is None else bias_known)
-        speeds = speeds + gyro.rate_error(speeds, np.abs(since) + offset)
+        errors = gyro.rate_error(speeds, np.abs(since) + offset)
+        speeds = speeds + errors
         fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
         if np.isfinite(gyro.largest_rate):
             speeds[np.isnan(speeds)] = gyro.largest_rate
@@ -64,7 +70,12 @@ def time_offset_angles(
     steps = np.append(np.diff(stamps), 0.0)
     between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
     in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
-    largest = np.maximum(_range_maximum(speeds, first, last), in_gaps)
+    largest = _range_maximum(speeds, first, last)
+    if directions is not None:
+        # Where a rate is missing, the largest one or NaN stays.
+        across = _range_maximum_across(rates, directions, first, last) + _range_maximum(errors, first, last)
+        largest = np.where(np.isnan(across), largest, np.minimum(across, largest))
+    largest = np.maximum(largest, in_gaps)
     angles: FloatArray = np.minimum(offset * (largest + between), np.pi)
     return angles
 
@@ -81,6 +92,24 @@ def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np
             return result
         table = np.maximum(table[:-width], table[width:])
         width *= 2
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(vectors, axis=1)[:, None]
+    units: FloatArray = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return units
+
+
+def _range_maximum_across(
+    rates: FloatArray, directions: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]
+) -> FloatArray:
+    """The largest part of rates[first..last] across the row's own direction, each; NaN where one is missing."""
+    largest = np.zeros(len(rates))
+    for i in range(int((last - first).max()) + 1):
+        # maximum, not fmax: a missing rate is not a small one.
+        crossed = np.cross(rates[np.minimum(first + i, last)], directions)
+        largest = np.maximum(largest, np.linalg.norm(crossed, axis=1))
+    return largest
 
 
 def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray, FloatArray]:

@@ -17,12 +17,15 @@ Place = Literal["end", "middle"]
 """Where in its window a row lies."""
 
 
-def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
-    """Rows in pieces, each with the rows that its windows reach, so that memory and running sums stay bounded."""
+def blocks(times: FloatArray, longest: float, at: Place, more: float = 0.0) -> Iterator[tuple[slice, slice]]:
+    """Rows in pieces, each with the rows that its windows reach, so that memory and running sums stay bounded.
+
+    In the middle a piece has rows on both sides for a time ``more`` beyond that.
+    """
     for start in range(0, len(times), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(times))
         reach = longest * (1.0 + 1e-6)
-        before, after = (0.5 * reach, 0.5 * reach) if at == "middle" else (reach, 0.0)
+        before, after = (0.5 * reach + more, 0.5 * reach + more) if at == "middle" else (reach, 0.0)
         first = int(np.searchsorted(times, times[start] - before))
         last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
         yield slice(start, stop), slice(first, last)
@@ -41,6 +44,17 @@ class Window:
     after: FloatArray
     """From the top to the end, s."""
 
+    def take(self, indices: NDArray[np.intp]) -> "Window":
+        """Some of them."""
+        return Window(
+            self.start[indices],
+            self.top[indices],
+            self.stop[indices],
+            self.row[indices],
+            self.before[indices],
+            self.after[indices],
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Average:
@@ -54,6 +68,45 @@ class Average:
     """The mean of the lengths times the bound of the turn's error up to the row, rounded up but for time offsets."""
     rounding: FloatArray
     """Bound of what rounding may do to the mean, its length and that of time offsets; theory, section 18.2."""
+    rising: FloatArray
+    """The part of `length` before the top."""
+    falling: FloatArray
+    """The part of `length` after the top."""
+    swept: FloatArray
+    """The mean of the lengths times the angle that the measured rate turns up to the row, rounded up."""
+    spanned: FloatArray
+    """The mean of the lengths times the time to the row, rounded up."""
+    by_stamps: FloatArray
+    """The mean of the lengths times the turn by the offset of their stamps."""
+    lost: FloatArray
+    """What a mean of lengths may lose by rounding."""
+
+
+def weighted(once: FloatArray, twice: FloatArray, window: Window, *, triangular: bool) -> tuple[FloatArray, FloatArray]:
+    """Weighted means over windows, the parts before the top and after it, from running sums and the sums of these.
+
+    Parameters
+    ----------
+    once, twice : (n, k) array
+        ``twice`` is used for a triangle alone.
+    window : Window
+    triangular : bool
+        Weights like a triangle; equal ones otherwise.
+
+    Returns
+    -------
+    rising, falling : (m, k) array
+    """
+    before, after = window.before[:, None], window.after[:, None]
+    span = before + after
+    at_top, at_start, at_stop = once[window.top], once[window.start], once[window.stop]
+    if not triangular:
+        return (at_top - at_start) / span, (at_stop - at_top) / span
+    top = twice[window.top]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        below = at_top - (top - twice[window.start]) / before
+        above = (twice[window.stop] - top) / after - at_top
+    return 2.0 * below / span, 2.0 * above / span
 
 
 class Piece:
@@ -79,23 +132,24 @@ class Piece:
         self.attitudes = attitudes_from_rates(steps, rates)
         # No window reaches across a longer step. Sums across it would leave no digits for the rows behind it.
         steps = np.minimum(steps, maximum_step)
-        self._elapsed = np.concatenate([[0.0], np.cumsum(steps)])
+        self.steps, self.rates, self.since_known = steps, rates, times - bias_known
+        self.elapsed = np.concatenate([[0.0], np.cumsum(steps)])
         speeds = np.linalg.norm(rates, axis=1)
         lengths = np.linalg.norm(vectors, axis=1)
-        self._steady = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
-        self._turned = running_sum(steps, speeds)
-        in_common_frame = np.einsum("nij,nj->ni", self.attitudes, vectors)
+        self._steady = running_sum(steps, gyro.steady_error(speeds, self.since_known))
+        self.turned = running_sum(steps, speeds)
+        self.carried = np.einsum("nij,nj->ni", self.attitudes, vectors)
         # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
         weights = lengths[:, None] * np.column_stack(
             [
                 np.ones_like(times),
                 self._steady,
-                self._turned,
-                self._elapsed,
+                self.turned,
+                self.elapsed,
                 np.where(missing, 0.0, turned_by_offset),
             ]
         )
-        self._once = running_sum(steps, np.column_stack([in_common_frame, weights]))
+        self._once = running_sum(steps, np.column_stack([self.carried, weights]))
         self._twice = running_sum(steps, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
@@ -118,23 +172,16 @@ class Piece:
 
     def averages(self, window: Window, *, triangular: bool) -> Iterator[Average]:
         """Means with equal weights, then with those of a triangle."""
-        before, after = window.before[:, None], window.after[:, None]
-        span = before + after
-        once = self._once[window.top]
-        below, above = once - self._once[window.start], self._once[window.stop] - once
+        span = window.before + window.after
         count = window.stop - window.start
         # What the additions of a running sum, as many as the window has, may lose of a mean, if the sum ends at one.
-        share = _EPSILON * (count + 20.0) / span[:, 0]
-        yield self._average(window, below / span, above / span, share)
+        share = _EPSILON * (count + 20.0) / span
+        yield self._average(window, *weighted(self._once, self._twice, window, triangular=False), share)
         if triangular:
-            twice = self._twice[window.top]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                below = once - (twice - self._twice[window.start]) / before
-                above = (self._twice[window.stop] - twice) / after - once
             half = np.minimum(window.before, window.after)
-            halves = self._elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
-            share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span[:, 0]
-            yield self._average(window, 2.0 * below / span, 2.0 * above / span, share)
+            halves = self.elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
+            share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span
+            yield self._average(window, *weighted(self._once, self._twice, window, triangular=True), share)
 
     def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
         both = rising + falling
@@ -152,12 +199,24 @@ class Piece:
             rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
             return rounded
 
-        noise = self._gyro.noise * between(6, self._elapsed)
+        spanned, swept = between(6, self.elapsed), between(5, self.turned)
+        noise = self._gyro.noise * spanned
         if np.isfinite(self._gyro.increment):
             longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-            swept = self._gyro.increment * (both[:, 3] + lost + between(5, self._turned))
-            noise = np.minimum(noise, swept * (1.0 + 0.5 * self._gyro.noise * longest))
-        turned = self._turned[window.stop] - self._turned[window.start]
+            by_increment = self._gyro.swept_increment(swept, both[:, 3] + lost)
+            noise = np.minimum(noise, by_increment * (1.0 + 0.5 * self._gyro.noise * longest))
+        turned = self.turned[window.stop] - self.turned[window.start]
         rounding = 2.0 * lost + share * self._once[window.stop, 7]
         rounding += 32.0 * _EPSILON * (window.stop - window.start + 1 + turned) * both[:, 3]
-        return Average(both[:, :3], both[:, 3], between(4, self._steady) + noise + both[:, 7], rounding)
+        return Average(
+            mean=both[:, :3],
+            length=both[:, 3],
+            turn=between(4, self._steady) + noise + both[:, 7],
+            rounding=rounding,
+            rising=rising[:, 3],
+            falling=falling[:, 3],
+            swept=swept,
+            spanned=spanned,
+            by_stamps=both[:, 7],
+            lost=lost,
+        )

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.one_matrix import OneMatrix, cell_length
 from elliptude.bounds.samples import (
     EXACT_SENSOR,
     DirectionBounds,
@@ -20,7 +21,7 @@ from elliptude.bounds.samples import (
     rounded_up,
 )
 from elliptude.bounds.stamps import time_offset_angles
-from elliptude.bounds.window_averages import Piece, Place, blocks
+from elliptude.bounds.window_averages import Average, Piece, Place, Window, blocks
 from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
@@ -241,40 +242,83 @@ def _over_windows(
         raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
     if every < 1:
         raise ValueError(f"every must be at least 1, not {every}")
-    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro)
+    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro, vectors=rows)
 
-    means, radii = np.full((count, 3), np.nan), np.full(count, np.inf)
-    best, excess = np.full(count, np.nan), np.zeros(count)
-    # A scale error and a misalignment act on every sample: k (‖f‖ + e) in the mean, where ‖f‖ is measured.
-    scale = sensor.scale_error + 2.0 * np.sin(0.5 * min(sensor.misalignment, np.pi))
-    if scale >= 1.0:
-        raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
-    mean_error = sensor.error if sensor.averaged_error is None else sensor.averaged_error
-    least, greatest = magnitude - magnitude_error, magnitude + magnitude_error
-    for block, needed in blocks(stamps, max(durations), at):
+    best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
+    errors = _Errors.of(sensor)
+    # About a row a scale error that is one matrix undoes a part of what it does; section 18.12.
+    undoes, cell = at == "middle" and gyro.scale_error > 0.0, cell_length(max(durations))
+    for block, needed in blocks(stamps, max(durations), at, 2.0 * cell if undoes else 0.0):
         piece = Piece(
             stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
         )
+        matrix = OneMatrix(piece, gyro, 0.5 * max(durations), cell) if undoes else None
         wanted = np.arange(-(-block.start // every) * every, block.stop, every)
         here = wanted - needed.start
-        for duration in durations:
+        # The longest first: where other errors alone make a shorter one wider, its turns need no second look.
+        for duration in sorted(durations, reverse=True):
             window = piece.window(here, duration, at)
-            span = window.before + window.after
-            for average, offset in zip(piece.averages(window, triangular=len(offsets) > 1), offsets, strict=True):
-                with np.errstate(invalid="ignore", divide="ignore"):
-                    radius = average.turn + mean_error + scale * (average.length + sensor.error) / (1.0 - scale)
-                    radius += offset(window.before, window.after) + average.rounding / (1.0 - scale)
-                lengths = np.linalg.norm(average.mean, axis=1)
-                # NaN where there is no window: no excess, and not better.
-                excess[wanted] = np.maximum(
-                    excess[wanted], radius_excess(lengths, least, greatest, rounded_up(radius, lengths, greatest))
-                )
-                better = radius <= radii[wanted]
-                target = wanted[better]
-                means[target], radii[target], best[target] = average.mean[better], radius[better], span[better]
+            averages = piece.averages(window, triangular=len(offsets) > 1)
+            for i, (average, offset) in enumerate(zip(averages, offsets, strict=True)):
+                others = errors.of_mean(average, window, offset)
+                radius = average.turn + others
+                if matrix is not None:
+                    worth = np.flatnonzero(others + average.by_stamps < np.fmin(best.radii[wanted], radius))
+                    turns = matrix.turns(window, average, worth, triangular=i > 0)
+                    radius[worth] = np.fmin(radius[worth], turns + others[worth])
+                best.take(wanted, window, average, radius)
         # From the common frame to the body axes of each row.
-        means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], means[wanted])
-    found = bounded_directions(means, radii, magnitude, magnitude_error, 1.0, 0.0)
-    excess = np.maximum(excess, found.excess)
+        best.means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], best.means[wanted])
+    found = bounded_directions(best.means, best.radii, magnitude, magnitude_error, 1.0, 0.0)
+    excess = np.maximum(best.excess, found.excess)
     angles = np.where(excess > 0.0, np.nan, found.angles)
-    return WindowBounds(found.directions, angles, excess, best, np.linalg.norm(means, axis=1), radii)
+    return WindowBounds(
+        found.directions, angles, excess, best.durations, np.linalg.norm(best.means, axis=1), best.radii
+    )
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """What a sensor's own errors do to a mean."""
+
+    scale: float
+    """Of every sample's length, as it is true."""
+    error: float
+    mean_error: float
+
+    @classmethod
+    def of(cls, sensor: VectorSensorBounds) -> "_Errors":
+        # A scale error and a misalignment act on every sample: k (‖f‖ + e) in the mean, where ‖f‖ is measured.
+        scale = sensor.scale_error + 2.0 * float(np.sin(0.5 * min(sensor.misalignment, np.pi)))
+        if scale >= 1.0:
+            raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
+        return cls(scale, sensor.error, sensor.error if sensor.averaged_error is None else sensor.averaged_error)
+
+    def of_mean(self, average: Average, window: Window, offset: MeanOffset) -> FloatArray:
+        """All of (18.7) but what turns do, with what rounding does."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own = self.mean_error + self.scale * (average.length + self.error) / (1.0 - self.scale)
+            errors: FloatArray = own + offset(window.before, window.after) + average.rounding / (1.0 - self.scale)
+        return errors
+
+
+class _Best:
+    """Row by row the mean with the smallest radius so far, and how far any mean contradicts its own."""
+
+    def __init__(self, count: int, least: float, greatest: float) -> None:
+        self.means, self.radii = np.full((count, 3), np.nan), np.full(count, np.inf)
+        self.durations, self.excess = np.full(count, np.nan), np.zeros(count)
+        self._least, self._greatest = least, greatest
+
+    def take(self, wanted: NDArray[np.intp], window: Window, average: Average, radius: FloatArray) -> None:
+        """Take means of some rows, each over its window."""
+        lengths = np.linalg.norm(average.mean, axis=1)
+        # NaN where there is no window: no excess, and not better.
+        rounded = rounded_up(radius, lengths, self._greatest)
+        self.excess[wanted] = np.maximum(
+            self.excess[wanted], radius_excess(lengths, self._least, self._greatest, rounded)
+        )
+        better = radius <= self.radii[wanted]
+        target = wanted[better]
+        self.means[target], self.radii[target] = average.mean[better], radius[better]
+        self.durations[target] = window.before[better] + window.after[better]

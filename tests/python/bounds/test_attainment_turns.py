@@ -202,3 +202,49 @@ def test_the_samples_beyond_the_offset_count(side):
     row = 10 + 2 * side
     # From 0.05 to 0.15 s away, on the line between the samples: the mean of 0 and 1.5 rad/s for 0.05 s.
     assert angles[row] >= 0.5 * 1.5 * 0.05
+
+
+def test_only_what_is_across_a_direction_turns_it():
+    """A body that turns about an axis 30° from the direction: half of the rate counts, and all of the gyro's error."""
+    times, speed, tau = 0.01 * np.arange(200), 2.0, 0.03
+    axis, direction = np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, np.sqrt(0.75)])
+    rates = np.tile(speed * axis, (200, 1))
+    angles = time_offset_angles(times, rates, tau, vectors=np.tile(7.0 * direction, (200, 1)))
+    turned = Rotation.from_rotvec(tau * speed * axis).apply(direction)
+    true = np.arctan2(np.linalg.norm(np.cross(direction, turned)), direction @ turned)
+    assert_reached(true, angles[100])
+    gyro = GyroBounds(0.1, largest_rate=5.0)
+    wrong = time_offset_angles(times, rates, tau, gyro=gyro, vectors=np.tile(direction, (200, 1)))
+    np.testing.assert_allclose(wrong, tau * (0.5 * speed + 0.1), rtol=1e-12)
+    # Near a missing rate the largest one counts, or nothing is known.
+    rates[100] = np.nan
+    wrong = time_offset_angles(times, rates, tau, gyro=gyro, vectors=np.tile(direction, (200, 1)))
+    np.testing.assert_allclose(wrong[98:103], tau * 5.0, rtol=1e-12)
+    assert np.isnan(time_offset_angles(times, rates, tau, vectors=np.tile(direction, (200, 1)))[98:103]).all()
+
+
+def test_noise_that_goes_round_at_the_rate_of_the_body():
+    """Its integral runs on a circle: less than 1 + Θ times the largest distance there, and no less than half of it."""
+    speed, radius = 10.0, 1e-4
+    times = np.linspace(0.0, 3.0, 6001)
+    attitudes = Rotation.from_rotvec(times[:, None] * np.array([0.0, 0.0, speed]))
+    shown = np.array([0.0, 0.0, speed]) + attitudes.inv().apply([speed * radius, 0.0, 0.0])
+    angle = (turn_of(times, shown) * attitudes[-1].inv()).magnitude()
+    # A noise bound that says nothing leaves the integral's.
+    gyro = GyroBounds(noise=1e-2, increment=2.0 * radius)
+    for bound in (gyro.window_angle(times, shown), anchored(gyro, times, shown, 10.0)):
+        assert angle <= bound <= 1.4 * angle
+
+
+def test_the_ball_about_the_values_of_an_integral():
+    """The corners of a regular tetrahedron are as far apart as the increment, and in no smaller ball."""
+    corners = 0.5 * 0.3 / np.sqrt(2.0) * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    apart = np.linalg.norm(corners[:, None] - corners, axis=2)
+    np.testing.assert_allclose(apart[~np.eye(4, dtype=bool)], 0.3, rtol=1e-12)
+    radius = np.linalg.norm(corners[0])
+    gyro = GyroBounds(1.0, increment=0.3)
+    # From one end to the other, and Θ times in between; a short turn has less by the distance from where it began.
+    np.testing.assert_allclose(gyro.swept_increment(np.array([8.0])), radius * 10.0, rtol=1e-12)
+    np.testing.assert_allclose(gyro.swept_increment(np.array([0.1])), 0.3 * 1.1, rtol=1e-12)
+    np.testing.assert_allclose(gyro.swept_increment(np.array([16.0]), 2.0), 2.0 * radius * 10.0, rtol=1e-12)
+    assert np.isinf(GyroBounds(1.0).swept_increment(np.array([8.0]))).all()

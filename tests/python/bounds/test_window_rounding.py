@@ -103,12 +103,12 @@ def test_running_sums_are_within_what_is_said_of_their_rounding(monkeypatch, gyr
     piece = Piece(times, vectors, rates, offsets, gyro, times[0], np.inf)
     exact = copy.copy(piece)
     stamps, speeds = times.astype(EXACT), np.sqrt((rates.astype(EXACT) ** 2).sum(axis=1))
-    exact._elapsed = stamps - stamps[0]
+    exact.elapsed = stamps - stamps[0]
     exact._steady = running_integral(stamps, gyro.steady_error(speeds, stamps - stamps[0]))
-    exact._turned = running_integral(stamps, speeds)
+    exact.turned = running_integral(stamps, speeds)
     in_frame = np.einsum("nij,nj->ni", attitudes, vectors.astype(EXACT))
     lengths = np.sqrt((vectors.astype(EXACT) ** 2).sum(axis=1))
-    columns = [np.ones_like(stamps), exact._steady, exact._turned, exact._elapsed, offsets.astype(EXACT)]
+    columns = [np.ones_like(stamps), exact._steady, exact.turned, exact.elapsed, offsets.astype(EXACT)]
     exact._once = running_integral(stamps, np.column_stack([in_frame, lengths[:, None] * np.column_stack(columns)]))
     exact._twice = running_integral(stamps, exact._once)
     rows = np.arange(400, 19_600, 37)

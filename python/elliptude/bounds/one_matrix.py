@@ -1,0 +1,242 @@
+"""What a gyro whose scale error is one matrix does to a mean over a window about its row: docs/theory.md, 18.12.
+
+Before the row and after it such an error turns the carried frame in opposite ways, and a turn back undoes it.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.turns import running_sum
+from elliptude.bounds.window_averages import Average, Piece, Window, weighted
+from elliptude.typing import FloatArray
+
+_EPSILON = float(np.finfo(np.float64).eps)
+# How many directions across the mean stand for all of them; a regular polygon of twice as many corners holds a circle
+# that is smaller by this cosine.
+_DIRECTIONS = 8
+_POLYGON = math.cos(0.5 * math.pi / _DIRECTIONS)
+# Cofactors and determinants in `nuclear_norms` may be off by some rounding of their size, which counts with its root.
+_ROUNDED_NORM = 1.0 + 1e-6
+# A cell of the second order is this long, s, or this share of the longest window.
+_LEAST_CELL = 0.1
+_SHARE_OF_LONGEST = 1.0 / 120.0
+
+
+def cell_length(longest: float) -> float:
+    """The length of the cells in which products of errors are bounded, s."""
+    return max(_LEAST_CELL, _SHARE_OF_LONGEST * longest)
+
+
+def nuclear_norms(matrices: FloatArray) -> FloatArray:
+    """Upper bounds of the sums of singular values of matrices of shape (3, 3, ...).
+
+    The sum s obeys s² = ‖A‖² + 2 e, e² = ‖cof A‖² + 2 |det A| s, in Frobenius norms. The right-hand sides grow with s,
+    so from above every step stays above.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = matrices
+    first, second, third = e * i - f * h, f * g - d * i, d * h - e * g
+    determinants = np.abs(a * first + b * second + c * third)
+    of_cofactors = first * first + second * second + third * third
+    for cofactor in (b * i - c * h, c * g - a * i, a * h - b * g, b * f - c * e, c * d - a * f, a * e - b * d):
+        of_cofactors += cofactor * cofactor
+    squares = sum(entry * entry for entry in (a, b, c, d, e, f, g, h, i))
+    norms: FloatArray = np.sqrt(3.0 * squares)
+    for _ in range(3):
+        norms = np.sqrt(squares + 2.0 * np.sqrt(of_cofactors + 2.0 * determinants * norms))
+    return norms * _ROUNDED_NORM
+
+
+class OneMatrix:
+    """Running integrals of a piece from which the effect of the scale error on any mean in it follows.
+
+    Parameters
+    ----------
+    piece : Piece
+    gyro : GyroBounds
+        With a scale error.
+    reach : float
+        How far windows reach from their rows at most, s.
+    cell : float
+        From `cell_length`.
+    """
+
+    def __init__(self, piece: Piece, gyro: GyroBounds, reach: float, cell: float) -> None:
+        self._piece, self._gyro = piece, gyro
+        # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹, as in (18.13).
+        self._scale, self._other = gyro.scale_error / (1.0 - gyro.scale_error), 1.0 / (1.0 - gyro.scale_error)
+        steps, attitudes = piece.steps, piece.attitudes
+        rates = 0.5 * (piece.rates[1:] + piece.rates[:-1])
+        halves = 0.5 * steps[:, None, None] * (attitudes[1:] + attitudes[:-1])
+        effects = (halves[:, :, :, None] * rates[:, None, None, :]).reshape(-1, 3, 9)
+        self._effects = np.concatenate([np.zeros((1, 3, 9)), np.cumsum(effects, axis=0)])
+        angles = steps * np.linalg.norm(rates, axis=1)
+        self._chords = np.concatenate([[0.0], np.cumsum(angles**3 / 12.0)])
+        self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known)
+        self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
+        self._pushed_twice = running_sum(steps, self._pushed)
+        lengths = np.linalg.norm(piece.carried, axis=1)
+        self._once = running_sum(steps, lengths[:, None] * np.column_stack([self._biased, self._chords]))
+        self._twice = running_sum(steps, self._once)
+        cells = np.floor(piece.since_known / cell)
+        self._nodes = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1, [len(cells) - 1]])
+        self._growth = self._growth_to_cells(math.ceil(reach / cell) + 2)
+
+    def turns(self, window: Window, average: Average, indices: NDArray[np.intp], *, triangular: bool) -> FloatArray:
+        """Bounds as `Average.turn` of what the gyro and the stamps do to means, (18.36).
+
+        Parameters
+        ----------
+        window : Window
+            With rows in the middle.
+        average : Average
+            Over these windows.
+        indices : (m,) array
+            Of the windows to bound.
+        triangular : bool
+            Which weights these are.
+
+        Returns
+        -------
+        (m,) array
+            The sensor's unit.
+        """
+        gyro, of, mean = self._gyro, window.take(indices), average.mean[indices]
+        rising, falling = weighted(self._once, self._twice, of, triangular=triangular)
+        # A running bound is less before the row than at the row, and more after it.
+        inward = average.rising[indices] - average.falling[indices]
+        outward = (falling - rising).T
+        biased, chords = self._biased[of.row] * inward + outward[0], self._chords[of.row] * inward + outward[1]
+        effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects[of.row], mean)
+        length, swept, spanned = average.length[indices], average.swept[indices], average.spanned[indices]
+        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, length + average.lost[indices]))
+        second = self._growth_in(of) * (self._scale * swept + self._other * gyro.noise * spanned)
+        # To body axes of the rows, so that nothing depends on where the piece begins.
+        to_body = self._piece.attitudes[of.row].transpose(0, 2, 1)
+        push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
+        turns: FloatArray = self._scale * (push + chords) + self._other * (noise + biased)
+        return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
+
+    def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
+        """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
+        if not triangular:
+            means = (self._pushed[window.stop] - self._pushed[window.start]) / (window.before + window.after)[:, None]
+        else:
+            top, scale = self._pushed_twice[window.top], 2.0 / (window.before + window.after)
+            means = (self._pushed_twice[window.stop] - top) * (scale / window.after)[:, None]
+            means -= (top - self._pushed_twice[window.start]) * (scale / window.before)[:, None]
+        return means.reshape(-1, 3, 9)
+
+    def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
+        """What rounding may add, as in section 18.2: to the 27 numbers of the effects, and to both bounds."""
+        turned, stop = self._piece.turned, window.stop
+        steps = stop - window.start + 1.0 + turned[stop] - turned[window.start]
+        entry = (average.lost[indices] + _EPSILON * steps * average.length[indices]) * turned[stop]
+        bounds = self._other * self._biased[stop] + self._scale * self._chords[stop]
+        rounding: FloatArray = 64.0 * self._scale * entry + 3.0 * average.lost[indices] * bounds
+        return rounding
+
+    def _growth_in(self, window: Window) -> FloatArray:
+        """The largest share of second order between the row of each window and its ends, (18.39)."""
+        row, start, stop = (self._cells(rows) for rows in (window.row, window.start, window.stop))
+        before, after = self._growth
+        last = len(after) - 1
+        growth = np.maximum(before[np.minimum(row - start, last), row], after[np.minimum(stop - row, last), row])
+        return np.where(np.maximum(row - start, stop - row) > last, np.inf, growth)
+
+    def _cells(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The cell that each row is in."""
+        cells: NDArray[np.intp] = np.searchsorted(self._nodes[1:-1], rows, side="right")
+        return cells
+
+    def _growth_to_cells(self, farthest: int) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the share of second order from any row of a cell to as many cells before and after, (18.39).
+
+        Shape (how many cells away, cells) each.
+        """
+        nodes, count = self._nodes, len(self._nodes) - 1
+        turned, elapsed = self._piece.turned[nodes], self._piece.elapsed[nodes]
+        # q: what the errors of the rate would turn if all had one direction.
+        straight = self._scale * turned + self._other * self._gyro.noise * elapsed
+        in_cell = np.diff(straight)
+        farthest = min(farthest, count - 1)
+        at_nodes = [self._turn_between_nodes(away) for away in range(min(farthest + 1, count) + 1)]
+        before, after = np.full((2, farthest + 1, count), np.inf)
+        along_before, along_after = np.zeros(count), np.zeros(count)
+        for away in range(farthest + 1):
+            near, far = slice(0, count - away), slice(away, count)
+            between = self._turn_between_cells(at_nodes, away)
+            along_after[near] += between * in_cell[far]
+            along_before[far] += between * in_cell[near]
+            most = straight[away + 1 :] - straight[near]
+            least = straight[away:count] - straight[1 : count - away + 1] if away else np.zeros(count)
+            for growth, along, cells in ((after, along_after, near), (before, along_before, far)):
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    squares = between * np.minimum(1.0, between / least)
+                    growth[away, cells] = np.fmin(0.75 * most, 0.5 * along[cells] / least + 0.5 * squares)
+        return np.maximum.accumulate(before), np.maximum.accumulate(after)
+
+    def _turn_between_nodes(self, away: int) -> FloatArray:
+        """Bounds of the turn by the scale error from nodes to those so many further on, rad."""
+        nodes = self._nodes
+        first, last = nodes[: len(nodes) - away], nodes[away:]
+        # In the body axes at the first node, so that nothing depends on where the piece begins.
+        effects = self._piece.attitudes[first].transpose(0, 2, 1) @ (self._effects[last] - self._effects[first])
+        by_rows = np.sqrt((nuclear_norms(effects.reshape(-1, 3, 3, 3).transpose(2, 3, 0, 1)) ** 2).sum(axis=1))
+        # The largest of three numbers is within √2 standard deviations of their mean.
+        squares = effects @ effects.transpose(0, 2, 1)
+        middle = np.trace(squares, axis1=1, axis2=2) / 3.0
+        spread = np.einsum("nij,nij->n", squares, squares) / 3.0 - middle**2
+        together = np.sqrt(3.0 * (middle + np.sqrt(2.0 * np.maximum(spread, 0.0)))) * _ROUNDED_NORM
+        # Rounding of the sums as in 18.2; it is nothing beside the turns.
+        rounding = 64.0 * _EPSILON * (last + 1.0) * self._piece.turned[last]
+        turns: FloatArray = self._scale * (
+            np.minimum(by_rows, together) + self._chords[last] - self._chords[first] + rounding
+        )
+        return turns
+
+    def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:
+        """Bounds of the turn by scale error and noise between any rows of cells so many apart, (18.38), rad."""
+        gyro, nodes, count = self._gyro, self._nodes, len(self._nodes) - 1
+        turned, elapsed = self._piece.turned[nodes], self._piece.elapsed[nodes]
+        inner = at_nodes[away - 1][1 : count - away + 1] if away else at_nodes[1][:count]
+        middle = at_nodes[away]
+        corners = 0.25 * (middle[: count - away] + middle[1 : count - away + 1] + at_nodes[away + 1] + inner)
+        in_cell = np.diff(turned)
+        corners += 0.5 * self._scale * (in_cell[: count - away] + in_cell[away:])
+        swept = turned[away + 1 :] - turned[: count - away]
+        spanned = elapsed[away + 1 :] - elapsed[: count - away]
+        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept))
+        turn: FloatArray = np.minimum(corners, self._scale * swept) + self._other * noise
+        return turn
+
+
+def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
+    """Bounds of the length of M vec K' over all matrices K' of norm one, for M of shape (m, 3, 9).
+
+    The component along e is at most the sum of singular values of M's combination e, which is a norm of e. Across the
+    mean, where nearly all of it is, e is in a polygon; along the mean the norm is added by Pythagoras.
+    """
+    lengths = np.linalg.norm(means, axis=1)
+    along = np.where(lengths[:, None] > 0.0, means / np.where(lengths > 0.0, lengths, 1.0)[:, None], [1.0, 0.0, 0.0])
+    least = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    first = np.cross(along, least)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    axes = np.stack([first, np.cross(along, first), along], axis=1)
+    # One axis after another, and the windows last: what follows goes through whole arrays.
+    x, y, z = np.ascontiguousarray((axes @ effects).transpose(1, 2, 0)).reshape(3, 3, 3, -1)
+    across = np.zeros(len(effects))
+    for angle in math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+        np.maximum(across, nuclear_norms(math.cos(angle) * x + math.sin(angle) * y), out=across)
+    pushes: FloatArray = np.hypot(across / _POLYGON, nuclear_norms(z))
+    return pushes
+
+
+def _crossed(effects: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Each column of matrices (n, 3, 9), crossed with a vector (n, 3) from the right."""
+    x, y, z = vectors.T[:, :, None]
+    a, b, c = effects[:, 0], effects[:, 1], effects[:, 2]
+    crossed: FloatArray = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
+    return crossed
