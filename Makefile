@@ -36,6 +36,10 @@ test-cpp: $(SYSTEM)-test ## The C++ tests alone
 	cmake --build --preset $(PRESET)
 	ctest --preset $(PRESET)
 
+.PHONY: coverage
+coverage: $(SYSTEM)-test $(SYSTEM)-clang ## Lines and branches of the C++ core that the C++ tests run
+	$(PYTHON) tools/coverage.py
+
 .PHONY: test-flight
 test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptions, no heap
 	cmake --preset $(PRESET)

@@ -33,6 +33,7 @@ for purpose in "$@"; do
         lint) need_command clang-tidy clang-tidy ;;
         clang)
             need_command clang++ clang
+            need_command llvm-cov llvm # of `make coverage`
             need_package libclang-rt-dev
             ;;
         browser) need_command chromium chromium ;;

@@ -19,6 +19,7 @@
 #include "elliptude.h"
 
 #include <cstring>
+#include <elliptude/base/seal.hpp>
 #include <elliptude/dynamics/potential.hpp>
 #include <elliptude/guaranteed/body_flow.hpp>
 #include <elliptude/guaranteed/filter.hpp>
@@ -35,7 +36,8 @@ static_assert(most_directions == ELLIPTUDE_MOST_DIRECTIONS && most_questioned ==
 static_assert(static_cast<int>(Status::ok) == ELLIPTUDE_OK &&
               static_cast<int>(Status::zero_direction) == ELLIPTUDE_ZERO_DIRECTION &&
               static_cast<int>(Status::empty_intersection) == ELLIPTUDE_EMPTY_INTERSECTION &&
-              static_cast<int>(Status::interrupted) == ELLIPTUDE_INTERRUPTED);
+              static_cast<int>(Status::interrupted) == ELLIPTUDE_INTERRUPTED &&
+              static_cast<int>(Status::corrupted) == ELLIPTUDE_CORRUPTED);
 static_assert(static_cast<int>(Policy::raise) == ELLIPTUDE_RAISE &&
               static_cast<int>(Policy::drop_measurement) == ELLIPTUDE_DROP_MEASUREMENT &&
               static_cast<int>(Policy::restart) == ELLIPTUDE_RESTART &&
@@ -258,17 +260,27 @@ struct Kept {
   std::uint64_t mark;  // that `init` has made it, of which kind, and in which precision
   typename Kind::Filter filter;
 
-  static_assert(sizeof(typename Kind::Filter) + sizeof(std::uint64_t) <= sizeof(typename Kind::Memory),
+  static_assert(sizeof(typename Kind::Filter) + sizeof(std::uint64_t) + sizeof(Seal) <= sizeof(typename Kind::Memory),
                 "elliptude.h has too few words for this filter");
   static_assert(alignof(typename Kind::Filter) <= alignof(typename Kind::Memory));
   static_assert(std::is_trivially_destructible_v<typename Kind::Filter>);
 };
 
-/// \return `ELLIPTUDE_NULL_POINTER`, `ELLIPTUDE_NOT_INITIALIZED`.
+/// How many bytes of a filter's memory are sealed: all but those of the seal, which is at the end.
+template <typename Kind>
+constexpr std::size_t sealed_size = sizeof(typename Kind::Memory) - sizeof(Seal);
+
+/// Seals the memory as it is.
+template <typename Kind>
+void seal(typename Kind::Memory* memory) noexcept {
+  const Seal present = seal_of(memory, sealed_size<Kind>);
+  std::memcpy(reinterpret_cast<unsigned char*>(memory) + sealed_size<Kind>, &present, sizeof present);
+}
+
+/// \return `ELLIPTUDE_NULL_POINTER`, `ELLIPTUDE_NOT_INITIALIZED`, `ELLIPTUDE_CORRUPTED`.
 template <typename Kind>
 [[nodiscard]] elliptude_status open(const typename Kind::Memory* memory, const Kept<Kind>*& kept) noexcept {
-  static_assert(sizeof(Kept<Kind>) <= sizeof(typename Kind::Memory) &&
-                alignof(Kept<Kind>) <= alignof(typename Kind::Memory));
+  static_assert(sizeof(Kept<Kind>) <= sealed_size<Kind> && alignof(Kept<Kind>) <= alignof(typename Kind::Memory));
   if (memory == nullptr) {
     return ELLIPTUDE_NULL_POINTER;
   }
@@ -276,6 +288,11 @@ template <typename Kind>
   std::memcpy(&mark, memory->memory, sizeof mark);
   if (mark != Kind::mark) {
     return ELLIPTUDE_NOT_INITIALIZED;
+  }
+  Seal left;
+  std::memcpy(&left, reinterpret_cast<const unsigned char*>(memory) + sealed_size<Kind>, sizeof left);
+  if (left != seal_of(memory, sealed_size<Kind>)) {
+    return ELLIPTUDE_CORRUPTED;
   }
   kept = std::launder(reinterpret_cast<const Kept<Kind>*>(memory->memory));
   return ELLIPTUDE_OK;
@@ -305,6 +322,7 @@ template <typename Kind>
     return code(status);
   }
   new (memory->memory) Kept<Kind>(made);
+  seal<Kind>(memory);
   return ELLIPTUDE_OK;
 }
 
@@ -347,6 +365,7 @@ template <typename Kind>
     const bool knew = kept->filter.knows_attitude();
     status = code(kept->filter.predict(time, input));
     limits = knew && !kept->filter.knows_attitude() ? ELLIPTUDE_LIMIT_SET : 0;
+    seal<Kind>(memory);
   }
   return report_call<Kind>(kept, status, limits, {}, report);
 }
@@ -370,6 +389,7 @@ template <typename Kind>
     Measured measured;
     status = code(measured.read(*measurements));
     status = status == ELLIPTUDE_OK ? code(kept->filter.update(measured.all, done)) : status;
+    seal<Kind>(memory);
   }
   return report_call<Kind>(kept, status, limits, done, report);
 }
@@ -380,8 +400,15 @@ template <typename Kind>
   const elliptude_status status = open<Kind>(memory, kept);
   if (status == ELLIPTUDE_OK) {
     kept->filter.forget();
+    seal<Kind>(memory);
   }
   return status;
+}
+
+template <typename Kind>
+[[nodiscard]] elliptude_status check(const typename Kind::Memory* memory) noexcept {
+  const Kept<Kind>* kept = nullptr;
+  return open<Kind>(memory, kept);
 }
 
 template <typename Kind>
@@ -439,8 +466,8 @@ const char* elliptude_message(elliptude_status status) {
     case ELLIPTUDE_WRONG_ARITHMETIC:
       return "the processor or the compiler does not round as the guarantee needs it";
     default:
-      return status >= ELLIPTUDE_OK && status <= ELLIPTUDE_INTERRUPTED ? message(static_cast<Status>(status))
-                                                                       : "unknown status";
+      return status >= ELLIPTUDE_OK && status <= ELLIPTUDE_CORRUPTED ? message(static_cast<Status>(status))
+                                                                     : "unknown status";
   }
 }
 
@@ -501,6 +528,8 @@ elliptude_status elliptude_body_update(elliptude_body* filter, const elliptude_m
 
 elliptude_status elliptude_body_forget(elliptude_body* filter) { return forget<Body>(filter); }
 
+elliptude_status elliptude_body_check(const elliptude_body* filter) { return check<Body>(filter); }
+
 elliptude_status elliptude_body_set(const elliptude_body* filter, elliptude_set* set) {
   return set_of<Body>(filter, set);
 }
@@ -543,6 +572,8 @@ elliptude_status elliptude_gyro_update(elliptude_gyro* filter, const elliptude_m
 }
 
 elliptude_status elliptude_gyro_forget(elliptude_gyro* filter) { return forget<Gyro>(filter); }
+
+elliptude_status elliptude_gyro_check(const elliptude_gyro* filter) { return check<Gyro>(filter); }
 
 elliptude_status elliptude_gyro_set(const elliptude_gyro* filter, elliptude_set* set) {
   return set_of<Gyro>(filter, set);

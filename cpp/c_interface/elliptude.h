@@ -20,6 +20,10 @@
  * - A bound of three numbers is an ellipsoid's half-axes along the body axes. A box of errors is in the ellipsoid with √3 times
  *   half its sides.
  * - A filter may be copied with `=` or memcpy, and needs no function at its end. One thread at a time may use it.
+ * - Each function that changes a filter leaves a seal in it, and each function looks first whether the memory is as it was left. If one or
+ *   two bits were flipped since, or anything within two words of 32 bits, it always returns ELLIPTUDE_CORRUPTED, or NOT_INITIALIZED of
+ *   the first eight bytes, and does nothing; so it does after other changes but for one in 2³², or fewer. Take a copy that was kept,
+ *   or `init` it again.
  *
  * All parts of a program must be compiled with the same ELLIPTUDE_SINGLE_PRECISION and ELLIPTUDE_MOST_*. A part with another precision does
  * not link, and one with other sizes is told ELLIPTUDE_WRONG_SIZE.
@@ -48,6 +52,7 @@ typedef float elliptude_number;
 #define elliptude_body_predict elliptude_single_body_predict
 #define elliptude_body_update elliptude_single_body_update
 #define elliptude_body_forget elliptude_single_body_forget
+#define elliptude_body_check elliptude_single_body_check
 #define elliptude_body_set elliptude_single_body_set
 #define elliptude_body_bounds elliptude_single_body_bounds
 #define elliptude_gyro_defaults elliptude_single_gyro_defaults
@@ -55,6 +60,7 @@ typedef float elliptude_number;
 #define elliptude_gyro_predict elliptude_single_gyro_predict
 #define elliptude_gyro_update elliptude_single_gyro_update
 #define elliptude_gyro_forget elliptude_single_gyro_forget
+#define elliptude_gyro_check elliptude_single_gyro_check
 #define elliptude_gyro_set elliptude_single_gyro_set
 #define elliptude_gyro_bounds elliptude_single_gyro_bounds
 #else
@@ -93,9 +99,10 @@ enum {
   ELLIPTUDE_BEYOND_DOMAIN = 15,        /* a number is too large or too small for this precision */
   ELLIPTUDE_TOO_MANY_STEPS = 16,       /* the interval takes more steps than `most_steps` */
   ELLIPTUDE_INTERRUPTED = 17,          /* not returned by these filters */
+  ELLIPTUDE_CORRUPTED = 18,            /* the filter's memory was changed since the last call */
   /* Those above are the statuses of the C++ library, those below are of this interface alone. */
   ELLIPTUDE_NULL_POINTER = 100,    /* an argument that is needed is NULL */
-  ELLIPTUDE_NOT_INITIALIZED = 101, /* `init` has not made this filter, or its memory was overwritten */
+  ELLIPTUDE_NOT_INITIALIZED = 101, /* `init` has not made this filter, or its beginning was overwritten */
   ELLIPTUDE_WRONG_SIZE = 102,      /* the filter or the parameters have another size here; or without `defaults` */
   ELLIPTUDE_WRONG_ARITHMETIC = 103 /* the processor or the compiler does not round as the guarantee needs it */
 };
@@ -228,6 +235,8 @@ typedef struct {
 
 /* --- the filter of a rigid body -------------------------------------------------------------------------------------- */
 
+/* A function that takes a filter returns ELLIPTUDE_CORRUPTED, too: see above. */
+
 /* A rigid body, free or under the gravity gradient of a circular orbit, with a torque and an inertia that are not fully known. */
 typedef struct {
   size_t size; /* set by `defaults`: leave it */
@@ -295,6 +304,10 @@ elliptude_status elliptude_body_update(elliptude_body* filter, const elliptude_m
 /* Forgets all but the parameters and the time. Returns NULL_POINTER, NOT_INITIALIZED. */
 elliptude_status elliptude_body_forget(elliptude_body* filter);
 
+/* Whether the memory is as the last call left it. Every other function looks, too: this one is for a task that looks more often, and
+ * for choosing among copies. Returns ELLIPTUDE_OK, NULL_POINTER, NOT_INITIALIZED, CORRUPTED. */
+elliptude_status elliptude_body_check(const elliptude_body* filter);
+
 /* Returns NULL_POINTER, NOT_INITIALIZED, UNBOUNDED if the attitude is not known. */
 elliptude_status elliptude_body_set(const elliptude_body* filter, elliptude_set* set);
 
@@ -347,6 +360,7 @@ elliptude_status elliptude_gyro_predict(elliptude_gyro* filter, elliptude_number
 elliptude_status elliptude_gyro_update(elliptude_gyro* filter, const elliptude_measurements* measurements,
                                        elliptude_report* report);
 elliptude_status elliptude_gyro_forget(elliptude_gyro* filter);
+elliptude_status elliptude_gyro_check(const elliptude_gyro* filter);
 elliptude_status elliptude_gyro_set(const elliptude_gyro* filter, elliptude_set* set);
 elliptude_status elliptude_gyro_bounds(const elliptude_gyro* filter, const elliptude_number vertical[3],
                                        elliptude_bounds* bounds);

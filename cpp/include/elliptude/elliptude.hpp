@@ -8,6 +8,7 @@
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/status.hpp"
+#include "elliptude/base/seal.hpp"
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/base/scalar.hpp"
 #include "elliptude/base/rounding.hpp"

@@ -148,6 +148,42 @@ static void another_kind(void) {
   CHECK(elliptude_gyro_predict(&gyro, 2, vertical, &report) == ELLIPTUDE_NOT_INITIALIZED);
 }
 
+/* Memory that was changed between two calls, by any one bit. */
+static void flipped_bits(void) {
+  const elliptude_measurements measured = all_measurements();
+  elliptude_set set;
+  elliptude_bounds bounds;
+  size_t bit;
+  int seen = 0;
+  unsigned char* const bytes = (unsigned char*)&body;
+  start();
+  CHECK(elliptude_body_check(&body) == ELLIPTUDE_OK && elliptude_gyro_check(&gyro) == ELLIPTUDE_OK);
+  for (bit = 0; bit < 8 * sizeof body; ++bit) {
+    bytes[bit / 8] ^= (unsigned char)(1U << bit % 8);
+    seen += elliptude_body_check(&body) == (bit < 64 ? ELLIPTUDE_NOT_INITIALIZED : ELLIPTUDE_CORRUPTED);
+    bytes[bit / 8] ^= (unsigned char)(1U << bit % 8);
+  }
+  CHECK(seen == (int)(8 * sizeof body));
+  CHECK(elliptude_body_check(&body) == ELLIPTUDE_OK);
+  bytes[sizeof body / 2] ^= 4;
+  ((unsigned char*)&gyro)[sizeof gyro - 1] ^= 0x80;
+  REFUSES_BODY(elliptude_body_predict(&body, 2, NULL, NULL, &report), ELLIPTUDE_CORRUPTED);
+  REFUSES_BODY(elliptude_body_update(&body, &measured, &report), ELLIPTUDE_CORRUPTED);
+  CHECK(report.status == ELLIPTUDE_CORRUPTED && report.claim == ELLIPTUDE_NO_CLAIM && report.time == 0);
+  REFUSES_BODY(elliptude_body_forget(&body), ELLIPTUDE_CORRUPTED);
+  REFUSES_BODY(elliptude_body_set(&body, &set), ELLIPTUDE_CORRUPTED);
+  REFUSES_BODY(elliptude_body_bounds(&body, vertical, &bounds), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_predict(&gyro, 2, vertical, &report), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_update(&gyro, &measured, &report), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_forget(&gyro), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_set(&gyro, &set), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_bounds(&gyro, vertical, &bounds), ELLIPTUDE_CORRUPTED);
+  REFUSES_GYRO(elliptude_gyro_check(&gyro), ELLIPTUDE_CORRUPTED);
+  CHECK(elliptude_body_check(NULL) == ELLIPTUDE_NULL_POINTER && elliptude_gyro_check(NULL) == ELLIPTUDE_NULL_POINTER);
+  start(); /* makes both again */
+  CHECK(elliptude_body_check(&body) == ELLIPTUDE_OK && elliptude_gyro_check(&gyro) == ELLIPTUDE_OK);
+}
+
 static void wrong_sizes(void) {
   elliptude_body_parameters of_body = body_parameters();
   elliptude_gyro_parameters of_gyro = gyro_parameters();
@@ -402,7 +438,7 @@ static void messages(void) {
             strcmp(elliptude_message(one), unknown) == 0);
     }
   }
-  CHECK(known == 22);
+  CHECK(known == 23);
   CHECK(elliptude_message(INT32_MIN) == unknown && elliptude_message(INT32_MAX) == unknown);
   CHECK(strcmp(elliptude_message(ELLIPTUDE_OK), "ok") == 0);
   CHECK(strchr(elliptude_version(), '.') != NULL);
@@ -414,6 +450,7 @@ int main(void) {
   not_initialized(0x5A);
   not_initialized(0xFF);
   another_kind();
+  flipped_bits();
   wrong_sizes();
   parameters_of_body();
   parameters_of_gyro();

@@ -528,6 +528,14 @@ template <typename Scalar>
   use_guaranteed_fusion(seeds, tally);
   use_directions(seeds, tally);
   use_guaranteed(seeds, tally);
+  Sealed<Matrix6<Scalar>> sealed(shape);
+  tally.add(sealed.verify());
+  tally.add(sealed.call([](Matrix6<Scalar>& inside) noexcept {
+    inside *= Scalar(2);
+    return Status::ok;
+  }));
+  sealed.replace(shape);
+  tally.add(sealed.object());
   tally.add(message(tally.failures == 0 ? Status::ok : Status::out_of_range)[0] == 'o');
   return tally;
 }

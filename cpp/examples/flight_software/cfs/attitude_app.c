@@ -70,8 +70,12 @@ static void take_sensors(const ATTITUDE_APP_Sensors_t* sensors) {
   }
   measured.directions = sensors->Stars;
   measured.direction_count = sensors->StarCount;
-  if (elliptude_gyro_predict(&App.Filter, time, App.HasRate ? App.Rate : NULL, &report) == ELLIPTUDE_NOT_INITIALIZED) {
-    report.status = start_filter(time); /* the first message */
+  (void)elliptude_gyro_predict(&App.Filter, time, App.HasRate ? App.Rate : NULL, &report);
+  if (report.status == ELLIPTUDE_CORRUPTED) {
+    note("predict", &report); /* the memory was changed by something else */
+  }
+  if (report.status == ELLIPTUDE_NOT_INITIALIZED || report.status == ELLIPTUDE_CORRUPTED) {
+    report.status = start_filter(time); /* the first message is one, too */
   }
   note("predict", &report);
   if (report.status == ELLIPTUDE_OK) {

@@ -77,6 +77,8 @@ inline constexpr int three_digits = 1000;
 inline constexpr int quotient = 256;
 /// Differences this small in what the search for multipliers minimises are rounding.
 inline constexpr int objective = 64;
+/// Slopes of the logarithm of a size, relative to the number of coordinates, each of which adds at most one to the terms that cancel.
+inline constexpr int slope = 4;
 ///@}
 
 /// Directions, attitudes and their cones. (theory, sections 15.7 and 16.2)

@@ -27,6 +27,7 @@ enum class [[nodiscard]] Status : std::uint8_t {
   beyond_domain,          ///< a number is too large or too small for this precision (docs/domain.md)
   too_many_steps,         ///< the interval takes more steps than the flow's limit
   interrupted,            ///< the caller's interruption hook said to stop
+  corrupted,              ///< memory was changed since the last call (`Sealed`)
 };
 
 /// One line for a log or an exception; never null.
@@ -68,6 +69,8 @@ enum class [[nodiscard]] Status : std::uint8_t {
       return "the interval takes more steps than the flow's limit: lengthen the step, or raise most_steps";
     case Status::interrupted:
       return "stopped by the caller before the end";
+    case Status::corrupted:
+      return "the memory was changed since the last call: take a copy that was kept, or start again";
   }
   return "unknown status";
 }

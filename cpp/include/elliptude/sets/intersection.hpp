@@ -4,7 +4,7 @@
 /// The intersection of two ellipsoids, or of an ellipsoid with a quadric: whether it is empty, and the smallest ellipsoid of a
 /// one-parameter family that contains it (paper, eqs. xhatP-LP; theory, section 7).
 
-#include "elliptude/sets/detail/combination.hpp"
+#include "elliptude/sets/detail/recombine.hpp"
 
 namespace elliptude {
 

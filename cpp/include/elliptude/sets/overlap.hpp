@@ -67,8 +67,9 @@ template <typename Scalar, int N>
     }
     (at.slope > Scalar(0) ? low : high) = lambda;
     // The value is flat at the maximum: an error of √ε in λ is one of ε in it. Newton's step says how far that is, also where it is too
-    // short to leave λ, which the bracket would take for a step out of it.
-    if (scalar::abs(at.step) <= scalar::constant<Scalar>(0.1L) * rounding::root<Scalar>() * high) {
+    // short to leave λ, which the bracket would take for a step out of it; and so does the bracket, where the slope is rounding.
+    const Scalar enough = scalar::constant<Scalar>(0.1L) * rounding::root<Scalar>() * high;
+    if (scalar::abs(at.step) <= enough || high - low <= enough) {
       break;
     }
     lambda += at.step;

@@ -173,6 +173,19 @@ class RelativeSize {
     }
   }
 
+  struct Slopes {
+    Scalar first;
+    Scalar second;
+  };
+  /// The same with respect to log q.
+  [[nodiscard]] Slopes derivatives_in_log(const Combination<Scalar, N>& c, const Scalar& q) const noexcept {
+    Slopes slopes;
+    derivatives(c, slopes.first, slopes.second);
+    slopes.second = q * slopes.first + q * q * slopes.second;
+    slopes.first = q * slopes.first;
+    return slopes;
+  }
+
   [[nodiscard]] bool by_volume() const noexcept { return by_volume_; }
   [[nodiscard]] const Matrix<Scalar, N>& weight() const noexcept { return weight_; }  ///< W', if not by volume
 
@@ -211,6 +224,15 @@ template <typename Scalar>
   return move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
 }
 
+/// The step in log q that Newton's step in 1/q is, or the longest one where that is beyond the second set alone, 1/q = 0. There the size is
+/// smooth in 1/q: in log q each step towards it would go half a unit.
+template <typename Scalar>
+[[nodiscard]] Scalar newton_move_upward(const Scalar& slope, const Scalar& curvature, const Scalar& longest) noexcept {
+  const Scalar left = curvature + Scalar(2) * slope;
+  const Scalar move = left > Scalar(0) ? scalar::log(Scalar((curvature + slope) / left)) : longest;
+  return move < longest ? move : longest;
+}
+
 /// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was found.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] bool first_set_is_best(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
@@ -231,7 +253,8 @@ template <typename Scalar, int N, typename Slack>
 
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
 /// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
-/// iterate is a valid bound.
+/// iterate is a valid bound. It ends also where the slope is rounding, as about the second set alone, and where the bracket of q is as
+/// narrow as the tolerance: beyond, rounding would choose the bound, and in float often one without volume.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
@@ -262,13 +285,13 @@ template <typename Scalar, int N, typename Slack>
       if (!(trial.level > Scalar(0))) {  // the sets touch in one point
         return Status::ok;
       }
-      Scalar slope;
-      Scalar curvature;
-      size.derivatives(trial, slope, curvature);
-      curvature = q * slope + q * q * curvature;  // now with respect to log q
-      slope = q * slope;
+      const auto [slope, curvature] = size.derivatives_in_log(trial, q);
       (slope > Scalar(0) ? high : low) = log_q;
-      move = newton_move(slope, curvature, longest);
+      if (scalar::abs(slope) <= rounding::share<Scalar>(rounding::slope * N)) {
+        return Status::ok;
+      }
+      move = scalar::isfinite(high) ? newton_move(slope, curvature, longest)
+                                    : newton_move_upward(slope, curvature, longest);
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
         first_set_tried = true;
         if (first_set_is_best(problem, size, found)) {
@@ -281,7 +304,7 @@ template <typename Scalar, int N, typename Slack>
       next = scalar::constant<Scalar>(0.5L) * (low + high);
     }
     log_q = next;
-    if (bounded && scalar::abs(move) <= tolerance) {
+    if (bounded && (scalar::abs(move) <= tolerance || high - low <= tolerance)) {
       break;
     }
   }
@@ -337,61 +360,6 @@ template <typename Scalar, int N, typename Slack>
   result.set.center = origin + factor.lazyProduct(best.center);
   result.share = found.share;
   return Status::ok;
-}
-
-/// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
-/// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
-template <typename Scalar, int N>
-void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& b,
-               const Vector<Scalar, N>& w, const Vector<Scalar, N>& present, const Scalar& q,
-               Ellipsoid<Scalar, N>& set) noexcept {
-  Matrix<Scalar, 2 * N, N> stacked = Matrix<Scalar, 2 * N, N>::Zero();
-  stacked.template topRows<N>() = b;
-  const Scalar root = scalar::sqrt(q);
-  for (int i = 0; i < N; ++i) {
-    stacked(N + i, i) = present(i) > Scalar(0) ? root : Scalar(1);
-  }
-  Vector<Scalar, 2 * N> right = Vector<Scalar, 2 * N>::Zero();
-  right.template head<N>() = -w;
-  triangularize(stacked, right);
-  const Matrix<Scalar, N> lower =
-      Matrix<Scalar, N>(stacked.template topRows<N>().template triangularView<Eigen::Upper>()).transpose();
-  const Vector<Scalar, N> u = solve_lower_transposed(lower, Vector<Scalar, N>(right.template head<N>()));
-  const Scalar level =
-      (Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm()) + q * (Scalar(1) - u.squaredNorm());
-  const Matrix<Scalar, N> half = solve_lower(lower, Matrix<Scalar, N>(factor.transpose()));
-  if (level >= Scalar(0) && scalar::all_finite(u) && scalar::all_finite(half)) {
-    set.center = origin + factor.lazyProduct(u);
-    set.shape.noalias() = level * half.transpose().lazyProduct(half);
-  }
-}
-
-/// Checks a combined set: it must be positive definite by more than rounding, or a factor of it would be luck, unless the second set
-/// is flat or the two have one point in common.
-/// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
-template <typename Scalar, int N>
-[[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
-  Matrix<Scalar, N> factor;
-  if (validate(set) != Status::ok) {
-    return Status::beyond_domain;
-  }
-  const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
-  Matrix<Scalar, N> lowered = set.shape;
-  lowered.diagonal() *= Scalar(1) - rounding::share<Scalar>(rounding::cholesky(N));
-  return may_be_flat || cholesky(lowered, factor) == Status::ok ? Status::ok : Status::beyond_domain;
-}
-
-/// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
-template <typename Scalar, int N>
-[[nodiscard]] bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
-                              const SizeCriterion<Scalar, N>& criterion) noexcept {
-  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
-    return first.diagonal().prod() < second.diagonal().prod();
-  }
-  const auto trace = [&](const Matrix<Scalar, N>& factor) {
-    return Scalar(criterion.weight.cwiseProduct(factor.lazyProduct(factor.transpose())).sum());
-  };
-  return trace(first) < trace(second);
 }
 
 }  // namespace elliptude::detail

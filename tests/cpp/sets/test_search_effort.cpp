@@ -1,0 +1,116 @@
+/// What the search for the smallest combination of two sets costs, also where rounding could keep it busy, and that what it ends with is a
+/// set in float, too.
+
+#include <doctest/doctest.h>
+
+#include <elliptude/sets/intersection.hpp>
+
+#include "support/counted.hpp"
+#include "support/random.hpp"
+
+using namespace elliptude;
+using elliptude::testing::Counted;
+using elliptude::testing::operations;
+using elliptude::testing::Random;
+
+namespace {
+
+template <typename Scalar>
+Ellipsoid<Scalar, 6> set_of(const Vector6<double>& center, const Matrix6<double>& shape) {
+  using Value = scalar::Value<Scalar>;
+  return {center.unaryExpr([](double x) { return Scalar(static_cast<Value>(x)); }),
+          shape.unaryExpr([](double x) { return Scalar(static_cast<Value>(x)); })};
+}
+
+/// \return operations of one fusion, or -1 if the sets do not meet.
+template <typename Scalar>
+long effort(const Ellipsoid<Scalar, 6>& first, const Ellipsoid<Scalar, 6>& second,
+            const SizeCriterion<Scalar, 6>& criterion, Intersection<Scalar, 6>& result) {
+  operations = 0;
+  return minimal_intersection(first, second, criterion, result) == Status::ok ? operations : -1;
+}
+
+/// Pairs of which the second set is hardly better with the first than alone: the best q is very large.
+template <typename Real>
+long most_of_idle_pairs(const SizeCriterion<Counted<Real>, 6>& criterion) {
+  using Scalar = Counted<Real>;
+  Random random(11);
+  long most = 0;
+  for (int k = 0; k < 60; ++k) {
+    const Matrix6<double> a = random.positive_definite<6>(100);
+    const Ellipsoid<Scalar, 6> second = set_of<Scalar>(Vector6<double>::Zero(), random.positive_definite<6>(100));
+    const Vector6<double> center = 0.1 * random.unit_vector<6>();
+    Intersection<Scalar, 6> result;
+    double low = -10;
+    double high = 10;
+    for (int i = 0; i < 40; ++i) {
+      const double middle = (low + high) / 2;
+      const long found = effort(set_of<Scalar>(center, std::exp(middle) * a), second, criterion, result);
+      (found >= 0 && result.share == Scalar(1) ? high : low) = middle;
+    }
+    for (const double below : {1e-7, 1e-5, 1e-3}) {
+      most = std::max(most, effort(set_of<Scalar>(center, std::exp(low - below) * a), second, criterion, result));
+    }
+  }
+  return most;
+}
+
+}  // namespace
+
+TEST_CASE("a set that is hardly any help costs no more than others") {
+  using Double = Counted<double>;
+  using Float = Counted<float>;
+  // A combination and its derivatives are some 900 operations; forty of them were needed, and in float all of sixty.
+  CHECK(most_of_idle_pairs<double>(SizeCriterion<Double, 6>::volume()) < 20000);
+  CHECK(most_of_idle_pairs<double>(SizeCriterion<Double, 6>::trace()) < 30000);
+  CHECK(most_of_idle_pairs<float>(SizeCriterion<Float, 6>::volume()) < 20000);
+  CHECK(most_of_idle_pairs<float>(SizeCriterion<Float, 6>::trace()) < 30000);
+}
+
+TEST_CASE("sets of great aspect that meet have a common volume in float and are found soon") {
+  using Scalar = Counted<float>;
+  Random random(5);
+  int met = 0;
+  long most = 0;
+  for (int k = 0; k < 400; ++k) {
+    const Matrix6<double> a = random.positive_definite<6>(1e6);
+    const Matrix6<double> b = random.positive_definite<6>(1e6);
+    const Vector6<double> center = random.uniform(0, 1) * random.unit_vector<6>();
+    const double scale = random.log_uniform(1e-3, 1e3);
+    Intersection<Scalar, 6> result;
+    const long found = effort(set_of<Scalar>(center, scale * a), set_of<Scalar>(Vector6<double>::Zero(), b),
+                              SizeCriterion<Scalar, 6>::volume(), result);
+    if (found >= 0) {
+      ++met;
+      most = std::max(most, found);
+      Matrix6<Scalar> factor;
+      CHECK(cholesky(result.set.shape, factor) == Status::ok);
+    }
+  }
+  CHECK(met > 300);
+  CHECK(most < 40000);
+}
+
+TEST_CASE("whether sets of any aspect meet is found in float as soon as in double") {
+  Random random(3);
+  long most_double = 0;
+  long most_float = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const double aspect = random.log_uniform(1, 1e5);
+    const Matrix6<double> a = random.positive_definite<6>(aspect);
+    const Matrix6<double> b = random.log_uniform(1e-4, 1e4) * random.positive_definite<6>(aspect);
+    const Vector6<double> center = random.log_uniform(1e-3, 3) * random.unit_vector<6>();
+    const auto effort_of = [&](auto zero) {
+      using Scalar = decltype(zero);
+      Scalar margin;
+      operations = 0;
+      return overlap_margin(set_of<Scalar>(center, a), set_of<Scalar>(Vector6<double>::Zero(), b), margin) == Status::ok
+                 ? operations
+                 : 0;
+    };
+    most_double = std::max(most_double, effort_of(Counted<double>(0)));
+    most_float = std::max(most_float, effort_of(Counted<float>(0)));
+  }
+  CHECK(most_double < 15000);
+  CHECK(most_float < 15000);
+}
