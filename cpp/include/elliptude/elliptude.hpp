@@ -68,6 +68,7 @@
 #include "elliptude/guaranteed/gyro_flow.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/guaranteed/policy.hpp"
+#include "elliptude/guaranteed/settings.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 #include "elliptude/guaranteed/filter.hpp"
 #include "elliptude/guaranteed/direction_filter.hpp"
