@@ -9,6 +9,7 @@
 #include "elliptude/guaranteed/detail/filter_linear_update.hpp"
 #include "elliptude/guaranteed/detail/filter_prediction.hpp"
 #include "elliptude/guaranteed/detail/filter_update.hpp"
+#include "elliptude/guaranteed/update_constraints.hpp"
 
 namespace elliptude {
 
@@ -202,6 +203,13 @@ class GuaranteedFilter {
   /// the policy is to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
     return detail::FilterUpdate<Flow>(memory_).run(measurements, update);
+  }
+
+  /// The same, and leaves what the update used, for questions that are answered one by one.
+  /// \param constraints changed only on success.
+  [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update,
+                              UpdateConstraints<State>& constraints) noexcept {
+    return detail::FilterUpdate<Flow>(memory_, &constraints).run(measurements, update);
   }
 
   /// One linear measurement of the error [ζ; δ] about the present center.

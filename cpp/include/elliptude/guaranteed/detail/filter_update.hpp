@@ -6,6 +6,7 @@
 
 #include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/detail/filter_memory.hpp"
+#include "elliptude/guaranteed/update_constraints.hpp"
 
 namespace elliptude::detail {
 
@@ -30,7 +31,9 @@ class FilterUpdate {
   using Solution = detail::Solution<State>;
   using Past = typename SetSolver<State>::Past;
 
-  explicit FilterUpdate(Memory& filter) noexcept : filter_(filter) {}
+  /// \param kept where the constraints are left, or null.
+  explicit FilterUpdate(Memory& filter, UpdateConstraints<State>* kept = nullptr) noexcept
+      : filter_(filter), kept_(kept) {}
 
   /// `GuaranteedFilter::update`.
   [[nodiscard]] Status run(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
@@ -114,6 +117,8 @@ class FilterUpdate {
                               const Solution& solution, GuaranteedUpdate<Scalar>& result,
                               GuaranteedUpdate<Scalar>& update) noexcept {
     Set next = filter_.known.set;
+    const Solution* taken = &solution;
+    Solution alone;
     bool used_prediction = bounded && solution.used_prediction;
     if (bounded && !(solution.used_prediction && solution.fusion.prediction_alone)) {
       // Where it is not: the measurements say too little, and what was kept is kept.
@@ -128,7 +133,6 @@ class FilterUpdate {
       trust.count(contradicted, bounded || filter_.known.has_attitude || filter_.known.has_vector);
     }
     if (trust.past_is_due(filter_.settings.regain_after)) {
-      Solution alone;
       const Status status = filter_.solver_of(measurements).solve(all, Past::forgotten, nullptr, alone);
       count_fusion(alone.fusion, result);
       if (status == Status::ok && filter_.place(alone.center, alone.fusion.set, next) == Status::ok) {
@@ -136,6 +140,7 @@ class FilterUpdate {
         result.dropped &= ~all;
         bounded = true;
         used_prediction = false;
+        taken = &alone;
       }
     }
     Ellipsoid<Scalar, 3> vector = filter_.known.vector;
@@ -153,8 +158,17 @@ class FilterUpdate {
     }
     if (bounded) {
       const Sensors used = filter_.may_be_wrong() ? 0 : all & ~result.dropped;
-      keep_constraints(measurements, used, used_prediction && !filter_.may_be_wrong(), next.center.attitude);
+      const bool with_prediction = used_prediction && !filter_.may_be_wrong();
+      keep_constraints(measurements, used, with_prediction, next.center.attitude);
+      if (kept_ != nullptr) {
+        leave_constraints(measurements, used, with_prediction, *taken, next);
+      }
       filter_.known.set = next;
+    } else if (kept_ != nullptr) {
+      kept_->forget();
+      if (filter_.known.has_attitude) {
+        *kept_ = UpdateConstraints<State>::of(filter_.known.set, is_product());
+      }
     }
     filter_.known.has_attitude = filter_.known.has_attitude || bounded;
     filter_.known.vector = vector;
@@ -187,6 +201,29 @@ class FilterUpdate {
     }
     if ((used & attitude_bit) != 0 && to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
       filter_.constraints.add(quadric);
+    }
+  }
+
+  /// Whether the set's shape is of two sets, with zeros between.
+  [[nodiscard]] bool is_product() const noexcept {
+    return !filter_.settings.estimates_vector && filter_.known.has_vector_bound;
+  }
+
+  /// Leaves what the set comes from about the center of the fusion, where all of it is quadrics of attitude and vector together.
+  void leave_constraints(const Measurements<Scalar>& measurements, Sensors used, bool with_prediction,
+                         const Solution& solution, const Set& next) const noexcept {
+    kept_->set_about(solution.center, solution.fusion.set, next, is_product());
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    if (filter_.solver_of(measurements).collect(used, Past::forgotten, solution.center, quadrics, count) !=
+        Status::ok) {
+      return;  // less sharp, and no less a bound
+    }
+    if (with_prediction) {
+      kept_->add_past(filter_.known.set.shape);
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      kept_->add(quadrics[k]);
     }
   }
 
@@ -245,6 +282,7 @@ class FilterUpdate {
   }
 
   Memory& filter_;
+  UpdateConstraints<State>* kept_;
 };
 
 }  // namespace elliptude::detail
