@@ -147,14 +147,16 @@ void turn_to(Filter& filter, double time, const Vector3<double>& turn, const std
 }
 
 template <typename Filter>
-[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names) {
+[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names,
+                                            UpdateConstraints<typename Filter::State>* constraints = nullptr) {
   const auto& settings = filter.settings();
   if (settings.policy == Policy::relaxed && settings.most_wrong > 0 && measured.count() > most_with_wrong_ones) {
     value_error("policy 'relaxed' is for at most " + std::to_string(most_with_wrong_ones) +
                 " measurements at a time, but there are " + std::to_string(measured.count()));
   }
   GuaranteedUpdate<double> update;
-  const Status status = filter.update(measured.core(), update);
+  const Status status = constraints != nullptr ? filter.update(measured.core(), update, *constraints)
+                                               : filter.update(measured.core(), update);
   if (status == Status::empty_intersection) {
     std::string sensor;
     measured.for_each(update.contradicting, names.directions(), [&](Index column) { sensor = names.text_of(column); });
@@ -321,11 +323,13 @@ void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& elli
     return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr,
                          Trust(rests_on_drops, agreeing_updates, disputed_updates));
   };
+  constraints_.reset();
   raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates, disputed_updates");
 }
 
 void PythonGuaranteedFilter::forget() {
   const std::unique_lock lock = exclusive(*mutex_);
+  constraints_.reset();
   std::visit([](auto& filter) { filter.forget(); }, filter_);
 }
 
@@ -394,6 +398,7 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
       value_error("increment must not be negative, but is " + text(inputs.increment) + " rad");
     }
   }
+  constraints_.reset();
   const py::gil_scoped_release release;
   std::visit([&](auto& filter) { predict_to(filter, end, inputs); }, filter_);
 }
@@ -408,6 +413,7 @@ void PythonGuaranteedFilter::predict_turn(const py::object& time, const py::obje
   if (filter == nullptr) {
     throw py::type_error("predict_turn is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
   }
+  constraints_.reset();
   turn_to(*filter, end, rotation_vector, "turn", angle, "turn_bound");
 }
 
@@ -426,7 +432,9 @@ py::object PythonGuaranteedFilter::update(const py::object& directions, const py
   const SensorNames names(sensors, m, measured.angular_velocity.has_value(), measured.attitude.has_value());
   return std::visit(
       [&](auto& filter) {
-        const GuaranteedUpdate<double> update = fuse(filter, measured, names);
+        UpdateConstraints<typename std::decay_t<decltype(filter)>::State> constraints;
+        const GuaranteedUpdate<double> update = fuse(filter, measured, names, &constraints);
+        constraints_ = constraints;
         py::list dropped;
         measured.for_each(update.dropped, m, [&](Index column) { dropped.append(names.object_of(column)); });
         return updated(update, py::tuple(dropped));
@@ -450,6 +458,7 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
           raise_inconsistent("linear measurement", filter.time(), update.margin);
         }
         raise_unless_ok(status, "update_linear");
+        constraints_.reset();
         return updated(update, py::tuple());
       },
       filter_);
@@ -588,6 +597,7 @@ py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, 
                                            const Loop& loop) {
   LogRows out(time.item()[0], directions,
               vertical.is_none() ? std::nullopt : std::optional<Vector3<double>>(vertical_of(vertical)));
+  constraints_.reset();
   run_on_copy(filter_, [&](AnyFilter& working, Index& row) { loop(working, out, row); });
   return out.log(time);
 }

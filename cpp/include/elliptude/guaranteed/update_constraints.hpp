@@ -40,7 +40,7 @@ class UpdateConstraints {
   /// by the shortest turn, rad, in the sense of a right-handed screw. A component of the error's rotation vector along the axis has
   /// the same bounds where these have zero between them.
   /// \param axis in the body axes at the center, of any length.
-  /// \return `unbounded` without a set; `not_finite`; `zero_direction`.
+  /// \return `unbounded` without a set, or if rounding leaves no bound; `not_finite`; `zero_direction`.
   [[nodiscard]] Status turn_about(const Vector3<Scalar>& axis, Interval<Scalar>& angle) const noexcept {
     if (const Status status = checked(axis); status != Status::ok) {
       return status;
@@ -52,7 +52,7 @@ class UpdateConstraints {
 
   /// Where a component of the angular velocity, or of the gyro's bias, may be, rad/s.
   /// \param direction in body axes, of any length.
-  /// \return `unbounded` without a set; `not_finite`; `zero_direction`.
+  /// \return `unbounded` without a set, or if rounding leaves no bound; `not_finite`; `zero_direction`.
   [[nodiscard]] Status vector_along(const Vector3<Scalar>& direction, Interval<Scalar>& extent) const noexcept {
     if (const Status status = checked(direction); status != Status::ok) {
       return status;
