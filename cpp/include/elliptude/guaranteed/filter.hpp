@@ -209,7 +209,13 @@ class GuaranteedFilter {
   /// \param constraints changed only on success.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update,
                               UpdateConstraints<State>& constraints) noexcept {
-    return detail::FilterUpdate<Flow>(memory_, &constraints).run(measurements, update);
+    const detail::Knowledge<State> before = memory_.known;
+    detail::FilterUpdate<Flow> step(memory_);
+    const Status status = step.run(measurements, update);
+    if (status == Status::ok) {
+      step.leave(before, measurements, constraints);
+    }
+    return status;
   }
 
   /// One linear measurement of the error [ζ; δ] about the present center.

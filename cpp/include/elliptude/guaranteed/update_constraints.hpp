@@ -72,7 +72,7 @@ class UpdateConstraints {
     }
     const Vector3<Scalar> origin = vector_part(origin_);
     const Scalar middle = n.dot(origin);
-    const Scalar slip = rounding::share<Scalar>(rounding::quadric(1)) * n.cwiseAbs().dot(origin.cwiseAbs());
+    const Scalar slip = rounding::share<Scalar>(rounding::component) * n.cwiseAbs().dot(origin.cwiseAbs());
     const auto lost = [&slip](const Scalar& value) {
       return Scalar(slip + rounding::share<Scalar>(1) * scalar::abs(value));
     };
@@ -228,7 +228,7 @@ class UpdateConstraints {
       return Status::empty_intersection;
     }
     const Scalar reach = Scalar(1) + scalar::constant<Scalar>(0.25L) * largest_square_;
-    const Scalar slip = rounding::share<Scalar>(rounding::center + 4 * rounding::direction) * reach;
+    const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction + rounding::turn_forms) * reach;
     angle = {-detail::turn_of_tangent(least, slip), detail::turn_of_tangent(most, slip)};
     return Status::ok;
   }
@@ -295,7 +295,7 @@ class UpdateConstraints {
     const Scalar middle = scalar::constant<Scalar>(0.5L) * (extent.least + extent.most);
     const Scalar below = middle - extent.least;
     const Scalar above = extent.most - middle;
-    return slab(n, middle, rounding::enlarged(below > above ? below : above, 2), quadric);
+    return slab(n, middle, rounding::enlarged(below > above ? below : above, rounding::slab), quadric);
   }
 
   bool knows_attitude_ = false;

@@ -31,9 +31,7 @@ class FilterUpdate {
   using Solution = detail::Solution<State>;
   using Past = typename SetSolver<State>::Past;
 
-  /// \param kept where the constraints are left, or null.
-  explicit FilterUpdate(Memory& filter, UpdateConstraints<State>* kept = nullptr) noexcept
-      : filter_(filter), kept_(kept) {}
+  explicit FilterUpdate(Memory& filter) noexcept : filter_(filter) {}
 
   /// `GuaranteedFilter::update`.
   [[nodiscard]] Status run(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
@@ -49,7 +47,7 @@ class FilterUpdate {
     const Sensors all = given & ~beyond;
     GuaranteedUpdate<Scalar> result;
     const SetSolver<State> solver = filter_.solver_of(measurements);
-    Solution solution;
+    Solution& solution = solution_;
     Status status = Status::ok;
     if (filter_.may_be_wrong() && given != 0) {
       if (sensors::number_of(given) > 8) {
@@ -87,7 +85,36 @@ class FilterUpdate {
       return status;
     }
     result.dropped |= beyond;
-    return accept(measurements, all, status == Status::ok, solution, result, update);
+    return accept(measurements, all, status == Status::ok, result, update);
+  }
+
+  /// Leaves what the set comes from, after a `run` that was `ok`, about the center of the fusion, where all of it is quadrics of
+  /// attitude and vector together.
+  /// \param before what the filter knew.
+  void leave(const Knowledge<State>& before, const Measurements<Scalar>& measurements,
+             UpdateConstraints<State>& constraints) const noexcept {
+    const bool is_product = !filter_.settings.estimates_vector && filter_.known.has_vector_bound;
+    if (!filter_.known.has_attitude) {
+      constraints.forget();
+      return;
+    }
+    if (!took_up_) {
+      constraints = UpdateConstraints<State>::of(filter_.known.set, is_product);
+      return;
+    }
+    constraints.set_about(solution_.center, solution_.fusion.set, filter_.known.set, is_product);
+    const SetSolver<State> solver{before, filter_.settings.criterion, filter_.settings.estimates_vector, measurements};
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    if (solver.collect(used_, Past::forgotten, solution_.center, quadrics, count) != Status::ok) {
+      return;  // less sharp, and no less a bound
+    }
+    if (with_prediction_) {
+      constraints.add_past(before.set.shape);
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      constraints.add(quadrics[k]);
+    }
   }
 
  private:
@@ -114,11 +141,9 @@ class FilterUpdate {
   /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up that the
   /// filter may not keep.
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded,
-                              const Solution& solution, GuaranteedUpdate<Scalar>& result,
-                              GuaranteedUpdate<Scalar>& update) noexcept {
+                              GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
+    const Solution& solution = solution_;
     Set next = filter_.known.set;
-    const Solution* taken = &solution;
-    Solution alone;
     bool used_prediction = bounded && solution.used_prediction;
     if (bounded && !(solution.used_prediction && solution.fusion.prediction_alone)) {
       // Where it is not: the measurements say too little, and what was kept is kept.
@@ -133,6 +158,7 @@ class FilterUpdate {
       trust.count(contradicted, bounded || filter_.known.has_attitude || filter_.known.has_vector);
     }
     if (trust.past_is_due(filter_.settings.regain_after)) {
+      Solution alone;
       const Status status = filter_.solver_of(measurements).solve(all, Past::forgotten, nullptr, alone);
       count_fusion(alone.fusion, result);
       if (status == Status::ok && filter_.place(alone.center, alone.fusion.set, next) == Status::ok) {
@@ -140,7 +166,7 @@ class FilterUpdate {
         result.dropped &= ~all;
         bounded = true;
         used_prediction = false;
-        taken = &alone;
+        solution_ = alone;
       }
     }
     Ellipsoid<Scalar, 3> vector = filter_.known.vector;
@@ -157,19 +183,12 @@ class FilterUpdate {
       has_vector = true;
     }
     if (bounded) {
-      const Sensors used = filter_.may_be_wrong() ? 0 : all & ~result.dropped;
-      const bool with_prediction = used_prediction && !filter_.may_be_wrong();
-      keep_constraints(measurements, used, with_prediction, next.center.attitude);
-      if (kept_ != nullptr) {
-        leave_constraints(measurements, used, with_prediction, *taken, next);
-      }
+      used_ = filter_.may_be_wrong() ? 0 : all & ~result.dropped;
+      with_prediction_ = used_prediction && !filter_.may_be_wrong();
+      keep_constraints(measurements, used_, with_prediction_, next.center.attitude);
       filter_.known.set = next;
-    } else if (kept_ != nullptr) {
-      kept_->forget();
-      if (filter_.known.has_attitude) {
-        *kept_ = UpdateConstraints<State>::of(filter_.known.set, is_product());
-      }
     }
+    took_up_ = bounded;
     filter_.known.has_attitude = filter_.known.has_attitude || bounded;
     filter_.known.vector = vector;
     filter_.known.has_vector = has_vector && !filter_.known.has_attitude;
@@ -201,29 +220,6 @@ class FilterUpdate {
     }
     if ((used & attitude_bit) != 0 && to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
       filter_.constraints.add(quadric);
-    }
-  }
-
-  /// Whether the set's shape is of two sets, with zeros between.
-  [[nodiscard]] bool is_product() const noexcept {
-    return !filter_.settings.estimates_vector && filter_.known.has_vector_bound;
-  }
-
-  /// Leaves what the set comes from about the center of the fusion, where all of it is quadrics of attitude and vector together.
-  void leave_constraints(const Measurements<Scalar>& measurements, Sensors used, bool with_prediction,
-                         const Solution& solution, const Set& next) const noexcept {
-    kept_->set_about(solution.center, solution.fusion.set, next, is_product());
-    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
-    std::size_t count = 0;
-    if (filter_.solver_of(measurements).collect(used, Past::forgotten, solution.center, quadrics, count) !=
-        Status::ok) {
-      return;  // less sharp, and no less a bound
-    }
-    if (with_prediction) {
-      kept_->add_past(filter_.known.set.shape);
-    }
-    for (std::size_t k = 0; k < count; ++k) {
-      kept_->add(quadrics[k]);
     }
   }
 
@@ -282,7 +278,11 @@ class FilterUpdate {
   }
 
   Memory& filter_;
-  UpdateConstraints<State>* kept_;
+  Solution solution_;  // that was found, or taken up in its place
+  // Of what was taken up: which measurements it rests on, and whether on the prediction.
+  Sensors used_ = 0;
+  bool with_prediction_ = false;
+  bool took_up_ = false;
 };
 
 }  // namespace elliptude::detail
