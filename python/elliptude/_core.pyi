@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.results import (
     AttitudeBounds,
+    AttitudeSet,
     DirectionLog,
     DirectionUpdate,
     Extent,
@@ -14,6 +15,7 @@ from elliptude.results import (
     GuaranteedLog,
     GuaranteedUpdate,
     Intersection,
+    Interval,
     PrincipalAxes,
     Trajectory,
     Update,
@@ -528,6 +530,9 @@ class GuaranteedFilter:
         sensors: Sequence[str] | None = None,
     ) -> GuaranteedUpdate: ...
     def bounds(self, vertical: ArrayLike) -> AttitudeBounds | None: ...
+    def turn_about(self, axis: ArrayLike) -> Interval | None: ...
+    def vector_along(self, direction: ArrayLike) -> Interval | None: ...
+    def attitude_set(self, criterion: _Criterion = "volume") -> AttitudeSet | None: ...
     def update_linear(self, y: ArrayLike, h: ArrayLike, bound: ArrayLike) -> GuaranteedUpdate: ...
     def run(
         self,

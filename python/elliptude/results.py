@@ -266,6 +266,27 @@ class AttitudeBounds(NamedTuple):
         return np.maximum(-self.heading_from, self.heading_to)
 
 
+class Interval(NamedTuple):
+    """Between what a number is."""
+
+    least: float
+    """It is not less."""
+    most: float
+    """It is not more."""
+
+
+class AttitudeSet(NamedTuple):
+    """A set of attitudes by itself: C = attitude cay(γ/2) with γ in the ellipsoid of the shape about zero.
+
+    A turn by an angle about a unit vector n is γ = 2 tan(angle/2) n.
+    """
+
+    attitude: FloatArray
+    """Of the center, shape (3, 3)."""
+    shape: FloatArray
+    """Of γ in body axes, rad², shape (3, 3)."""
+
+
 @dataclass(frozen=True)
 class DirectionUpdate:
     """What an update of a DirectionFilter did."""

@@ -38,7 +38,7 @@ def test_the_readme_programs_run(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_one_call_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks(LIBRARY, "python", 8)[0], "one call", "exec"), {})
+    exec(compile(blocks(LIBRARY, "python", 9)[0], "one call", "exec"), {})
     claim, angles = capsys.readouterr().out.split(maxsplit=1)
     assert claim == "unconditional"
     roll, pitch, yaw = (float(one) for one in angles.strip("[]\n").split())
@@ -48,30 +48,36 @@ def test_the_one_call_of_the_library_runs(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_the_guaranteed_program_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    claim, angle = printed(blocks(LIBRARY, "python", 8)[1], capsys)
+    claim, angle = printed(blocks(LIBRARY, "python", 9)[1], capsys)
     assert claim == "unconditional"
     assert 1 < angle < 5
 
 
 def test_the_programs_of_single_questions_run(capsys: pytest.CaptureFixture[str]) -> None:
-    programs = blocks(LIBRARY, "python", 8)
+    programs = blocks(LIBRARY, "python", 9)
     exec(compile(programs[2], "bounds", "exec"), {})
     tilt, least, most = (float(one) for one in capsys.readouterr().out.strip("[]\n").split())
     assert (tilt, least, most) == pytest.approx((2.0, -15.0, 15.0), rel=0.02)  # the cones alone
-    exec(compile(programs[3], "up", "exec"), {})
+    exec(compile(programs[3], "turn, rate and own set", "exec"), {})
+    said = capsys.readouterr().out.replace("[", "").replace("]", "").split()
+    least, most, fastest, *own = (float(one) for one in said)
+    # Each direction bounds the turn about the camera's axis by itself; the set's half-widths are 0.14 and 0.2.
+    assert (least, most, fastest) == pytest.approx((-0.1, 0.1, 0.1), rel=0.01)
+    assert own == pytest.approx([0.1 * np.sqrt(2.0), 0.1 * np.sqrt(2.0), 0.1], rel=0.01)
+    exec(compile(programs[4], "up", "exec"), {})
     said = capsys.readouterr().out
     assert said == "[-0.479  0.     0.878] 2.57 unconditional\n"  # -sin 0.5, cos 0.5; 2 degrees and 0.01 rad
 
 
 def test_the_first_order_program_of_the_library_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    inside, angle = printed(blocks(LIBRARY, "python", 8)[4], capsys)
+    inside, angle = printed(blocks(LIBRARY, "python", 9)[5], capsys)
     assert inside == "True"
     assert 0 < angle < 3
 
 
 def test_the_potentials_of_the_library_predict_and_state_what_is_true() -> None:
     names: dict[str, object] = {}
-    for program in blocks(LIBRARY, "python", 8)[5:]:
+    for program in blocks(LIBRARY, "python", 9)[6:]:
         exec(compile(program, "a potential", "exec"), names)
     panel, estimator = names["panel"], names["estimator"]
     assert isinstance(panel, el.StatedTorque)

@@ -28,6 +28,7 @@
 #include "elliptude/sets/quadric.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
 #include "elliptude/sets/quotient.hpp"
+#include "elliptude/sets/projected_fusion.hpp"
 
 #include "elliptude/attitude/chart.hpp"
 #include "elliptude/attitude/state.hpp"
@@ -69,7 +70,9 @@
 #include "elliptude/guaranteed/gyro_flow.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/guaranteed/policy.hpp"
+#include "elliptude/guaranteed/settings.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
+#include "elliptude/guaranteed/update_constraints.hpp"
 #include "elliptude/guaranteed/filter.hpp"
 #include "elliptude/guaranteed/direction_filter.hpp"
 // clang-format on

@@ -212,6 +212,75 @@ Raises
 ValueError
     If it is not finite, or zero.
 )")
+      .def("turn_about", &Filter::turn_about, "axis"_a, R"(turn_about(self, axis)
+--
+
+How far the attitude may be turned about an axis from the attitude of the set's center.
+
+It is the turn that is left when what turns the axis itself is taken away by the shortest turn, in the sense of a right-handed screw; about
+the vertical it is the heading. A question of its own, as in `bounds`, to all that the last `update` used, until the filter changes; then to
+the set.
+
+Parameters
+----------
+axis : (3,) array_like
+    In the body axes at the center, of any length.
+
+Returns
+-------
+Interval or None
+    rad, up to ±pi. None if the attitude is not known.
+
+Raises
+------
+ValueError
+    If it is not finite, or zero.
+)")
+      .def("vector_along", &Filter::vector_along, "direction"_a, R"(vector_along(self, direction)
+--
+
+Between what a component of the angular velocity, or of the gyro's bias, is.
+
+A question of its own, as `turn_about`.
+
+Parameters
+----------
+direction : (3,) array_like
+    In body axes, of any length; the component along it.
+
+Returns
+-------
+Interval or None
+    rad/s. None if the attitude is not known.
+
+Raises
+------
+ValueError
+    If it is not finite, or zero.
+)")
+      .def("attitude_set", &Filter::attitude_set, "criterion"_a = "volume", R"(attitude_set(self, criterion='volume')
+--
+
+A small set of the attitude alone, about a center of its own.
+
+The filter's set has to be small in attitude and vector together. This one is as small as the attitude alone allows, from all that the
+last `update` used, until the filter changes, and from bounds of the turns about three axes.
+
+Parameters
+----------
+criterion : {'volume', 'trace'}
+    The size to minimise.
+
+Returns
+-------
+AttitudeSet or None
+    None if the attitude is not known.
+
+Raises
+------
+ValueError
+    If there is no such criterion.
+)")
       .def("update_linear", &Filter::update_linear, "y"_a, "h"_a, "bound"_a,
            R"(update_linear(self, y, h, bound)
 --

@@ -5,6 +5,7 @@
 
 #include <elliptude/guaranteed/filter.hpp>
 #include <elliptude/guaranteed/gyro_flow.hpp>
+#include <elliptude/guaranteed/update_constraints.hpp>
 #include <string>
 
 #include "guaranteed/flow.hpp"
@@ -130,14 +131,16 @@ void turn_to(Filter& filter, double time, const Vector3<double>& turn, const std
 }
 
 template <typename Filter>
-[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names) {
+[[nodiscard]] GuaranteedUpdate<double> fuse(Filter& filter, const Measured& measured, const SensorNames& names,
+                                            UpdateConstraints<typename Filter::State>* constraints = nullptr) {
   const auto& settings = filter.settings();
   if (settings.policy == Policy::relaxed && settings.most_wrong > 0 && measured.count() > most_with_wrong_ones) {
     value_error("policy 'relaxed' is for at most " + std::to_string(most_with_wrong_ones) +
                 " measurements at a time, but there are " + std::to_string(measured.count()));
   }
   GuaranteedUpdate<double> update;
-  const Status status = filter.update(measured.core(), update);
+  const Status status = constraints != nullptr ? filter.update(measured.core(), update, *constraints)
+                                               : filter.update(measured.core(), update);
   if (status == Status::empty_intersection) {
     std::string sensor;
     measured.for_each(update.contradicting, names.directions(), [&](Index column) { sensor = names.text_of(column); });

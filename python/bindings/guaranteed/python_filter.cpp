@@ -166,11 +166,13 @@ void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& elli
     return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr,
                          Trust(rests_on_drops, agreeing_updates, disputed_updates));
   };
+  constraints_.reset();
   raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates, disputed_updates");
 }
 
 void PythonGuaranteedFilter::forget() {
   const std::unique_lock lock = exclusive(*mutex_);
+  constraints_.reset();
   std::visit([](auto& filter) { filter.forget(); }, filter_);
 }
 
@@ -239,6 +241,7 @@ void PythonGuaranteedFilter::predict(const py::object& time, const py::object& c
       value_error("increment must not be negative, but is " + text(inputs.increment) + " rad");
     }
   }
+  constraints_.reset();
   const py::gil_scoped_release release;
   std::visit([&](auto& filter) { predict_to(filter, end, inputs); }, filter_);
 }
@@ -253,6 +256,7 @@ void PythonGuaranteedFilter::predict_turn(const py::object& time, const py::obje
   if (filter == nullptr) {
     throw py::type_error("predict_turn is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
   }
+  constraints_.reset();
   turn_to(*filter, end, rotation_vector, "turn", angle, "turn_bound");
 }
 
@@ -271,7 +275,9 @@ py::object PythonGuaranteedFilter::update(const py::object& directions, const py
   const SensorNames names(sensors, m, measured.angular_velocity.has_value(), measured.attitude.has_value());
   return std::visit(
       [&](auto& filter) {
-        const GuaranteedUpdate<double> update = fuse(filter, measured, names);
+        UpdateConstraints<typename std::decay_t<decltype(filter)>::State> constraints;
+        const GuaranteedUpdate<double> update = fuse(filter, measured, names, &constraints);
+        constraints_ = constraints;
         py::list dropped;
         measured.for_each(update.dropped, m, [&](Index column) { dropped.append(names.object_of(column)); });
         return updated(update, py::tuple(dropped));
@@ -295,6 +301,7 @@ py::object PythonGuaranteedFilter::update_linear(const py::object& y, const py::
           raise_inconsistent("linear measurement", filter.time(), update.margin);
         }
         raise_unless_ok(status, "update_linear");
+        constraints_.reset();
         return updated(update, py::tuple());
       },
       filter_);

@@ -5,6 +5,8 @@
 
 #include <elliptude/guaranteed/filter.hpp>
 #include <elliptude/guaranteed/gyro_flow.hpp>
+#include <elliptude/guaranteed/update_constraints.hpp>
+#include <optional>
 #include <variant>
 
 #include "attitude/state_ellipsoid.hpp"
@@ -75,6 +77,11 @@ class PythonGuaranteedFilter {
   /// How far the attitude may be off, None without a set.
   [[nodiscard]] py::object bounds(const py::object& vertical) const;
 
+  /// Single questions to what the last update used: guaranteed/questions.cpp.
+  [[nodiscard]] py::object turn_about(const py::object& axis) const;
+  [[nodiscard]] py::object vector_along(const py::object& direction) const;
+  [[nodiscard]] py::object attitude_set(const std::string& criterion) const;
+
   [[nodiscard]] py::object run(const py::object& times, const py::object& directions, const py::object& reference,
                                const py::object& bounds, const py::object& angular_velocity,
                                const py::object& rate_bound, const py::object& attitude,
@@ -97,6 +104,7 @@ class PythonGuaranteedFilter {
   using BodyFilter = GuaranteedFilter<GuaranteedBodyFlow>;
   using GyroFilter = GuaranteedFilter<GuaranteedGyroFlow<double>>;
   using AnyFilter = std::variant<BodyFilter, GyroFilter>;
+  using AnyConstraints = std::variant<UpdateConstraints<BodyFilter::State>, UpdateConstraints<GyroFilter::State>>;
 
   template <typename Filter>
   void make(const typename Filter::Flow& flow, const typename Filter::Settings& settings, double time,
@@ -107,6 +115,9 @@ class PythonGuaranteedFilter {
   [[nodiscard]] py::object run_log(const Items& time, Index directions, const py::object& vertical, const Loop& loop);
 
   [[nodiscard]] bool has_gyro() const noexcept { return std::holds_alternative<GyroFilter>(filter_); }
+
+  /// What the last update left, or the set as it is; the attitude is known.
+  [[nodiscard]] AnyConstraints present_constraints() const;
 
   /// \throws TypeError of inputs that are not those of the flow.
   void require_inputs_of_flow(const py::object& control_torque, const py::object& wheel_momentum,
@@ -122,6 +133,7 @@ class PythonGuaranteedFilter {
   std::optional<Ellipsoid<double, 3>> vector_bound_;
   std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
   AnyFilter filter_;
+  std::optional<AnyConstraints> constraints_;  // of the last update, until the filter changes
 };
 
 }  // namespace elliptude::python

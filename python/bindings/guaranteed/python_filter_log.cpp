@@ -50,6 +50,7 @@ py::object PythonGuaranteedFilter::run_log(const Items& time, Index directions, 
                                            const Loop& loop) {
   LogRows out(time.item()[0], directions,
               vertical.is_none() ? std::nullopt : std::optional<Vector3<double>>(vertical_of(vertical)));
+  constraints_.reset();
   run_on_copy(filter_, [&](AnyFilter& working, Index& row) { loop(working, out, row); });
   return out.log(time);
 }

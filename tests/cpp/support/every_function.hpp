@@ -499,6 +499,16 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     AttitudeBounds<Scalar> bounds;
     tally.add(filter.bounds(seeds.rate, bounds));
     tally.add(bounds.angle + bounds.heading());
+    UpdateConstraints<GyroState<Scalar>> constraints;
+    tally.add(filter.update({nullptr, 0, nullptr, &star}, update, constraints));
+    Interval<Scalar> interval{Scalar(0), Scalar(0)};
+    tally.add(constraints.turn_about(seeds.rate, interval));
+    tally.add(interval.most);
+    tally.add(constraints.vector_along(seeds.rate, interval));
+    tally.add(interval.least);
+    AttitudeSet<Scalar> alone{Matrix3<Scalar>::Identity(), Matrix3<Scalar>::Identity()};
+    tally.add(constraints.attitude_set(SizeCriterion<Scalar, 3>::volume(), alone));
+    tally.add(alone.shape);
     tally.add(filter.predict(Scalar(2) * seeds.step, {seeds.rate, Scalar(-1)}));
     tally.add(filter.predict_turn(Scalar(3) * seeds.step, seeds.zeta, seeds.step));
     tally.add(filter.ellipsoid().shape);

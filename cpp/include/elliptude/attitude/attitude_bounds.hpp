@@ -68,6 +68,27 @@ template <typename Scalar>
   return largest >= Scalar(0) ? Status::ok : Status::empty_intersection;
 }
 
+/// Twice an angle and what was lost of it, up to π.
+template <typename Scalar>
+[[nodiscard]] Scalar widened_turn(const Scalar& half_angle, const Scalar& slipped) noexcept {
+  const Scalar pi = scalar::pi<Scalar>();
+  const Scalar result =
+      Scalar(2) * (half_angle + rounding::share<Scalar>(rounding::product) * scalar::abs(half_angle)) + slipped;
+  return result < pi ? result : pi;
+}
+
+template <typename Scalar>
+[[nodiscard]] Scalar half_turn_of_tangent(const Scalar& tangent) noexcept {
+  const Scalar pi = scalar::pi<Scalar>();
+  return tangent < Scalar(1) / rounding::square<Scalar>() ? scalar::atan2(tangent, Scalar(1)) : Scalar(pi / 2);
+}
+
+/// The turn whose half has this tangent at most.
+template <typename Scalar>
+[[nodiscard]] Scalar turn_of_tangent(const Scalar& tangent, const Scalar& slipped) noexcept {
+  return widened_turn(half_turn_of_tangent(tangent), slipped);
+}
+
 }  // namespace detail
 
 /// The bounds for the attitudes with γ, the Gibbs vector about the center, in a set and in `count` quadrics. Of the heading ψ it is
@@ -102,25 +123,16 @@ template <typename Scalar>
   const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
   const Scalar slip_of_heading =
       rounding::share<Scalar>(rounding::center + 2 * rounding::direction) / scalar::sqrt(cosine_square);
-  const Scalar pi = scalar::pi<Scalar>();
-  const auto widened = [&pi](const Scalar& half_angle, const Scalar& slipped) {
-    const Scalar result =
-        Scalar(2) * (half_angle + rounding::share<Scalar>(rounding::product) * scalar::abs(half_angle)) + slipped;
-    return result < pi ? result : pi;
-  };
-  const auto half_heading = [&pi](const Scalar& tangent) {
-    return tangent < Scalar(1) / rounding::square<Scalar>() ? scalar::atan2(tangent, Scalar(1)) : Scalar(pi / 2);
-  };
   AttitudeBounds<Scalar> result;
-  result.tilt = widened(scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(cosine_square)), slip);
-  result.heading_from = -widened(half_heading(least), slip_of_heading);
-  result.heading_to = widened(half_heading(most), slip_of_heading);
-  const Scalar half = half_heading(most > least ? most : least);
+  result.tilt = detail::widened_turn(scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(cosine_square)), slip);
+  result.heading_from = -detail::turn_of_tangent(least, slip_of_heading);
+  result.heading_to = detail::turn_of_tangent(most, slip_of_heading);
+  const Scalar half = detail::half_turn_of_tangent(most > least ? most : least);
   const Scalar cosine = scalar::cos(half);
   const Scalar sine = scalar::sin(half);
-  result.angle = widened(scalar::atan2(scalar::sqrt(Scalar(sine_square + cosine_square * sine * sine)),
-                                       scalar::sqrt(Scalar(cosine_square * cosine * cosine))),
-                         slip);
+  result.angle = detail::widened_turn(scalar::atan2(scalar::sqrt(Scalar(sine_square + cosine_square * sine * sine)),
+                                                    scalar::sqrt(Scalar(cosine_square * cosine * cosine))),
+                                      slip);
   bounds = result;
   return Status::ok;
 }

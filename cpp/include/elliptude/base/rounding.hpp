@@ -75,6 +75,12 @@ inline constexpr int three_digits = 1000;
 [[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
 /// Loss of a sum of forms of up to seven rows, and of its factorization, relative to the sum of their largest entries.
 inline constexpr int quotient = 256;
+/// A turn about an axis by the forms (16.7) and their products, relative to 1 + ‖g⁺‖² of the attitudes in the set.
+inline constexpr int turn_forms = 40;
+/// A component of a vector of three numbers, relative to the sum of its terms without signs.
+inline constexpr int component = 4;
+/// Half-width of a slab about an interval.
+inline constexpr int slab = 2;
 /// Differences this small in what the search for multipliers minimises are rounding.
 inline constexpr int objective = 64;
 /// Slopes of the logarithm of a size, relative to the number of coordinates, each of which adds at most one to the terms that cancel.

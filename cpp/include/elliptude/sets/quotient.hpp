@@ -48,4 +48,47 @@ template <typename Scalar, int N>
   return search.run(largest);
 }
 
+/// Between what a number may be.
+template <typename Scalar>
+struct Interval {
+  Scalar least;
+  Scalar most;
+};
+
+/// Where dᵀy may be for all y in an ellipsoid and in `count` quadrics: two questions, each with multipliers of its own, about the
+/// ellipsoid's center, so that nothing is lost where that is far from zero. For convex quadrics they are exact but for where the
+/// search ends. (theory, section 16.12)
+/// \param direction d, of any length.
+/// \return the status of `largest_quotient`; `empty_intersection` if the bounds prove that nothing satisfies all.
+template <typename Scalar, int N>
+[[nodiscard]] Status extent_along(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
+                                  std::size_t count, const Vector<Scalar, N>& direction,
+                                  Interval<Scalar>& extent) noexcept {
+  const Scalar middle = direction.dot(ellipsoid.center);
+  Matrix<Scalar, N + 1> one = Matrix<Scalar, N + 1>::Zero();
+  one(0, 0) = Scalar(1);
+  // dᵀy less this very number, however it was rounded.
+  Matrix<Scalar, N + 1> along = Matrix<Scalar, N + 1>::Zero();
+  along(0, 0) = -middle;
+  along.template block<N, 1>(1, 0) = scalar::constant<Scalar>(0.5L) * direction;
+  along.template block<1, N>(0, 1) = scalar::constant<Scalar>(0.5L) * direction.transpose();
+  Scalar most;
+  if (const Status status = largest_quotient(ellipsoid, quadrics, count, along, one, most); status != Status::ok) {
+    return status;
+  }
+  Scalar least;
+  if (const Status status = largest_quotient(ellipsoid, quadrics, count, Matrix<Scalar, N + 1>(-along), one, least);
+      status != Status::ok) {
+    return status;
+  }
+  if (!(most + least >= Scalar(0))) {
+    return Status::empty_intersection;
+  }
+  const Scalar slip = rounding::share<Scalar>(1);
+  const Scalar from = middle - least;
+  const Scalar to = middle + most;
+  extent = {from - slip * scalar::abs(from), to + slip * scalar::abs(to)};
+  return Status::ok;
+}
+
 }  // namespace elliptude

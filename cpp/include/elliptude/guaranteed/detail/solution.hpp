@@ -140,18 +140,16 @@ class SetSolver {
     return Status::ok;
   }
 
- private:
-  /// Below this a multiplier is what the search has left of zero.
-  static Scalar least_multiplier() noexcept { return scalar::constant<Scalar>(1e-6L); }
-
-  [[nodiscard]] Status solve_state(Sensors selected, Past past, bool with_prediction,
-                                   Solution<State>& solution) const noexcept {
-    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
-    std::size_t count = 0;
+  /// Selected measurements and what bounds the vector, as quadrics of [γ; δ] about a center.
+  /// \param past whether what was known of the vector while the attitude was not known is among them.
+  [[nodiscard]] Status collect(Sensors selected, Past past, const State& center,
+                               std::array<HalfQuadric<Scalar>, most_quadrics>& quadrics,
+                               std::size_t& count) const noexcept {
+    count = 0;
     Quadric<Scalar, 3> quadric;
-    const Matrix3<Scalar>& attitude = solution.center.attitude;
+    const Matrix3<Scalar>& attitude = center.attitude;
     const auto add_vector = [&](const Vector3<Scalar>& value, const Matrix3<Scalar>& shape) {
-      const Vector3<Scalar> offset = value - vector_part(solution.center);
+      const Vector3<Scalar> offset = value - vector_part(center);
       const Status status = to_quadric(with_least_width(Ellipsoid<Scalar, 3>{offset, shape}), quadric);
       if (status == Status::ok) {
         quadrics[count++] = of_vector(quadric);
@@ -191,6 +189,20 @@ class SetSolver {
       if (const Status status = add_vector(known.vector.center, known.vector.shape); status != Status::ok) {
         return status;
       }
+    }
+    return Status::ok;
+  }
+
+ private:
+  /// Below this a multiplier is what the search has left of zero.
+  static Scalar least_multiplier() noexcept { return scalar::constant<Scalar>(1e-6L); }
+
+  [[nodiscard]] Status solve_state(Sensors selected, Past past, bool with_prediction,
+                                   Solution<State>& solution) const noexcept {
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    if (const Status status = collect(selected, past, solution.center, quadrics, count); status != Status::ok) {
+      return status;
     }
     const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
     const Status status =

@@ -201,6 +201,7 @@ class QuotientSearch {
     }
     const Scalar per_tau = (inwards[0] + scalar::sqrt(root)) / down[0];
     Unknowns move;
+    move.fill(Scalar(0));
     for (std::size_t k = 0; k < count_; ++k) {
       move[k] = inwards[k] - per_tau * down[k];
     }

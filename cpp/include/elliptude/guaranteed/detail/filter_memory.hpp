@@ -1,0 +1,90 @@
+#pragma once
+
+/// \file
+/// What a guaranteed filter holds, and the few tests that everything passes which it takes up. (theory, section 16.9)
+
+#include "elliptude/guaranteed/detail/kept_constraints.hpp"
+#include "elliptude/guaranteed/detail/solution.hpp"
+#include "elliptude/guaranteed/recovery.hpp"
+#include "elliptude/guaranteed/settings.hpp"
+
+namespace elliptude::detail {
+
+/// A guaranteed filter's memory.
+template <typename FlowType>
+struct FilterMemory {
+  using Flow = FlowType;
+  using State = typename Flow::State;
+  using Scalar = StateScalar<State>;
+  using Set = GibbsEllipsoid<State>;
+  using Settings = GuaranteedSettings<Scalar>;
+  static constexpr bool measures_rate = std::is_same_v<State, RigidBodyState<Scalar>>;
+
+  Flow flow;
+  Settings settings;
+  Scalar time{0};
+  Knowledge<State> known;
+  KeptConstraints<Scalar> constraints;
+  Trust trust;  ///< in the set, of the attitude or of the vector
+  Claim claim = Claim::none;
+
+  /// Forgets everything but the bound of the vector.
+  void forget() noexcept {
+    constraints.count = 0;
+    known.has_attitude = false;
+    known.has_vector = false;
+    trust = {};
+    claim = Claim::none;
+  }
+
+  [[nodiscard]] bool may_be_wrong() const noexcept {
+    return settings.policy == Policy::relaxed && settings.most_wrong > 0;
+  }
+
+  [[nodiscard]] Claim present_claim() const noexcept {
+    return !known.has_attitude ? Claim::none : trust.rests_on_drops() ? Claim::conditional : Claim::unconditional;
+  }
+
+  [[nodiscard]] SetSolver<State> solver_of(const Measurements<Scalar>& measurements) const noexcept {
+    return {known, settings.criterion, settings.estimates_vector, measurements};
+  }
+
+  /// \return the status of `validate` for an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
+  [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
+    if (const Status status = validate(vector); status != Status::ok) {
+      return status;
+    }
+    Matrix3<Scalar> factor;
+    if (const Status status = cholesky(vector.shape, factor); status != Status::ok) {
+      return status;
+    }
+    return in_domain(vector) ? Status::ok : Status::out_of_range;
+  }
+
+  /// If the vector is left to its bound, nothing else is known about it.
+  void confine(Set& set) const noexcept {
+    if constexpr (!measures_rate) {
+      if (!settings.estimates_vector && known.has_vector_bound) {
+        set.center.gyro_bias = known.vector_bound.center;
+        set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known.vector_bound.shape);
+      }
+    }
+  }
+
+  /// A set of errors about a center put about its own. All sets but predictions come this way.
+  /// \return `unbounded` if it may hold half turns, or cannot be kept.
+  [[nodiscard]] Status place(const State& center, const Ellipsoid<Scalar, 6>& errors, Set& next) const noexcept {
+    Set placed;
+    if (recentred(center, errors, placed) != Status::ok) {
+      return Status::unbounded;
+    }
+    confine(placed);
+    if (!can_be_kept(placed)) {
+      return Status::unbounded;
+    }
+    next = placed;
+    return Status::ok;
+  }
+};
+
+}  // namespace elliptude::detail

@@ -1,0 +1,132 @@
+#pragma once
+
+/// \file
+/// A guaranteed filter's predictions: what it knows at a later time, and what it forgets. (theory, sections 16.8, 16.9 and 17)
+
+#include "elliptude/guaranteed/detail/filter_memory.hpp"
+
+namespace elliptude::detail {
+
+/// A prediction of what a filter knows.
+template <typename Flow>
+class FilterPrediction {
+ public:
+  using Memory = FilterMemory<Flow>;
+  using State = typename Memory::State;
+  using Scalar = typename Memory::Scalar;
+  using Set = typename Memory::Set;
+  using Input = typename Flow::Input;
+
+  explicit FilterPrediction(Memory& filter) noexcept : filter_(filter) {}
+
+  /// `GuaranteedFilter::predict`.
+  [[nodiscard]] Status by_motion(const Scalar& time, const Input& input) noexcept {
+    return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      return predicted_set(duration, input, set, predicted);
+    });
+  }
+
+  /// `GuaranteedFilter::predict_turn`, of a finite turn and an angle that is not negative.
+  [[nodiscard]] Status by_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    return predict_by(time, Input{}, [&](const Scalar& duration, const Set& set, Set& predicted) {
+      return predicted_turn(duration, turn, angle, set, predicted);
+    });
+  }
+
+ private:
+  /// \param move from a duration and a set to the set that is predicted, as `Flow::predict`.
+  template <typename Move>
+  [[nodiscard]] Status predict_by(const Scalar& time, const Input& input, const Move& move) noexcept {
+    const Scalar duration = time - filter_.time;
+    if (filter_.known.has_attitude) {
+      Set predicted;
+      Status status = move(duration, filter_.known.set, predicted);
+      // A rigid body's flow has factored the shape itself.
+      if (status == Status::ok && (Memory::measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
+        filter_.known.set = predicted;
+        filter_.constraints.count = 0;
+        filter_.time = time;
+        return Status::ok;
+      }
+      status = status == Status::ok ? Status::unbounded : status;
+      if (status == Status::interrupted || (status != Status::unbounded && (filter_.settings.policy == Policy::raise ||
+                                                                            !predicts_another(duration, move)))) {
+        return status;
+      }
+    }
+    Ellipsoid<Scalar, 3> vector = filter_.known.has_attitude ? vector_of(filter_.known.set) : filter_.known.vector;
+    bool has_vector = filter_.settings.estimates_vector && (filter_.known.has_attitude || filter_.known.has_vector);
+    if (has_vector) {
+      const Status status = filter_.flow.predict_vector(filter_.time, duration, input, vector, vector);
+      // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
+      const bool is_flat = status == Status::not_positive_definite && filter_.settings.policy != Policy::raise;
+      if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
+        return status;
+      }
+      has_vector = status == Status::ok && can_be_kept(vector);
+    } else if (!scalar::isfinite(duration)) {
+      return Status::not_finite;
+    } else if (!(duration >= Scalar(0))) {
+      return Status::out_of_range;
+    }
+    filter_.known.vector = vector;
+    filter_.known.has_vector = has_vector;
+    filter_.known.has_attitude = false;
+    if (!has_vector) {
+      filter_.trust = {};  // nothing is left that could rest on what was dropped
+    }
+    filter_.claim = Claim::none;
+    filter_.time = time;
+    return Status::ok;
+  }
+
+  [[nodiscard]] Status predicted_set(const Scalar& duration, const Input& input, const Set& set,
+                                     Set& predicted) const noexcept {
+    if constexpr (!Memory::measures_rate) {
+      const Vector3<Scalar> turn = duration * input.angular_velocity;
+      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) && turns_too_far(turn)) {
+        return beyond_all_turns();
+      }
+      if (!filter_.settings.estimates_vector && filter_.known.has_vector_bound) {
+        return filter_.flow.predict_attitude(filter_.time, duration, input, filter_.known.vector_bound, set, predicted);
+      }
+    }
+    return filter_.flow.predict(filter_.time, duration, input, set, predicted);
+  }
+
+  [[nodiscard]] Status predicted_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
+                                      const Set& set, Set& predicted) const noexcept {
+    if (!scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (turns_too_far(turn)) {
+      return beyond_all_turns();
+    }
+    if (!filter_.settings.estimates_vector && filter_.known.has_vector_bound) {
+      return filter_.flow.predict_attitude_turn(duration, turn, angle, filter_.known.vector_bound, set, predicted);
+    }
+    return filter_.flow.predict_turn(duration, turn, angle, set, predicted);
+  }
+
+  [[nodiscard]] static bool turns_too_far(const Vector3<Scalar>& turn) noexcept {
+    return !(turn.cwiseAbs().maxCoeff() <= FilterDomain<Scalar>::largest());
+  }
+
+  [[nodiscard]] Status beyond_all_turns() const noexcept {
+    return filter_.settings.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+  }
+
+  /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
+  template <typename Move>
+  [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
+    Set another{{filter_.known.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
+    another.shape *= scalar::constant<Scalar>(1e-6L);
+    Set ignored;
+    const Status status = move(duration, another, ignored);
+    return status == Status::ok || status == Status::unbounded;
+  }
+
+  Memory& filter_;
+};
+
+}  // namespace elliptude::detail

@@ -1,0 +1,288 @@
+#pragma once
+
+/// \file
+/// A guaranteed filter's update by the measurements of one moment: the fusion, what a contradiction leads to, and what is taken up.
+/// (theory, sections 16.5 to 16.11)
+
+#include "elliptude/guaranteed/detail/contradiction.hpp"
+#include "elliptude/guaranteed/detail/filter_memory.hpp"
+#include "elliptude/guaranteed/update_constraints.hpp"
+
+namespace elliptude::detail {
+
+/// What an update reports that has changed nothing else.
+template <typename Scalar>
+void report_contradiction(const GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
+  update.margin = result.margin;
+  update.contradicting = result.contradicting;
+  update.fusions = result.fusions;
+  update.steps = result.steps;
+  update.ended_by_limit = result.ended_by_limit;
+}
+
+/// An update of what a filter knows.
+template <typename Flow>
+class FilterUpdate {
+ public:
+  using Memory = FilterMemory<Flow>;
+  using State = typename Memory::State;
+  using Scalar = typename Memory::Scalar;
+  using Set = typename Memory::Set;
+  using Solution = detail::Solution<State>;
+  using Past = typename SetSolver<State>::Past;
+
+  explicit FilterUpdate(Memory& filter) noexcept : filter_(filter) {}
+
+  /// `GuaranteedFilter::update`.
+  [[nodiscard]] Status run(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
+    if (measurements.direction_count > most_directions ||
+        (!Memory::measures_rate && measurements.angular_velocity != nullptr)) {
+      return Status::out_of_range;
+    }
+    const Sensors given = sensors::present(measurements);
+    Sensors beyond = 0;
+    if (const Status status = find_impossible(measurements, beyond); status != Status::ok) {
+      return status;
+    }
+    const Sensors all = given & ~beyond;
+    GuaranteedUpdate<Scalar> result;
+    const SetSolver<State> solver = filter_.solver_of(measurements);
+    Solution& solution = solution_;
+    Status status = Status::ok;
+    if (filter_.may_be_wrong() && given != 0) {
+      if (sensors::number_of(given) > 8) {
+        return Status::out_of_range;
+      }
+      status = UnionOfChoices<State>(solver, all, filter_.settings.most_wrong - sensors::number_of(beyond))
+                   .find(solution, result);
+    } else {
+      status = solver.solve(all, Past::used, nullptr, solution);
+      count_fusion(solution.fusion, result);
+      if (status == Status::ok) {
+        result.margin = solution.fusion.margin;
+      } else if (status != Status::unbounded) {
+        if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
+          return invalid;
+        }
+        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not reported as one.
+        const bool empty = status == Status::empty_intersection;
+        result.margin = empty ? solution.fusion.margin : Scalar(-1);
+        result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
+        if (const Status resolved = resolve(solver, filter_.settings.policy, all, solution, result);
+            resolved != Status::empty_intersection) {
+          status = resolved;
+        }
+      }
+      if (beyond != 0) {
+        result.margin = Scalar(-1);
+        result.contradicting = beyond;
+      }
+    }
+    if (status == Status::empty_intersection) {
+      report_contradiction(result, update);
+    }
+    if (status != Status::ok && status != Status::unbounded) {
+      return status;
+    }
+    result.dropped |= beyond;
+    return accept(measurements, all, status == Status::ok, result, update);
+  }
+
+  /// Leaves what the set comes from, after a `run` that was `ok`, about the center of the fusion, where all of it is quadrics of
+  /// attitude and vector together.
+  /// \param before what the filter knew.
+  void leave(const Knowledge<State>& before, const Measurements<Scalar>& measurements,
+             UpdateConstraints<State>& constraints) const noexcept {
+    const bool is_product = !filter_.settings.estimates_vector && filter_.known.has_vector_bound;
+    if (!filter_.known.has_attitude) {
+      constraints.forget();
+      return;
+    }
+    if (!took_up_) {
+      constraints = UpdateConstraints<State>::of(filter_.known.set, is_product);
+      return;
+    }
+    constraints.set_about(solution_.center, solution_.fusion.set, filter_.known.set, is_product);
+    const SetSolver<State> solver{before, filter_.settings.criterion, filter_.settings.estimates_vector, measurements};
+    std::array<HalfQuadric<Scalar>, most_quadrics> quadrics;
+    std::size_t count = 0;
+    if (solver.collect(used_, Past::forgotten, solution_.center, quadrics, count) != Status::ok) {
+      return;  // less sharp, and no less a bound
+    }
+    if (with_prediction_) {
+      constraints.add_past(before.set.shape);
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      constraints.add(quadrics[k]);
+    }
+  }
+
+ private:
+  /// \param beyond impossible measurements, which are left out: an angular velocity beyond the `FilterDomain`.
+  /// \return the status of its `validate`; `out_of_range` where nothing may be left out.
+  [[nodiscard]] Status find_impossible(const Measurements<Scalar>& measurements, Sensors& beyond) const noexcept {
+    if (measurements.angular_velocity == nullptr) {
+      return Status::ok;
+    }
+    const AngularVelocity<Scalar>& rate = *measurements.angular_velocity;
+    if (const Status status = validate(rate); status != Status::ok) {
+      return status;
+    }
+    if (!in_domain(Ellipsoid<Scalar, 3>{rate.value, rate.bound})) {
+      if (filter_.settings.policy == Policy::raise ||
+          (filter_.settings.policy == Policy::relaxed && filter_.settings.most_wrong == 0)) {
+        return Status::out_of_range;
+      }
+      beyond = angular_velocity_bit;
+    }
+    return Status::ok;
+  }
+
+  /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up that the
+  /// filter may not keep.
+  [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded,
+                              GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
+    const Solution& solution = solution_;
+    Set next = filter_.known.set;
+    bool used_prediction = bounded && solution.used_prediction;
+    if (bounded && !(solution.used_prediction && solution.fusion.prediction_alone)) {
+      // Where it is not: the measurements say too little, and what was kept is kept.
+      bounded = filter_.place(solution.center, solution.fusion.set, next) == Status::ok;
+      used_prediction = used_prediction && bounded;
+    }
+    Trust trust = filter_.trust;
+    if (all != 0 || result.dropped != 0) {
+      // Where nothing is taken up there is nothing that could rest on what was left out; but a vector that is known without an
+      // attitude may be what the measurements contradict.
+      const bool contradicted = result.margin < Scalar(0) || (!filter_.may_be_wrong() && result.dropped != 0);
+      trust.count(contradicted, bounded || filter_.known.has_attitude || filter_.known.has_vector);
+    }
+    if (trust.past_is_due(filter_.settings.regain_after)) {
+      Solution alone;
+      const Status status = filter_.solver_of(measurements).solve(all, Past::forgotten, nullptr, alone);
+      count_fusion(alone.fusion, result);
+      if (status == Status::ok && filter_.place(alone.center, alone.fusion.set, next) == Status::ok) {
+        trust.give_up_past(filter_.settings.regain_after);
+        result.dropped &= ~all;
+        bounded = true;
+        used_prediction = false;
+        solution_ = alone;
+      }
+    }
+    Ellipsoid<Scalar, 3> vector = filter_.known.vector;
+    bool has_vector = filter_.known.has_vector;
+    if (!bounded && !filter_.known.has_attitude && !filter_.may_be_wrong() &&
+        (all & angular_velocity_bit & ~result.dropped) != 0) {
+      if (const Status status = take_up(*measurements.angular_velocity, trust, vector, result); status != Status::ok) {
+        if (status == Status::empty_intersection) {
+          result.contradicting = angular_velocity_bit;
+          report_contradiction(result, update);
+        }
+        return status;
+      }
+      has_vector = true;
+    }
+    if (bounded) {
+      used_ = filter_.may_be_wrong() ? 0 : all & ~result.dropped;
+      with_prediction_ = used_prediction && !filter_.may_be_wrong();
+      keep_constraints(measurements, used_, with_prediction_, next.center.attitude);
+      filter_.known.set = next;
+    }
+    took_up_ = bounded;
+    filter_.known.has_attitude = filter_.known.has_attitude || bounded;
+    filter_.known.vector = vector;
+    filter_.known.has_vector = has_vector && !filter_.known.has_attitude;
+    filter_.trust = trust;
+    filter_.claim = filter_.present_claim();
+    result.claim = filter_.claim;
+    result.prediction_used = used_prediction;
+    update = result;
+    return Status::ok;
+  }
+
+  /// Keeps what the set comes from, as seen from its center.
+  /// \param with_prediction whether the prediction, which is still the filter's set, is part of it.
+  void keep_constraints(const Measurements<Scalar>& measurements, Sensors used, bool with_prediction,
+                        const Matrix3<Scalar>& center) noexcept {
+    filter_.constraints.count = 0;
+    if (!filter_.settings.keeps_constraints) {
+      return;
+    }
+    Quadric<Scalar, 3> quadric;
+    const Matrix3<Scalar> predicted = filter_.known.set.shape.template topLeftCorner<3, 3>();
+    if (with_prediction && to_quadric(center, filter_.known.set.center.attitude, predicted, quadric) == Status::ok) {
+      filter_.constraints.add(quadric);
+    }
+    for (std::size_t i = 0; i < measurements.direction_count; ++i) {
+      if ((used & direction_bit(i)) != 0 && cone(center, measurements.directions[i], quadric) == Status::ok) {
+        filter_.constraints.add(quadric);
+      }
+    }
+    if ((used & attitude_bit) != 0 && to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
+      filter_.constraints.add(quadric);
+    }
+  }
+
+  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
+  /// \param vector what is known of it, if anything is.
+  /// \return the status of `fused_vector`, where nothing may be left out.
+  [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,
+                               GuaranteedUpdate<Scalar>& result) const noexcept {
+    const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
+    const Status status = filter_.known.has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
+    const bool may_drop =
+        filter_.settings.policy == Policy::drop_measurement || filter_.settings.policy == Policy::restart;
+    if (status != Status::ok && !may_drop) {
+      return status;
+    }
+    if (status != Status::ok) {
+      trust = filter_.trust;
+      trust.count(true, true);
+    }
+    const bool is_due = trust.past_is_due(filter_.settings.regain_after);
+    if (is_due) {
+      trust.give_up_past(filter_.settings.regain_after);
+    }
+    if (!filter_.known.has_vector || is_due || (status != Status::ok && filter_.settings.policy == Policy::restart)) {
+      vector = measured;
+    } else if (status != Status::ok) {
+      result.dropped |= angular_velocity_bit;
+    }
+    return Status::ok;
+  }
+
+  /// The set of the vector: its bound, what is known, and what was measured.
+  /// \param margin set after `empty_intersection`.
+  [[nodiscard]] static Status fused_vector(const Ellipsoid<Scalar, 3>& measured, Ellipsoid<Scalar, 3>& vector,
+                                           Scalar& margin) noexcept {
+    Quadric<Scalar, 3> quadric;
+    if (const Status status =
+            to_quadric(Ellipsoid<Scalar, 3>{measured.center - vector.center, measured.shape}, quadric);
+        status != Status::ok) {
+      return status;
+    }
+    const Ellipsoid<Scalar, 3> known{Vector3<Scalar>::Zero(), vector.shape};
+    QuadricFusion<Scalar, 3> fusion;
+    const Status status = minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 3>::volume(), fusion);
+    if (status == Status::empty_intersection) {
+      margin = fusion.margin;
+    }
+    if (status != Status::ok) {
+      return status;
+    }
+    const Ellipsoid<Scalar, 3> fused{vector.center + fusion.set.center, fusion.set.shape};
+    if (can_be_kept(fused)) {
+      vector = fused;
+    }
+    return Status::ok;
+  }
+
+  Memory& filter_;
+  Solution solution_;  // that was found, or taken up in its place
+  // Of what was taken up: which measurements it rests on, and whether on the prediction.
+  Sensors used_ = 0;
+  bool with_prediction_ = false;
+  bool took_up_ = false;
+};
+
+}  // namespace elliptude::detail
