@@ -7,6 +7,7 @@
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/triangular.hpp"
+#include "elliptude/sets/detail/affine_search.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
 
 namespace elliptude {
@@ -15,7 +16,7 @@ namespace detail {
 
 /// Minimises s = x₀ over Z = Σ xₖBₖ − F ⪰ 0, μₖ = xₖ ≥ 0 from k = 1 on, with B₀ = G and Bₖ = −Mₖ, of which M₁ is the unit ball's,
 /// by Newton's steps towards the least s − τ (log det Z + Σ log μₖ) with ever smaller τ. Every Z ≻ 0 on the way is a bound; in the
-/// end the least s for the multipliers found is taken.
+/// end the least s for the multipliers found is taken. Where the question is linear, `AffineSearch` finds them for less.
 template <typename Scalar, int N>
 class QuotientSearch {
  public:
@@ -64,16 +65,9 @@ class QuotientSearch {
         return Status::not_finite;
       }
     }
-    // Rounding has its place from the start, for multipliers of a few: at the end there would be no room for it.
-    relief_ = rounding::share<Scalar>(2 * rounding::quotient) * (size_of_f_ + Scalar(8) * (Scalar(1) + sizes_[0]));
-    if (!find_start()) {
-      return Status::unbounded;
-    }
-    constexpr int most_steps = 40;
-    for (int step = 0; step < most_steps && !is_close() && take_step(); ++step) {
-    }
+    const bool is_found = (is_affine() && find_affine()) || find_by_barrier();
     Scalar least;
-    if (!least_for_multipliers(least)) {
+    if (!is_found || !least_for_multipliers(least)) {
       return Status::unbounded;
     }
     least *= scale;
@@ -88,6 +82,38 @@ class QuotientSearch {
   static constexpr std::size_t most = most_questioned + 2;
   static constexpr int longest_move = 4;
   using Unknowns = std::array<Scalar, most>;
+
+  /// Whether the question is how large a number is that is linear in y.
+  [[nodiscard]] bool is_affine() const noexcept {
+    Form one = Form::Zero();
+    one(0, 0) = Scalar(1);
+    return forms_[0] == one && f_.template bottomRightCorner<N, N>().isZero(Scalar(0));
+  }
+
+  /// The multipliers for such a question, and s.
+  [[nodiscard]] bool find_affine() noexcept {
+    AffineSearch<Scalar, N, most - 1> search(&forms_[1], count_ - 1, f_.template bottomLeftCorner<N, 1>());
+    if (!search.run()) {
+      return false;
+    }
+    x_[0] = search.least() + f_(0, 0);
+    std::copy_n(search.multipliers().begin(), count_ - 1, x_.begin() + 1);
+    gap_ = Scalar(0);
+    return true;
+  }
+
+  /// The multipliers for any question, and an s.
+  [[nodiscard]] bool find_by_barrier() noexcept {
+    // Rounding has its place from the start, for multipliers of a few: at the end there would be no room for it.
+    relief_ = rounding::share<Scalar>(2 * rounding::quotient) * (size_of_f_ + Scalar(8) * (Scalar(1) + sizes_[0]));
+    if (!find_start()) {
+      return false;
+    }
+    constexpr int most_steps = 40;
+    for (int step = 0; step < most_steps && !is_close() && take_step(); ++step) {
+    }
+    return true;
+  }
 
   /// A bound of the norm: the largest sum of a row's absolute values.
   [[nodiscard]] static Scalar largest_row(const Form& form) noexcept {
@@ -255,7 +281,7 @@ class QuotientSearch {
     Scalar low = x_[0] - Scalar(2) * gap_;
     low = low < high && scalar::isfinite(low) ? low : high;
     constexpr int most_halvings = 6;
-    for (step = 0; step < most_halvings; ++step) {
+    for (step = 0; step < most_halvings && low < high; ++step) {
       const Scalar middle = scalar::constant<Scalar>(0.5L) * (low + high);
       (proves(middle) ? high : low) = middle;
     }
@@ -271,7 +297,7 @@ class QuotientSearch {
   Scalar relief_;
   Unknowns x_;  // s, and the multipliers
   Form z_;
-  Scalar gap_;  // about what s may still fall, on the path where the barrier's slope is e₀/τ
+  Scalar gap_;  // about what s may still fall for these multipliers, on the path where the barrier's slope is e₀/τ
   std::array<Scalar, most * most> system_;
 };
 
