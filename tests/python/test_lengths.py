@@ -22,7 +22,6 @@ CPP_SUFFIXES = {".hpp", ".cpp", ".h", ".c"}
 LONG_FILES = {
     "cpp/benchmarks/operations.hpp": (520, "a table of operations, each with its input; two programs run all of it"),
     "cpp/c_interface/elliptude.cpp": (560, "the one file that a flight program compiles"),
-    "cpp/include/elliptude/guaranteed/filter.hpp": (560, "the class that users of the guaranteed mode call"),
 }
 ONCE_THROUGH = "goes once from checks to the result, and every part needs the factors of the one before"
 A_TABLE = "a table of what is bound, with its names and arguments"
@@ -150,9 +149,9 @@ def test_no_function_is_too_long(functions):
     assert too_long(functions, MOST_LINES_OF_FUNCTION, LONG_FUNCTIONS) == {}
 
 
-def test_what_is_listed_is_there(files, functions):
-    assert set(LONG_FILES) <= set(files)
-    assert set(LONG_FUNCTIONS) <= set(functions)
+def test_what_is_listed_is_still_longer(files, functions):
+    assert {name for name in LONG_FILES if files.get(name, 0) <= MOST_LINES_OF_FILE} == set()
+    assert {name for name in LONG_FUNCTIONS if functions.get(name, 0) <= MOST_LINES_OF_FUNCTION} == set()
     assert all(reason for _, reason in (*LONG_FILES.values(), *LONG_FUNCTIONS.values()))
 
 
