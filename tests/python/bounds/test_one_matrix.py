@@ -156,6 +156,26 @@ def test_an_offset_of_the_stamps_comes_to_the_edge():
     assert 0.97 * bounds.angles[400] <= off <= bounds.angles[400]
 
 
+def test_what_is_left_where_the_first_order_cancels():
+    """Many rounds about one axis, and vectors that the gyro's frame shows at rest: a scale error is of second order."""
+    k, speed, duration, row = 0.03, 15.0, 4.0, 500
+    times = STEP * np.arange(1001)
+    rates = np.tile([speed, 0.0, 0.0], (1001, 1))
+    vector = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    shown = Rotation.from_rotvec((times - times[row])[:, None] * rates)
+    vectors = shown.inv().apply(vector)
+    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), duration, vectors)
+    window = piece.window(np.array([row]), duration, "middle")
+    average = list(piece.averages(window, triangular=True))[1]
+    bound = matrix.turns(window, average, np.array([0]), triangular=True)[0]
+    true = Rotation.from_rotvec((1.0 - of_matrix(k)) * (times - times[row])[:, None] * rates)
+    weights = np.maximum(1.0 - np.abs(times - times[row]) / (0.5 * duration), 0.0)
+    off = weights / weights.sum() @ (shown.apply(vectors) - true.apply(vectors))
+    assert np.linalg.norm(off) <= bound
+    # Less than by the lengths of turns all the same.
+    assert bound < average.turn[0]
+
+
 def test_before_and_after_the_row_undo_one_another():
     """A turn about one level axis: the frame is off in opposite ways, and second order is all that is left."""
     times = STEP * np.arange(801)
