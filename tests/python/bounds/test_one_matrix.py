@@ -129,6 +129,53 @@ def test_windows_hold_with_a_matrix_noise_and_bias_at_their_bounds(seed, speed):
         assert (error <= found.angles)[known].all()
 
 
+@pytest.mark.parametrize("error", ["noise", "bias"])
+def test_an_error_that_turns_round_at_the_row_comes_to_the_edge(error):
+    """A body at rest: before the row the gyro errs in one way, after it in the other, and the frame is off in one."""
+    times, e = STEP * np.arange(801), 0.01
+    sign = np.where(np.arange(801) < 400, -1.0, 1.0)
+    sign[400] = 0.0
+    bounds = gravity_bounds_over_windows(
+        times, np.tile(G * UP, (801, 1)), e * sign[:, None] * [1.0, 0.0, 0.0], [4.0], motion=MotionBounds(position=0.0),
+        gyro=GyroBounds(**({"noise": 0.0, "scale_error": 1e-6} | {error: e})), gravity=G, at="middle",
+    )  # fmt: skip
+    off = angle_between(bounds.directions[400], UP)
+    assert off == pytest.approx(e * 2.0 / 3.0, rel=0.01)
+    assert 0.97 * bounds.angles[400] <= off <= bounds.angles[400]
+
+
+def test_an_offset_of_the_stamps_comes_to_the_edge():
+    times, late = STEP * np.arange(801), 0.005
+    rates = np.tile([1.0, 0.0, 0.0], (801, 1))
+    forces = Rotation.from_rotvec((times - late)[:, None] * rates).inv().apply(G * UP)
+    bounds = gravity_bounds_over_windows(
+        times, forces, rates, [2.0], motion=MotionBounds(position=0.0), gyro=GyroBounds(0.0, scale_error=1e-6),
+        gravity=G, time_offset=late, at="middle",
+    )  # fmt: skip
+    off = angle_between(bounds.directions[400], Rotation.from_rotvec(times[400] * rates[400]).inv().apply(UP))
+    assert 0.97 * bounds.angles[400] <= off <= bounds.angles[400]
+
+
+def test_what_is_left_where_the_first_order_cancels():
+    """Many rounds about one axis, and vectors that the gyro's frame shows at rest: a scale error is of second order."""
+    k, speed, duration, row = 0.03, 15.0, 4.0, 500
+    times = STEP * np.arange(1001)
+    rates = np.tile([speed, 0.0, 0.0], (1001, 1))
+    vector = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    shown = Rotation.from_rotvec((times - times[row])[:, None] * rates)
+    vectors = shown.inv().apply(vector)
+    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), duration, vectors)
+    window = piece.window(np.array([row]), duration, "middle")
+    average = list(piece.averages(window, triangular=True))[1]
+    bound = matrix.turns(window, average, np.array([0]), triangular=True)[0]
+    true = Rotation.from_rotvec((1.0 - of_matrix(k)) * (times - times[row])[:, None] * rates)
+    weights = np.maximum(1.0 - np.abs(times - times[row]) / (0.5 * duration), 0.0)
+    off = weights / weights.sum() @ (shown.apply(vectors) - true.apply(vectors))
+    assert np.linalg.norm(off) <= bound
+    # Less than by the lengths of turns all the same.
+    assert bound < average.turn[0]
+
+
 def test_before_and_after_the_row_undo_one_another():
     """A turn about one level axis: the frame is off in opposite ways, and second order is all that is left."""
     times = STEP * np.arange(801)
