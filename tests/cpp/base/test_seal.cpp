@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <elliptude/base/seal.hpp>
+#include <initializer_list>
 #include <vector>
 
 #include "support/random.hpp"
@@ -37,7 +38,7 @@ struct Counter {
 TEST_CASE("every one and every two flipped bits change a seal") {
   Random random(1);
   for (const std::size_t size : {1U, 3U, 4U, 7U, 24U, 57U}) {
-    for (const unsigned char fill : {0x00, 0xFF, 0x5A}) {
+    for (const unsigned char fill : std::initializer_list<unsigned char>{0x00, 0xFF, 0x5A}) {
       std::vector<unsigned char> object = fill == 0x5A ? bytes(size, random) : std::vector<unsigned char>(size, fill);
       const Seal seal = seal_of(object.data(), size);
       long unseen = 0;
@@ -70,7 +71,7 @@ TEST_CASE("two words that are exchanged or filled change a seal") {
       CHECK(seal_of(changed.data(), changed.size()) != seal);
     }
   }
-  for (const unsigned char fill : {0x00, 0xFF}) {  // of zeros and of ones
+  for (const unsigned char fill : std::initializer_list<unsigned char>{0x00, 0xFF}) {  // of zeros and of ones
     for (std::size_t first = 0; first + 8 <= 64; first += 4) {
       std::vector<unsigned char> before(64, static_cast<unsigned char>(~fill));
       std::vector<unsigned char> after = before;
