@@ -264,10 +264,10 @@ class GyroBounds:
                 errors += self._noise_angle(spans, turned, spans)
                 quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
                 turns = rotation_vectors(quaternions)
-                by_matrix = running_integral(
-                    spans, _scale_effects(rotations_from_quaternions(quaternions), rates[piece])
+                effects, chords = scale_effects(
+                    np.diff(stamps[piece]), rotations_from_quaternions(quaternions), rates[piece]
                 )
-                errors = np.minimum(errors, self._angle_with_one_matrix(spans, known_for, turned, by_matrix))
+                errors = np.minimum(errors, self._angle_with_one_matrix(spans, known_for, turned, effects, chords))
             # If this overflows, the turn may be any.
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
@@ -301,12 +301,12 @@ class GyroBounds:
         return swept
 
     def _angle_with_one_matrix(
-        self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, by_matrix: FloatArray
+        self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, effects: FloatArray, chords: FloatArray
     ) -> FloatArray:
         """Bound of the angle, (18.13): on the way back the scale error undoes itself."""
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
         scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
-        of_scale = _SQRT3 * scale * _largest_stretch(by_matrix)
+        of_scale = scale * (_SQRT3 * _largest_stretch(effects) + chords)
         of_noise = other * np.minimum(self.noise * spans, self.swept_increment(turned))
         farthest = np.maximum.accumulate(of_scale + of_noise)
         second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
@@ -345,10 +345,30 @@ class AnchoredTurns:
     """Whether nothing but the largest rate is known between anchor and row, shape (N,)."""
 
 
-def _scale_effects(attitudes: FloatArray, rates: FloatArray) -> FloatArray:
-    """The matrices (N, 3, 9) that take the entries of K' to C K' ω."""
-    effects: FloatArray = attitudes[:, :, :, None] * rates[:, None, None, :]
-    return effects.reshape(-1, 3, 9)
+def scale_effects(steps: FloatArray, attitudes: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The running integrals of the matrices that take the entries of K' to C K' ω, and what they may be off, (18.13).
+
+    Parameters
+    ----------
+    steps : (N - 1,) array
+        s.
+    attitudes : (N, 3, 3) array
+        C, carried with the mean rate of each step.
+    rates : (N, 3) array
+        rad/s.
+
+    Returns
+    -------
+    effects : (N, 3, 9) array
+    chords : (N,) array
+        Bounds of how far C K' ω may be integrated wrongly, for a K' of norm one: on a chord instead of an arc.
+    """
+    means = 0.5 * (rates[1:] + rates[:-1])
+    halves = 0.5 * steps[:, None, None] * (attitudes[1:] + attitudes[:-1])
+    in_steps = (halves[:, :, :, None] * means[:, None, None, :]).reshape(-1, 3, 9)
+    turns = steps * np.linalg.norm(means, axis=1)
+    effects = np.concatenate([np.zeros((1, 3, 9)), np.cumsum(in_steps, axis=0)])
+    return effects, np.concatenate([[0.0], np.cumsum(turns**3 / 12.0)])
 
 
 def _largest_stretch(matrices: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.turns import running_sum
 from elliptude.bounds.window_averages import Average, Piece, Window, weighted
 from elliptude.typing import FloatArray
@@ -68,12 +68,7 @@ class OneMatrix:
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹, as in (18.13).
         self._scale, self._other = gyro.scale_error / (1.0 - gyro.scale_error), 1.0 / (1.0 - gyro.scale_error)
         steps, attitudes = piece.steps, piece.attitudes
-        rates = 0.5 * (piece.rates[1:] + piece.rates[:-1])
-        halves = 0.5 * steps[:, None, None] * (attitudes[1:] + attitudes[:-1])
-        effects = (halves[:, :, :, None] * rates[:, None, None, :]).reshape(-1, 3, 9)
-        self._effects = np.concatenate([np.zeros((1, 3, 9)), np.cumsum(effects, axis=0)])
-        angles = steps * np.linalg.norm(rates, axis=1)
-        self._chords = np.concatenate([[0.0], np.cumsum(angles**3 / 12.0)])
+        self._effects, self._chords = scale_effects(steps, attitudes, piece.rates)
         self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known)
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
         self._pushed_twice = running_sum(steps, self._pushed)

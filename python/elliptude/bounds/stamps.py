@@ -10,6 +10,9 @@ from elliptude.bounds.arguments import increasing_times, require_not_negative, v
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.typing import FloatArray
 
+# Pairs of a row and a sample within the offset of its stamp that are looked at one by one.
+_MOST_ACROSS = 100
+
 
 def time_offset_angles(
     times: ArrayLike,
@@ -103,9 +106,12 @@ def _unit(vectors: FloatArray) -> FloatArray:
 def _range_maximum_across(
     rates: FloatArray, directions: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]
 ) -> FloatArray:
-    """The largest part of rates[first..last] across the row's own direction, each; NaN where one is missing."""
-    largest = np.zeros(len(rates))
-    for i in range(int((last - first).max()) + 1):
+    """The largest part of rates[first..last] across the row's own direction, each; NaN where one is missing.
+
+    Infinite where these are many: each row has a direction of its own, so that all pairs would have to be looked at.
+    """
+    largest = np.where(last - first < _MOST_ACROSS, 0.0, np.inf)
+    for i in range(min(int((last - first).max()) + 1, _MOST_ACROSS)):
         # maximum, not fmax: a missing rate is not a small one.
         crossed = np.cross(rates[np.minimum(first + i, last)], directions)
         largest = np.maximum(largest, np.linalg.norm(crossed, axis=1))

@@ -77,6 +77,7 @@ from elliptude.configuration.sensors import (
     SunByTime,
     Timing,
     Truth,
+    VelocityWindowBound,
     WorldModel,
     rotation_of_axes,
 )
@@ -157,6 +158,12 @@ class Configuration(Model):
                 sensor.require_complete()
             except ValueError as error:
                 raise ValueError(f"directions[{i}]: {error}") from error
+            over_windows = isinstance(sensor.bound_from, VelocityWindowBound)
+            if over_windows and isinstance(self.flow, GyroFlow) and self.flow.interval_rate != "mean_of_ends":
+                raise ValueError(
+                    f"directions[{i}] ({sensor.name}): bound_from.kind = 'velocity_window' needs flow.interval_rate = "
+                    "'mean_of_ends', as windows carry a frame along with rates on lines"
+                )
         return self
 
     def _require_what_a_rule_is_of(self) -> None:

@@ -154,6 +154,11 @@ def _of_sensor(
     if isinstance(sensor.bound_from, VelocityWindowBound):
         assert isinstance(sensor, Accelerometer)
         errors = configuration.sensor_bounds(sensor)
+        if gyro is not None and acceleration > 0.0:
+            # What the rate does between samples is not part of the noise, nor of its integral.
+            assert isinstance(flow, GyroFlow)
+            off = flow.off_the_line(gyro.longest_interval)
+            gyro = replace(gyro, noise=gyro.noise + off, increment=math.inf)
         bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset)
     else:
         turned = np.zeros(len(log.times))

@@ -241,12 +241,6 @@ def gyro_flow(gyro: GyroBounds, flow: GyroFlow) -> elliptude.GuaranteedGyroFlow:
     )
 
 
-def _off_the_line(flow: GyroFlow, interval: float) -> float:
-    """How far a rate that is filled in may be off because of the motion between samples, rad/s; section 18.3."""
-    share = 0.5 if flow.interval_rate == "mean_of_ends" else 1.0
-    return share * float(np.deg2rad(flow.angular_acceleration_deg_per_s2)) * interval
-
-
 def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, turns: Turns | None) -> FilterInput:
     """What the filter is given of a log."""
     flow = configuration.flow
@@ -285,7 +279,7 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
     gyro = rows.gyro
     largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
     between = gaps.filled_in_between(log, gyro.longest_interval)
-    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + _off_the_line(flow, between))
+    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + flow.off_the_line(between))
     used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
     used[:-1][gyro.gaps(log.times, rates)] = np.nan
     used[np.isnan(used).any(axis=1)] = np.nan
@@ -333,7 +327,7 @@ def turns_of(
     assert gyro is not None
     if flow.angular_acceleration_deg_per_s2 > 0.0:
         # What the rate does between samples is not part of the noise, nor of its integral.
-        off = _off_the_line(flow, gyro.longest_interval)
+        off = flow.off_the_line(gyro.longest_interval)
         gyro = replace(gyro, noise=gyro.noise + off, increment=np.inf)
     turns = gyro.anchored_turns(times, rates - rows.bias, _ANCHOR if duration is None else duration, elapsed)
     anchors = turns.anchors.copy()

@@ -351,7 +351,8 @@ def _put_by_sensor(
             continue
         vector = _vector_of(sensor, proposed)
         if sensor["kind"] == "accelerometer":
-            _bound_accelerometer(sensor, comments, table, vector, margin, shared_stamps)
+            on_lines = full["flow"].get("interval_rate", "mean_of_ends") == "mean_of_ends"
+            _bound_accelerometer(sensor, comments, table, vector, margin, over_windows=shared_stamps > 0.5 and on_lines)
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
         if moved > 0.0:
@@ -410,16 +411,17 @@ def _bound_accelerometer(
     table: RuleTables,
     vector: VectorProposal,
     margin: float,
-    shared_stamps: float,
+    *,
+    over_windows: bool,
 ) -> None:
     place = ("directions", sensor["name"])
     gravity_error = _rule_numbers(table, "accelerometer", "gravity_error_m_per_s2")
-    if shared_stamps > 0.5:
+    if over_windows:
         bound: Tables = {"kind": "velocity_window"}
         numbers = _rule_numbers(table, "motion", "velocity_m_per_s", "position_m", "windows_s") | gravity_error
         numbers["at"] = table["motion"]["row_at"].value, table["motion"]["row_at"].how
     else:
-        # Windows need the accelerometer's samples at the gyro's stamps.
+        # Windows need the accelerometer's samples at the gyro's stamps, and rates on lines.
         bound = {"kind": "acceleration"}
         in_full = vector.vector_moving or vector.vector_rest
         found = [one.maximum for one in (in_full, vector.norm_rest, vector.norm_moving) if one is not None]

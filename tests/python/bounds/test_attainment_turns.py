@@ -6,7 +6,7 @@ is smaller than the error (`tests/mutations`).
 
 import numpy as np
 import pytest
-from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.stamps import time_offset_angles
 from scipy.spatial.transform import Rotation
 
@@ -248,3 +248,46 @@ def test_the_ball_about_the_values_of_an_integral():
     np.testing.assert_allclose(gyro.swept_increment(np.array([0.1])), 0.3 * 1.1, rtol=1e-12)
     np.testing.assert_allclose(gyro.swept_increment(np.array([16.0]), 2.0), 2.0 * radius * 10.0, rtol=1e-12)
     assert np.isinf(GyroBounds(1.0).swept_increment(np.array([8.0]))).all()
+
+
+# --- samples that are far apart ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", [1.0, 0.01])
+@pytest.mark.parametrize("k", [1e-6, 1e-3, 0.02])
+def test_one_matrix_where_the_body_turns_far_in_a_step(k, step):
+    """Up to 1.8 rad a step, and a matrix that was found by a search for the largest error."""
+    shown = np.array(
+        [
+            [-2.01, -1.12, 1.3],
+            [-0.52, -1.42, -0.87],
+            [0.63, 1.29, 1.76],
+            [0.87, -0.87, -0.35],
+            [-0.02, 0.42, -0.59],
+            [1.77, 0.06, -1.02],
+        ]
+    )
+    worst = np.array([[0.789, 0.615, 0.013], [0.587, -0.759, 0.283], [-0.184, 0.215, 0.959]])
+    matrix = -k * worst / np.linalg.norm(worst, 2)
+    times = step * np.arange(len(shown))
+    rates = 0.5 * (shown[1:] + shown[:-1])
+    true = np.linalg.solve(np.eye(3) + matrix, rates.T).T
+    off = Rotation.identity()
+    for one in Rotation.from_rotvec(rates):
+        off = off * one
+    for one in Rotation.from_rotvec(true)[::-1]:
+        off = off * one.inv()
+    assert off.magnitude() <= anchored(GyroBounds(0.0, scale_error=k), times, shown / step, 100.0 * step)
+
+
+def test_chords_of_arcs_are_counted():
+    """A turn about one axis in one large step: the trapezoid's effect is shorter than the arc's by θ³/12."""
+    steps, angle = np.array([0.5]), 1.2
+    effects, chords = scale_effects(
+        steps, Rotation.from_rotvec([[0.0, 0, 0], [0, 0, angle]]).as_matrix(), np.tile([0.0, 0, angle / 0.5], (2, 1))
+    )
+    # The integral of C(s) K' ω over the step, for K' that takes ω to x: ω ∫ (cos, sin) = (sin θ, 1 - cos θ).
+    exact = np.array([np.sin(angle), 1.0 - np.cos(angle), 0.0])
+    found = effects[-1].reshape(3, 3, 3)[:, 0, 2]
+    gap = np.linalg.norm(exact - found)
+    assert 0.9 * chords[-1] <= gap <= chords[-1]

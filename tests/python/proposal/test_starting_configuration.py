@@ -200,6 +200,23 @@ def test_without_a_rest_at_the_start_each_sensor_states_its_bounds(tmp_path, ref
     assert np.nanmax(forms(results, attitude(results.times))) <= 1.0
 
 
+def test_a_gyro_that_integrates_gives_no_windows(tmp_path):
+    mapping, config = tmp_path / "mapping.toml", tmp_path / "config.toml"
+    mapping.write_text(
+        """
+        time_column = "t"
+        reference_frame = "ENU"
+        flow = { kind = "gyro", columns = ["gyr[0]", "gyr[1]", "gyr[2]"], interval_rate = "first_sample" }
+        directions = [
+            { name = "a", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" },
+            { name = "m", kind = "magnetometer", columns = ["mag[0]", "mag[1]", "mag[2]"], unit = "uT" },
+        ]
+        """
+    )
+    succeed("bounds", write_npz(tmp_path / "log.npz", made()), mapping, "--out", config)
+    assert read_configuration(config).accelerometer.bound_from.kind == "acceleration"
+
+
 def test_slow_sensors_are_bounded_sample_by_sample(tmp_path):
     """Accelerometer and magnetometer in every fourth row, another frame, and a bound that is already there."""
     recording = made()
