@@ -265,7 +265,7 @@ def test_a_full_disk(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tables.pa.csv, "write_csv", full)
+    monkeypatch.setattr(column_files.pa.csv, "write_csv", full)
     done = run("estimate", log, "--config", config, "--out", tmp_path / "out")
     assert done.exit_code == 1
     assert "no space left" in done.output.replace("\n", " ")
