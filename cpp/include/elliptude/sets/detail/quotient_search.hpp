@@ -65,9 +65,10 @@ class QuotientSearch {
         return Status::not_finite;
       }
     }
-    const bool is_found = (is_affine() && find_affine()) || find_by_barrier();
+    // Multipliers that are best may leave Z no room for rounding; the barrier's keep some.
     Scalar least;
-    if (!is_found || !least_for_multipliers(least)) {
+    const bool is_proved = is_affine() && find_affine() && least_for_multipliers(least);
+    if (!is_proved && !(find_by_barrier() && least_for_multipliers(least))) {
       return Status::unbounded;
     }
     least *= scale;
