@@ -132,8 +132,8 @@ class AffineSearch {
     Multipliers target;
     std::fill_n(target.begin(), count_, Scalar(0));
     aim_at(target);
-    const Scalar primal = longest(now_.mu, move_, Scalar(1));
-    const Scalar dual = longest(z_, dz_, Scalar(1));
+    const Scalar primal = longest_step(now_.mu, move_, count_, Scalar(1));
+    const Scalar dual = longest_step(z_, dz_, count_, Scalar(1));
     Scalar product(0);
     Scalar left(0);
     Scalar defect(0);
@@ -194,23 +194,12 @@ class AffineSearch {
     }
   }
 
-  /// How much of a step stays inside, up to a share of the way to the boundary.
-  [[nodiscard]] Scalar longest(const Multipliers& from, const Multipliers& along, const Scalar& share) const noexcept {
-    Scalar length(1);
-    for (std::size_t k = 0; k < count_; ++k) {
-      if (length * along[k] < -share * from[k]) {
-        length = -share * from[k] / along[k];
-      }
-    }
-    return length;
-  }
-
   /// D may rise by what keeps the multipliers away from zero, and no more.
   /// \return whether it went somewhere.
   [[nodiscard]] bool search_along_step(const Scalar& tau) noexcept {
     const Scalar inside = scalar::constant<Scalar>(0.95L);
-    Scalar primal = longest(now_.mu, move_, inside);
-    const Scalar dual = longest(z_, dz_, inside);
+    Scalar primal = longest_step(now_.mu, move_, count_, inside);
+    const Scalar dual = longest_step(z_, dz_, count_, inside);
     const Scalar most_value = now_.value + number(count_) * tau;
     constexpr int most_trials = 12;
     for (int trial = 0; trial < most_trials; ++trial) {

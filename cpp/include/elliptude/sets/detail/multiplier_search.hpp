@@ -49,6 +49,20 @@ void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count,
   }
 }
 
+/// How much of a step stays above zero, up to a share of the way there.
+/// \param from, along arrays of `count` numbers, the first positive.
+template <typename Scalar, std::size_t Most>
+[[nodiscard]] Scalar longest_step(const std::array<Scalar, Most>& from, const std::array<Scalar, Most>& along,
+                                  std::size_t count, const Scalar& share) noexcept {
+  Scalar length(1);
+  for (std::size_t k = 0; k < count; ++k) {
+    if (length * along[k] < -share * from[k]) {
+      length = -share * from[k] / along[k];
+    }
+  }
+  return length;
+}
+
 /// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
 /// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
 /// the best is kept.
@@ -212,17 +226,6 @@ class MultiplierSearch {
     }
   }
 
-  /// How much of a step stays inside, up to a share of the way to the boundary.
-  [[nodiscard]] Scalar longest(const Multipliers& from, const Multipliers& along, const Scalar& share) const noexcept {
-    Scalar length(1);
-    for (std::size_t k = 0; k < count_; ++k) {
-      if (length * along[k] < -share * from[k]) {
-        length = -share * from[k] / along[k];
-      }
-    }
-    return length;
-  }
-
   /// What all μₖzₖ are to become: a step straight at the optimum shows how far one gets, and so how much to keep away from the
   /// boundary.
   [[nodiscard]] Scalar target_product() const noexcept {
@@ -233,8 +236,8 @@ class MultiplierSearch {
       gap += it.multipliers[k] * z_[k];
       defect += it.multipliers[k] * scalar::abs(Scalar(gradient_[k] - z_[k]));
     }
-    const Scalar straight_primal = longest(it.multipliers, move_, Scalar(1));
-    const Scalar straight_dual = longest(z_, dz_, Scalar(1));
+    const Scalar straight_primal = longest_step(it.multipliers, move_, count_, Scalar(1));
+    const Scalar straight_dual = longest_step(z_, dz_, count_, Scalar(1));
     Scalar left(0);
     for (std::size_t k = 0; k < count_; ++k) {
       left += (it.multipliers[k] + straight_primal * move_[k]) * (z_[k] + straight_dual * dz_[k]);
@@ -275,8 +278,8 @@ class MultiplierSearch {
   [[nodiscard]] bool search_along_step(const Scalar& tau) noexcept {
     const Iterate& it = *now_;
     const Scalar inside = scalar::constant<Scalar>(0.99L);
-    Scalar primal = longest(it.multipliers, move_, inside);
-    const Scalar dual = longest(z_, dz_, inside);
+    Scalar primal = longest_step(it.multipliers, move_, count_, inside);
+    const Scalar dual = longest_step(z_, dz_, count_, inside);
     const Scalar value = it.level + it.barrier;
     const Scalar noise = rounding::share<Scalar>(rounding::objective) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     Multipliers from;
