@@ -217,7 +217,7 @@ def test_an_archive_of_windows_may_have_backslashes(tmp_path):
             ("run\\Gyroscope.csv", "t,x\n0,1\n"),
             ("run\\meta\\time.csv", "event,experiment time\nSTART,0\n"),
         ):
-            member = zipfile.ZipInfo("placeholder")
+            member = zipfile.ZipInfo("named below")
             member.filename = name
             archive.writestr(member, text)
     assert open_folder(tmp_path / "a.zip").columns == ("Gyroscope.t", "Gyroscope.x")
