@@ -51,8 +51,11 @@ template <typename Object>
 class Sealed {
  public:
   explicit Sealed(const Object& object) noexcept : object_(object), seal_(seal_of(&object_, sizeof(Object))) {}
+  ~Sealed() = default;
   Sealed(const Sealed&) = delete;
   Sealed& operator=(const Sealed&) = delete;
+  Sealed(Sealed&&) = delete;
+  Sealed& operator=(Sealed&&) = delete;
 
   /// \return `corrupted` if the bytes of the object or of the seal are not those that the last call left.
   [[nodiscard]] Status verify() const noexcept {
