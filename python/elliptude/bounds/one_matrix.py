@@ -20,6 +20,9 @@ _DIRECTIONS = 8
 _POLYGON = math.cos(0.5 * math.pi / _DIRECTIONS)
 # Cofactors and determinants in `nuclear_norms` may be off by some rounding of their size, which counts with its root.
 _ROUNDED_NORM = 1.0 + 1e-6
+# Second order is bounded by a q + b q² for each of these b, with an a that follows. With 3/4 the bound needs no a.
+_CURVATURES = (0.0, 0.1, 0.3, 0.5)
+_WHOLE_CURVATURE = 0.75
 # A cell of the second order is this long, s, or this share of the longest window.
 _LEAST_CELL = 0.1
 _SHARE_OF_LONGEST = 1.0 / 120.0
@@ -72,8 +75,11 @@ class OneMatrix:
         self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known)
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
         self._pushed_twice = running_sum(steps, self._pushed)
+        # q: what the errors of the rate would turn if all had one direction.
+        self._straight = self._scale * piece.turned + self._other * gyro.noise * piece.elapsed
         lengths = np.linalg.norm(piece.carried, axis=1)
-        self._once = running_sum(steps, lengths[:, None] * np.column_stack([self._biased, self._chords]))
+        averaged = np.column_stack([self._biased, self._chords, self._straight, self._straight**2])
+        self._once = running_sum(steps, lengths[:, None] * averaged)
         self._twice = running_sum(steps, self._once)
         cells = np.floor(piece.since_known / cell)
         self._nodes = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1, [len(cells) - 1]])
@@ -107,7 +113,7 @@ class OneMatrix:
         effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects[of.row], mean)
         length, swept, spanned = average.length[indices], average.swept[indices], average.spanned[indices]
         noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, length + average.lost[indices]))
-        second = self._growth_in(of) * (self._scale * swept + self._other * gyro.noise * spanned)
+        second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes[of.row].transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
@@ -133,32 +139,41 @@ class OneMatrix:
         rounding: FloatArray = 64.0 * self._scale * entry + 3.0 * average.lost[indices] * bounds
         return rounding
 
-    def _growth_in(self, window: Window) -> FloatArray:
-        """The largest share of second order between the row of each window and its ends, (18.39)."""
+    def _second_order_bounds(
+        self, window: Window, average: Average, indices: NDArray[np.intp], means: FloatArray
+    ) -> FloatArray:
+        """Bounds of what is of second order, from the means of q and q² times the lengths, (18.39)."""
+        swept, spanned = average.swept[indices], average.spanned[indices]
+        once = self._scale * swept + self._other * self._gyro.noise * spanned
+        at_row = self._straight[window.row]
+        square = means[:, 3] - 2.0 * at_row * means[:, 2] + at_row**2 * average.length[indices]
+        # Four such terms, each off by what a mean may lose, and the sums of q themselves.
+        square = np.maximum(square, 0.0) + 8.0 * average.lost[indices] * self._straight[window.stop] ** 2
         row, start, stop = (self._cells(rows) for rows in (window.row, window.start, window.stop))
-        before, after = self._growth
-        last = len(after) - 1
-        growth = np.maximum(before[np.minimum(row - start, last), row], after[np.minimum(stop - row, last), row])
-        return np.where(np.maximum(row - start, stop - row) > last, np.inf, growth)
+        last = self._growth.shape[2] - 1
+        second = _WHOLE_CURVATURE * square
+        within = np.maximum(row - start, stop - row) <= last
+        for curvature, (before, after) in zip(_CURVATURES, self._growth, strict=True):
+            growth = np.maximum(before[np.minimum(row - start, last), row], after[np.minimum(stop - row, last), row])
+            second = np.where(within, np.minimum(second, growth * once + curvature * square), second)
+        return second
 
     def _cells(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """The cell that each row is in."""
         cells: NDArray[np.intp] = np.searchsorted(self._nodes[1:-1], rows, side="right")
         return cells
 
-    def _growth_to_cells(self, farthest: int) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the share of second order from any row of a cell to as many cells before and after, (18.39).
+    def _growth_to_cells(self, farthest: int) -> FloatArray:
+        """For each curvature the a of (18.39) from any row of a cell to as many cells before, and after.
 
-        Shape (how many cells away, cells) each.
+        Shape (curvatures, 2, how many cells away, cells).
         """
         nodes, count = self._nodes, len(self._nodes) - 1
-        turned, elapsed = self._piece.turned[nodes], self._piece.elapsed[nodes]
-        # q: what the errors of the rate would turn if all had one direction.
-        straight = self._scale * turned + self._other * self._gyro.noise * elapsed
+        straight = self._straight[nodes]
         in_cell = np.diff(straight)
         farthest = min(farthest, count - 1)
         at_nodes = [self._turn_between_nodes(away) for away in range(min(farthest + 1, count) + 1)]
-        before, after = np.full((2, farthest + 1, count), np.inf)
+        growth = np.full((len(_CURVATURES), 2, farthest + 1, count), np.inf)
         along_before, along_after = np.zeros(count), np.zeros(count)
         for away in range(farthest + 1):
             near, far = slice(0, count - away), slice(away, count)
@@ -167,11 +182,14 @@ class OneMatrix:
             along_before[far] += between * in_cell[near]
             most = straight[away + 1 :] - straight[near]
             least = straight[away:count] - straight[1 : count - away + 1] if away else np.zeros(count)
-            for growth, along, cells in ((after, along_after, near), (before, along_before, far)):
+            for side, along, cells in ((0, along_before, far), (1, along_after, near)):
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    squares = between * np.minimum(1.0, between / least)
-                    growth[away, cells] = np.fmin(0.75 * most, 0.5 * along[cells] / least + 0.5 * squares)
-        return np.maximum.accumulate(before), np.maximum.accumulate(after)
+                    share = 0.5 * along[cells] / least + 0.5 * between * np.minimum(1.0, between / least)
+                for i, curvature in enumerate(_CURVATURES):
+                    growth[i, side, away, cells] = np.fmin(
+                        (_WHOLE_CURVATURE - curvature) * most, share - curvature * least
+                    )
+        return np.maximum.accumulate(growth, axis=2)
 
     def _turn_between_nodes(self, away: int) -> FloatArray:
         """Bounds of the turn by the scale error from nodes to those so many further on, rad."""

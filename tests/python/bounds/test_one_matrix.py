@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.one_matrix import OneMatrix, cell_length, nuclear_norms
-from elliptude.bounds.window_averages import Piece
+from elliptude.bounds.window_averages import Piece, weighted
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
 from inputs import angle_between
 from scipy.spatial.transform import Rotation
@@ -229,6 +229,14 @@ def test_effects_against_direct_sums(duration, triangular):
     np.testing.assert_allclose(effects @ wrong.ravel(), pushed, rtol=0.05, atol=1e-4 * np.abs(pushed).max())
 
 
+def second_order_of(matrix, piece, row, duration, *, triangular):
+    """The bound of second order of one window, with all that goes into it."""
+    window = piece.window(np.array([row]), duration, "middle")
+    average = list(piece.averages(window, triangular=True))[int(triangular)]
+    rising, falling = weighted(matrix._once, matrix._twice, window, triangular=triangular)
+    return window, matrix._second_order_bounds(window, average, np.array([0]), rising + falling)[0]
+
+
 @pytest.mark.parametrize("speed", [0.5, 8.0])
 def test_second_order_is_above_sums_over_all_samples(speed):
     """(18.39) row by row, with the largest turns of many matrices instead of bounds over all."""
@@ -240,16 +248,30 @@ def test_second_order_is_above_sums_over_all_samples(speed):
     wrong = of_matrix(k) * Rotation.random(200, rng=draws).as_matrix().reshape(-1, 9)
     straight = of_matrix(k) * piece.turned + noise / (1.0 - k) * piece.elapsed
     for row in (405, 600, 731):
-        window = piece.window(np.array([row]), 4.0, "middle")
-        bound = matrix._growth_in(window)[0]
+        window, bound = second_order_of(matrix, piece, row, 4.0, triangular=True)
+        total = 0.0
         for side in (np.arange(row, window.stop[0] + 1), np.arange(row, window.start[0] - 1, -1)):
             turns = np.linalg.norm((matrix._effects[side] - matrix._effects[row]) @ wrong.T, axis=1).max(axis=1)
             turns += noise / (1.0 - k) * np.abs(times[side] - times[row])
             away = np.abs(straight[side] - straight[row])
             products = np.concatenate([[0.0], np.cumsum(0.5 * (turns[1:] + turns[:-1]) * np.diff(away))])
-            shares = (0.5 * products + 0.5 * turns**2)[1:] / away[1:]
-            assert shares.max() <= bound
-            assert bound <= 4.0 * max(shares.max(), 0.02)
+            shares = 0.5 * products + 0.5 * turns**2
+            weights = 1.0 - np.abs(times[side] - times[row]) / 2.0
+            total += G * np.trapezoid(weights * shares, np.abs(times[side] - times[row])) / 2.0
+        assert total <= bound
+        assert bound <= 2.0 * total
+
+
+@pytest.mark.parametrize("triangular", [True, False])
+def test_second_order_of_a_turn_about_one_axis_in_closed_form(triangular):
+    """Three quarters of the mean of q², where the error keeps to one way: q grows with the time to the row."""
+    k, speed, row = 0.02, 3.0, 700
+    times = STEP * np.arange(1401)
+    rates = np.tile([0.0, speed, 0.0], (1401, 1))
+    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), 4.0, np.tile(G * UP, (1401, 1)))
+    _, bound = second_order_of(matrix, piece, row, 4.0, triangular=triangular)
+    square = 4.0 / 6.0 if triangular else 4.0 / 3.0
+    assert bound == pytest.approx(0.75 * G * square * (of_matrix(k) * speed) ** 2, rel=1e-3)
 
 
 def test_turns_there_and_back_count_little():
