@@ -118,10 +118,10 @@ namespace {
   {
     const py::gil_scoped_release release;
     // Ctrl-C is looked for after this many steps, some milliseconds.
-    constexpr Index longest_run = 1 << 15;
+    constexpr Index steps_between_signals = 1 << 15;
     Index run = 0;
     for (Index done = 0; done < step_count; done += run) {
-      run = constant_control ? std::min(longest_run, step_count - done) : 1;
+      run = constant_control ? std::min(steps_between_signals, step_count - done) : 1;
       RigidBodyState<double> latest = state;
       Index completed = done;
       const Status status = integrate(self.body, PotentialInCall{*self.potential, failure}, self.composition,
@@ -137,7 +137,7 @@ namespace {
       if (status != Status::ok) {
         raise_integration(status, failure, self, latest, " after " + std::to_string(completed) + " steps");
       }
-      if ((done + run) / longest_run > done / longest_run) {
+      if ((done + run) / steps_between_signals > done / steps_between_signals) {
         const py::gil_scoped_acquire acquire;
         if (PyErr_CheckSignals() != 0) {
           throw py::error_already_set();

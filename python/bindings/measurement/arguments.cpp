@@ -141,24 +141,24 @@ std::unique_lock<std::mutex> exclusive(std::mutex& mutex) {
 }
 
 SizeCriterion<double, 6> size_criterion_of(const std::string& criterion, const py::object& weight) {
-  using Criterion = SizeCriterion<double, 6>;
+  using Size = SizeCriterion<double, 6>;
   if (criterion == "weighted_trace") {
     if (weight.is_none()) {
       value_error("criterion 'weighted_trace' needs weight, a (6, 6) matrix");
     }
     const Matrix6<double> matrix =
         Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(single(weight, "weight", {6, 6})[0]);
-    raise_unless_ok(validate(Criterion::weighted_trace(matrix)), "weight");
-    return Criterion::weighted_trace(matrix);
+    raise_unless_ok(validate(Size::weighted_trace(matrix)), "weight");
+    return Size::weighted_trace(matrix);
   }
   if (!weight.is_none()) {
     value_error("weight goes with criterion 'weighted_trace', not '" + criterion + "'");
   }
   if (criterion == "trace") {
-    return Criterion::trace();
+    return Size::trace();
   }
   if (criterion == "volume") {
-    return Criterion::volume();
+    return Size::volume();
   }
   value_error("criterion must be 'trace', 'weighted_trace' or 'volume', not '" + criterion + "'");
 }
