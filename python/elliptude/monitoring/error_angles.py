@@ -8,6 +8,7 @@ heading from two vectors. Many rows are one call.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude.monitoring import arcs
 from elliptude.typing import FloatArray
@@ -69,14 +70,17 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
     q = np.concatenate([offsets[known, :1], _turned(axes, offsets[known, 1:, None])[..., 0]], axis=1)
     total = largest_share(_times(np.broadcast_to(np.eye(3), (len(q), 3, 3)), q), squares)
     angles.total[known] = _angle_of_sine(total)
-    angles.least_total[known] = _least_angle(largest_share(q[:, :, None], squares))
+    # An attitude in its set may be right: no search is needed to say so.
+    with np.errstate(over="ignore"):
+        outside = np.sum(q[:, 1:] ** 2 / squares, axis=1) > q[:, 0] ** 2
+    angles.least_total[known] = _least_angles(q[:, :, None], squares, outside)
     if up is None:
         return angles
     vertical = _turned(axes, up[known, :, None])
     twisted = _times(vertical, q)
     tilt = largest_share(_times(_across(vertical[..., 0]), q), squares)
     angles.tilt[known] = _angle_of_sine(tilt)
-    angles.least_tilt[known] = _least_angle(largest_share(np.concatenate([q[:, :, None], twisted], axis=2), squares))
+    angles.least_tilt[known] = _least_angles(np.concatenate([q[:, :, None], twisted], axis=2), squares, outside)
     middle, half_width = heading_interval(q, twisted[..., 0], squares)
     # Where up may be nearly opposite, a small turn changes the heading much.
     half_width += ANGLE_ROUNDING / np.maximum(np.sqrt(1.0 - tilt), ANGLE_ROUNDING**2)
@@ -101,14 +105,17 @@ def largest_share(basis: FloatArray, squares: FloatArray) -> FloatArray:
     (n,) array
         At most 1; attained up to 1e-6 of it and rounding.
     """
-    of_first = basis[:, 0, :, None] * basis[:, 0, None, :]
-    of_others = basis[:, 1:, :, None] * basis[:, 1:, None, :]
+    # One entry of the forms after another, and the rows last: what follows goes through whole arrays.
+    columns = np.ascontiguousarray(basis.transpose(1, 2, 0))
+    pairs = [(j, k) for j in range(columns.shape[1]) for k in range(j + 1)]
+    products = [[row[j] * row[k] for row in columns] for j, k in pairs]
+    of_axes = np.ascontiguousarray(squares.T)
 
     def share(x: FloatArray) -> FloatArray:
         # m = 1/(1 + e^-x), 1/(1-m) = 1 + e^x.
-        weights = squares / (squares + (1.0 / (1.0 + np.exp(-x)))[:, None])
-        forms = (1.0 + np.exp(x))[:, None, None] * of_first + np.einsum("ni,nijk->njk", weights, of_others)
-        return _largest_eigenvalue(forms)
+        growth = np.exp(x)
+        weights = [1.0 + growth, *(of_axes / (of_axes + growth / (1.0 + growth)))]
+        return _largest_eigenvalue([sum(w * b for w, b in zip(weights, of, strict=True)) for of in products])
 
     low, high = np.full(len(basis), -_RANGE), np.full(len(basis), _RANGE)
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -195,13 +202,23 @@ def _across(directions: FloatArray) -> FloatArray:
     return np.stack([one, np.cross(directions, one)], axis=2)
 
 
-def _largest_eigenvalue(forms: FloatArray) -> FloatArray:
-    if forms.shape[1] == 1:
-        return forms[:, 0, 0]
-    if forms.shape[1] == 2:
-        a, b, c = forms[:, 0, 0], forms[:, 0, 1], forms[:, 1, 1]
+def _largest_eigenvalue(entries: list[FloatArray]) -> FloatArray:
+    """The largest eigenvalues of symmetric matrices of up to three rows: entries 00, 10, 11, 20, 21, 22.
+
+    Of three, an upper bound: q + 2 p cos φ with cos 3φ = det((A - qI)/p)/2 grows with the determinant.
+    """
+    if len(entries) == 1:
+        return entries[0]
+    if len(entries) == 3:
+        a, b, c = entries
         return np.asarray(0.5 * (a + c) + np.hypot(0.5 * (a - c), b))
-    return np.asarray(np.linalg.eigvalsh(forms)[:, -1])
+    a, d, b, f, e, c = entries
+    mean = (a + b + c) / 3.0
+    spread = np.sqrt((((a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2) + 2.0 * (d * d + e * e + f * f)) / 6.0)
+    scale = np.where(spread > 0.0, spread, 1.0)
+    a, b, c, d, e, f = ((a - mean) / scale, (b - mean) / scale, (c - mean) / scale, d / scale, e / scale, f / scale)
+    cosine = 0.5 * (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)) + _SHARE
+    return np.asarray(mean + 2.0 * spread * np.cos(np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0))
 
 
 def _angle_of_sine(share: FloatArray) -> FloatArray:
@@ -209,6 +226,9 @@ def _angle_of_sine(share: FloatArray) -> FloatArray:
     return np.minimum(2.0 * np.arcsin(np.sqrt(share)) + ANGLE_ROUNDING, np.pi)
 
 
-def _least_angle(share: FloatArray) -> FloatArray:
-    """The angle of cos²(θ/2), downwards."""
-    return np.maximum(2.0 * np.arccos(np.sqrt(share)) - ANGLE_ROUNDING, 0.0)
+def _least_angles(basis: FloatArray, squares: FloatArray, outside: NDArray[np.bool_]) -> FloatArray:
+    """The angle of cos²(θ/2), the largest share, downwards; 0 but in the rows outside."""
+    angles = np.zeros(len(basis))
+    share = largest_share(basis[outside], squares[outside])
+    angles[outside] = np.maximum(2.0 * np.arccos(np.sqrt(share)) - ANGLE_ROUNDING, 0.0)
+    return angles

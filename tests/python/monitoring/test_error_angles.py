@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from elliptude.monitoring import error_angles
+from elliptude.monitoring.error_angles import _largest_eigenvalue
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -259,3 +260,20 @@ def test_rows_without_a_set_or_an_estimate_are_empty():
     without_up = error_angles(q0, shapes)
     assert np.isfinite(without_up.total[2])
     assert np.isnan([without_up.tilt[2], without_up.heading[2], without_up.least_heading[2]]).all()
+
+
+def test_largest_eigenvalues_are_never_too_small():
+    """Where two of them are one, too, and where all are."""
+    draws = np.random.default_rng(8)
+    values = 10.0 ** draws.uniform(-12.0, 0.0, (4000, 3)) * [1.0, 1e-3, 1e-6]
+    values[1000:2000, 1] = values[1000:2000, 0]
+    values[2000:3000, 1] = values[2000:3000, 0] * (1.0 + 10.0 ** draws.uniform(-16.0, -4.0, 1000))
+    values[3000:, 1:] = values[3000:, :1] * (1.0 + 1e-15 * draws.integers(-2, 3, (1000, 2)))
+    axes = Rotation.random(4000, rng=draws).as_matrix()
+    forms = np.einsum("nij,nj,nkj->nik", axes, values, axes)
+    forms = 0.5 * (forms + forms.swapaxes(1, 2))
+    found = _largest_eigenvalue([forms[:, j, k] for j in range(3) for k in range(j + 1)])
+    right = values.max(axis=1)
+    spread = np.sqrt(((values - values.mean(axis=1, keepdims=True)) ** 2).sum(axis=1) / 6.0)
+    assert (found >= right * (1.0 - 16.0 * np.finfo(float).eps)).all()
+    assert (found <= right * (1.0 + 16.0 * np.finfo(float).eps) + 10.0 * np.sqrt(np.finfo(float).eps) * spread).all()
