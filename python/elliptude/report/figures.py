@@ -106,14 +106,16 @@ def estimate_figure(
             _draw_band(panel, time, column, i, label, **marks)
             # Panels of the whole width are not aligned with those below.
             panel.tick_params(labelbottom=len(columns) == 1 and i == 2)
-    below = figure.add_subplot(grid[above + 3, 0], sharex=first)
-    _shade_gaps(below, result)
-    _draw_form(below, time, [("form", result.forms, BLACK)], inside_share, **marks)
-    size = figure.add_subplot(grid[above + 3, 1], sharex=first)
+    compared = result.forms is not None and bool(np.isfinite(result.forms).any())
+    size = figure.add_subplot(grid[above + 3, 1] if compared else grid[above + 3, :], sharex=first)
     _shade_gaps(size, result)
     _draw_size(size, result, **marks)
-    for panel in (below, size):
-        panel.set_xlabel("time (s)")
+    size.set_xlabel("time (s)")
+    if compared:
+        place_in_set = figure.add_subplot(grid[above + 3, 0], sharex=first)
+        _shade_gaps(place_in_set, result)
+        _draw_form(place_in_set, time, [("form", result.forms, BLACK)], inside_share, **marks)
+        place_in_set.set_xlabel("time (s)")
     assert first is not None
     if len(time) > 1:  # also where nothing is known
         first.set_xlim(float(time[0]), float(time[-1]))

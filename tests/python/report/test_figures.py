@@ -33,13 +33,16 @@ def without_rate_truth(results):
     return dataclasses.replace(results, errors=errors, vector="bias")
 
 
-@pytest.mark.parametrize("change", [lambda results: results, without_truth, without_rate_truth])
-def test_estimate_figure(tmp_path, results, change):
+@pytest.mark.parametrize(
+    ("change", "below"), [(lambda results: results, 2), (without_truth, 1), (without_rate_truth, 2)]
+)
+def test_estimate_figure(tmp_path, results, change, below):
+    """Where the truth is in its set has a panel of its own, if there is a truth."""
     figure = figures.estimate_figure(change(results), "Pendulum")
-    assert len(figure.axes) == 8
+    assert len(figure.axes) == 6 + below
     for axes in figure.axes:
         assert "deg" in axes.get_ylabel() or axes.get_ylabel().endswith("(-)")
-    assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == 2
+    assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == below
     figures.save(figure, tmp_path / "figure.png")
     picture = matplotlib.image.imread(tmp_path / "figure.png")
     assert picture.shape[1] == 1080
@@ -139,7 +142,7 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
     of_sets = {"half_widths": half_widths, "largest_angles": largest, "shapes": shapes}
     some = without_truth(dataclasses.replace(results, **of_sets, vector="bias"))
     figure = figures.estimate_figure(some, "A gap")
-    assert len(figure.axes) == 5
+    assert len(figure.axes) == 4
     for panel in figure.axes[:3]:
         assert panel.get_ylim() == pytest.approx((-46.0, 46.0))
         assert panel.get_xlim() == (results.times[0], results.times[-1])
