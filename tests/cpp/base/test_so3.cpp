@@ -13,7 +13,7 @@
 
 using namespace elliptude;
 using elliptude::testing::Dual;
-using elliptude::testing::Pack;
+using elliptude::testing::Lanes;
 using elliptude::testing::Random;
 
 namespace {
@@ -391,10 +391,10 @@ TEST_CASE("a pack of four does in each lane what one number does") {
     for (std::size_t lane = 0; lane < 4; ++lane) {
       zeta[(lane + static_cast<std::size_t>(i)) % 4] = angles[lane] * random.unit_vector<3>();
     }
-    const Vector3<Pack> packed = testing::pack(zeta);
-    const Matrix3<Pack> rotation = elliptude::exp(packed);
-    const Vector3<Pack> logarithm = log(rotation);
-    const Vector3<Pack> gibbs = cayley_inverse(rotation);
+    const Vector3<Lanes> packed = testing::pack(zeta);
+    const Matrix3<Lanes> rotation = elliptude::exp(packed);
+    const Vector3<Lanes> logarithm = log(rotation);
+    const Vector3<Lanes> gibbs = cayley_inverse(rotation);
     const auto q = to_quaternion(rotation);
     for (std::size_t lane = 0; lane < 4; ++lane) {
       const Vector3<double>& z = zeta[lane];
@@ -416,20 +416,20 @@ TEST_CASE("a pack of four does in each lane what one number does") {
       REQUIRE(same(testing::lane_of(to_rotation(q), lane), to_rotation(to_quaternion(c))));
       REQUIRE(same(testing::lane_of(renormalized(rotation), lane), renormalized(c)));
     }
-    REQUIRE(is_rotation(rotation, Pack(1e-14)));
+    REQUIRE(is_rotation(rotation, Lanes(1e-14)));
   }
 }
 
 TEST_CASE("a pack is a rotation only if each lane is and finite only if each lane is") {
   Random random(28);
   std::array<Matrix3<double>, 4> lanes{random.rotation(), random.rotation(), random.rotation(), random.rotation()};
-  CHECK(is_rotation(testing::pack(lanes), Pack(1e-14)));
+  CHECK(is_rotation(testing::pack(lanes), Lanes(1e-14)));
   for (std::size_t lane = 0; lane < 4; ++lane) {
     auto spoiled = lanes;
     spoiled[lane] *= -1;
-    CHECK_FALSE(is_rotation(testing::pack(spoiled), Pack(1e-14)));
+    CHECK_FALSE(is_rotation(testing::pack(spoiled), Lanes(1e-14)));
     spoiled[lane](1, 2) = std::nan("");
-    CHECK_FALSE(is_rotation(testing::pack(spoiled), Pack(1e-14)));
+    CHECK_FALSE(is_rotation(testing::pack(spoiled), Lanes(1e-14)));
     CHECK_FALSE(scalar::all_finite(testing::pack(spoiled)));
   }
 }

@@ -257,12 +257,12 @@ TEST_CASE("four bodies in the lanes of a pack are integrated and linearized as e
     rates[lane] = random.uniform(0.1, 2) * random.unit_vector<3>();  // some need more iterations than others
   }
   const Vector3<double> control(0.1, 0.2, -0.1);
-  const RigidBodyState<Pack> start{pack(attitudes), pack(rates)};
+  const RigidBodyState<Lanes> start{pack(attitudes), pack(rates)};
   for (const int order : {2, 4}) {
-    RigidBodyState<Pack> end = start;
-    FlowLinearization<Pack> linearization;
-    REQUIRE(integrate_linearized(body.cast<Pack>(), potential.cast<Pack>(), composition<Pack>(order), Pack(0.3),
-                                 Pack(0.1), 5L, Vector3<Pack>(control.cast<Pack>()), start, end,
+    RigidBodyState<Lanes> end = start;
+    FlowLinearization<Lanes> linearization;
+    REQUIRE(integrate_linearized(body.cast<Lanes>(), potential.cast<Lanes>(), composition<Lanes>(order), Lanes(0.3),
+                                 Lanes(0.1), 5L, Vector3<Lanes>(control.cast<Lanes>()), start, end,
                                  linearization) == Status::ok);
     for (std::size_t lane = 0; lane < pack_size; ++lane) {
       const Flight flight{order, 5, 0.3, 0.1, {attitudes[lane], rates[lane]}, control};
@@ -275,12 +275,12 @@ TEST_CASE("four bodies in the lanes of a pack are integrated and linearized as e
     }
   }
   // One lane that turns too fast fails them all.
-  RigidBodyState<Pack> fast = start;
+  RigidBodyState<Lanes> fast = start;
   fast.angular_velocity(0).lanes[2] = 100;
-  RigidBodyState<Pack> untouched = start;
-  FlowLinearization<Pack> linearization;
-  CHECK(integrate_linearized(body.cast<Pack>(), potential.cast<Pack>(), composition<Pack>(2), Pack(0.3), Pack(0.1), 1L,
-                             Vector3<Pack>(control.cast<Pack>()), fast, untouched,
+  RigidBodyState<Lanes> untouched = start;
+  FlowLinearization<Lanes> linearization;
+  CHECK(integrate_linearized(body.cast<Lanes>(), potential.cast<Lanes>(), composition<Lanes>(2), Lanes(0.3), Lanes(0.1), 1L,
+                             Vector3<Lanes>(control.cast<Lanes>()), fast, untouched,
                              linearization) == Status::step_too_long);
   CHECK(lane_of(untouched.attitude, 0) == attitudes[0]);
 }

@@ -37,22 +37,22 @@ struct Mask {
   }
 };
 
-struct Pack {
+struct Lanes {
   std::array<double, pack_size> lanes{};
 
-  Pack() = default;
-  Pack(double x) : lanes{x, x, x, x} {}  // implicit: a constant stands wherever a number does
+  Lanes() = default;
+  Lanes(double x) : lanes{x, x, x, x} {}  // implicit: a constant stands wherever a number does
 
   template <typename Function>
-  [[nodiscard]] static Pack map(const Pack& a, const Pack& b, const Function& function) {
-    Pack result;
+  [[nodiscard]] static Lanes map(const Lanes& a, const Lanes& b, const Function& function) {
+    Lanes result;
     for (std::size_t i = 0; i < pack_size; ++i) {
       result.lanes[i] = function(a.lanes[i], b.lanes[i]);
     }
     return result;
   }
   template <typename Function>
-  [[nodiscard]] static Mask compare(const Pack& a, const Pack& b, const Function& function) {
+  [[nodiscard]] static Mask compare(const Lanes& a, const Lanes& b, const Function& function) {
     Mask result;
     for (std::size_t i = 0; i < pack_size; ++i) {
       result.lanes[i] = function(a.lanes[i], b.lanes[i]);
@@ -60,82 +60,82 @@ struct Pack {
     return result;
   }
 
-  Pack& operator+=(const Pack& b) { return *this = *this + b; }
-  Pack& operator-=(const Pack& b) { return *this = *this - b; }
-  Pack& operator*=(const Pack& b) { return *this = *this * b; }
-  Pack& operator/=(const Pack& b) { return *this = *this / b; }
+  Lanes& operator+=(const Lanes& b) { return *this = *this + b; }
+  Lanes& operator-=(const Lanes& b) { return *this = *this - b; }
+  Lanes& operator*=(const Lanes& b) { return *this = *this * b; }
+  Lanes& operator/=(const Lanes& b) { return *this = *this / b; }
 
-  friend Pack operator-(const Pack& a) {
+  friend Lanes operator-(const Lanes& a) {
     return map(a, a, [](double x, double) { return -x; });
   }
-  friend Pack operator+(const Pack& a, const Pack& b) {
+  friend Lanes operator+(const Lanes& a, const Lanes& b) {
     return map(a, b, [](double x, double y) { return x + y; });
   }
-  friend Pack operator-(const Pack& a, const Pack& b) {
+  friend Lanes operator-(const Lanes& a, const Lanes& b) {
     return map(a, b, [](double x, double y) { return x - y; });
   }
-  friend Pack operator*(const Pack& a, const Pack& b) {
+  friend Lanes operator*(const Lanes& a, const Lanes& b) {
     return map(a, b, [](double x, double y) { return x * y; });
   }
-  friend Pack operator/(const Pack& a, const Pack& b) {
+  friend Lanes operator/(const Lanes& a, const Lanes& b) {
     return map(a, b, [](double x, double y) { return x / y; });
   }
 
-  friend Mask operator==(const Pack& a, const Pack& b) {
+  friend Mask operator==(const Lanes& a, const Lanes& b) {
     return compare(a, b, [](double x, double y) { return x == y; });
   }
-  friend Mask operator<(const Pack& a, const Pack& b) {
+  friend Mask operator<(const Lanes& a, const Lanes& b) {
     return compare(a, b, [](double x, double y) { return x < y; });
   }
-  friend Mask operator>(const Pack& a, const Pack& b) { return b < a; }
-  friend Mask operator<=(const Pack& a, const Pack& b) {
+  friend Mask operator>(const Lanes& a, const Lanes& b) { return b < a; }
+  friend Mask operator<=(const Lanes& a, const Lanes& b) {
     return compare(a, b, [](double x, double y) { return x <= y; });
   }
-  friend Mask operator>=(const Pack& a, const Pack& b) { return b <= a; }
+  friend Mask operator>=(const Lanes& a, const Lanes& b) { return b <= a; }
 
-  friend Pack select(const Mask& mask, const Pack& a, const Pack& b) {
-    Pack result;
+  friend Lanes select(const Mask& mask, const Lanes& a, const Lanes& b) {
+    Lanes result;
     for (std::size_t i = 0; i < pack_size; ++i) {
       result.lanes[i] = mask.lanes[i] ? a.lanes[i] : b.lanes[i];
     }
     return result;
   }
 
-  friend Pack sqrt(const Pack& a) {
+  friend Lanes sqrt(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::sqrt(x); });
   }
-  friend Pack sin(const Pack& a) {
+  friend Lanes sin(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::sin(x); });
   }
-  friend Pack cos(const Pack& a) {
+  friend Lanes cos(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::cos(x); });
   }
-  friend Pack exp(const Pack& a) {
+  friend Lanes exp(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::exp(x); });
   }
-  friend Pack log(const Pack& a) {
+  friend Lanes log(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::log(x); });
   }
-  friend Pack abs(const Pack& a) {
+  friend Lanes abs(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::abs(x); });
   }
-  friend Pack atan2(const Pack& a, const Pack& b) {
+  friend Lanes atan2(const Lanes& a, const Lanes& b) {
     return map(a, b, [](double y, double x) { return std::atan2(y, x); });
   }
 };
 
 /// Lane `lane` of each entry.
 template <int Rows, int Columns>
-[[nodiscard]] Eigen::Matrix<double, Rows, Columns> lane_of(const Eigen::Matrix<Pack, Rows, Columns>& x,
+[[nodiscard]] Eigen::Matrix<double, Rows, Columns> lane_of(const Eigen::Matrix<Lanes, Rows, Columns>& x,
                                                            std::size_t lane) {
-  return x.unaryExpr([lane](const Pack& entry) { return entry.lanes[lane]; });
+  return x.unaryExpr([lane](const Lanes& entry) { return entry.lanes[lane]; });
 }
 
 /// Four matrices as one of packs.
 template <int Rows, int Columns>
-[[nodiscard]] Eigen::Matrix<Pack, Rows, Columns> pack(
+[[nodiscard]] Eigen::Matrix<Lanes, Rows, Columns> pack(
     const std::array<Eigen::Matrix<double, Rows, Columns>, pack_size>& matrices) {
-  Eigen::Matrix<Pack, Rows, Columns> result;
+  Eigen::Matrix<Lanes, Rows, Columns> result;
   for (int j = 0; j < Columns; ++j) {
     for (int i = 0; i < Rows; ++i) {
       for (std::size_t lane = 0; lane < pack_size; ++lane) {
@@ -149,8 +149,8 @@ template <int Rows, int Columns>
 }  // namespace elliptude::testing
 
 template <>
-struct Eigen::NumTraits<elliptude::testing::Pack> : Eigen::NumTraits<double> {
-  using Real = elliptude::testing::Pack;
+struct Eigen::NumTraits<elliptude::testing::Lanes> : Eigen::NumTraits<double> {
+  using Real = elliptude::testing::Lanes;
   using NonInteger = Real;
   using Nested = Real;
   using Literal = Real;
