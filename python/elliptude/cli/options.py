@@ -60,7 +60,7 @@ ShownAxes: TypeAlias = Annotated[
 # How a reference attitude is read.
 TruthConfig: TypeAlias = Annotated[
     Path | None,
-    typer.Option(help="Configuration whose [truth] says what the reference's columns are.", show_default=False),
+    typer.Option(help="Configuration whose section truth says what the reference's columns are.", show_default=False),
 ]
 LargestGap: TypeAlias = Annotated[
     float, quantity("Interpolate between samples of the reference no further apart, s.", greatest=_LONGEST_GAP_S)

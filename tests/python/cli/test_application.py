@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from elliptude.cli.application import COMMANDS, make_app
+from rich.text import Text
 from typer.testing import CliRunner
 
 # What the library needs is loaded with it, and Typer with Rich; the rest is for the command that needs it.
@@ -43,6 +44,14 @@ def test_help_says_what_the_command_does(name):
     done = CliRunner().invoke(make_app(), [name, "--help"], env={"COLUMNS": "200"})
     assert done.exit_code == 0
     assert command.summary in done.output
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_all_that_options_say(name):
+    """What is in brackets would be taken for markup, and not be shown."""
+    for parameter in COMMANDS[name].load(name).params:
+        said = getattr(parameter, "help", None) or ""
+        assert Text.from_markup(said).plain == said
 
 
 def test_a_command_that_lacks_a_module_says_which(monkeypatch):

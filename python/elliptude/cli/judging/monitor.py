@@ -41,7 +41,7 @@ def monitor(
     log: Annotated[
         Path,
         typer.Argument(
-            help=f"With --config a log ({LOG_HELP}); else a table of results, or the folder that estimate wrote.",
+            help=f"A table of results, or the folder that estimate wrote; with --config a log: {LOG_HELP}",
             show_default=False,
         ),
     ],
@@ -59,7 +59,9 @@ def monitor(
     ] = None,
     estimate_config: Annotated[
         Path | None,
-        typer.Option(help="Configuration whose [truth] says what the estimate's columns are.", show_default=False),
+        typer.Option(
+            help="Configuration whose section truth says what the estimate's columns are.", show_default=False
+        ),
     ] = None,
     frame: Annotated[
         _GroundFrame | None,
