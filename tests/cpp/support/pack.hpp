@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <elliptude/base/scalar.hpp>
 
 namespace elliptude::testing {
 
@@ -105,22 +106,22 @@ struct Pack {
     return map(a, a, [](double x, double) { return std::sqrt(x); });
   }
   friend Pack sin(const Pack& a) {
-    return map(a, a, [](double x, double) { return std::sin(x); });
+    return map(a, a, [](double x, double) { return scalar::sin(x); });
   }
   friend Pack cos(const Pack& a) {
-    return map(a, a, [](double x, double) { return std::cos(x); });
+    return map(a, a, [](double x, double) { return scalar::cos(x); });
   }
   friend Pack exp(const Pack& a) {
-    return map(a, a, [](double x, double) { return std::exp(x); });
+    return map(a, a, [](double x, double) { return scalar::exp(x); });
   }
   friend Pack log(const Pack& a) {
-    return map(a, a, [](double x, double) { return std::log(x); });
+    return map(a, a, [](double x, double) { return scalar::log(x); });
   }
   friend Pack abs(const Pack& a) {
     return map(a, a, [](double x, double) { return std::abs(x); });
   }
   friend Pack atan2(const Pack& a, const Pack& b) {
-    return map(a, b, [](double y, double x) { return std::atan2(y, x); });
+    return map(a, b, [](double y, double x) { return scalar::atan2(y, x); });
   }
 };
 

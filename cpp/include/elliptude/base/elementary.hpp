@@ -16,6 +16,13 @@
 #include "elliptude/base/detail/angle_reduction.hpp"
 #include "elliptude/base/detail/elementary_constants.hpp"
 
+// The target elliptude::same_bits defines ELLIPTUDE_SAME_BITS. No macro says whether a compiler may fuse a product and a sum: the
+// target tells it not to.
+#if defined(ELLIPTUDE_SAME_BITS) && \
+    (!defined(EIGEN_DONT_VECTORIZE) || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ % 16 != 0))
+#error "elliptude: the same bits everywhere need EIGEN_DONT_VECTORIZE, and arithmetic that rounds to each type"
+#endif
+
 namespace elliptude::elementary {
 
 namespace detail {
