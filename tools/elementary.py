@@ -395,7 +395,8 @@ def reduction_errors(form: Format) -> tuple[float, float]:
     piece = 32 if form is DOUBLE else 16
     cut = 2.0 ** (2 - 4 * piece)  # of the fraction of a quarter turn: what four pieces leave, and its negation
     head = 2.0 ** (1 - form.digits // 2)
-    payne_hanek = cut / (far * 2 / math.pi) + 16 * head * u
+    # The sums of pieces are exact but for one, which has a rounding only where the first piece is not zero.
+    payne_hanek = cut / (far * 2 / math.pi) + 2 * u * (u + 2.0**-piece) + 16 * head * u
     return cody_waite, payne_hanek
 
 

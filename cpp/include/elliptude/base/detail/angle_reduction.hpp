@@ -160,10 +160,11 @@ template <typename Real>
     piece[i] = static_cast<Real>(digits) * power_of_two<Real>(-width * static_cast<int>(i + 1));
   }
   const auto upper = sum_of_parts(piece[0], piece[1], 0);
-  const auto part = sum_of_parts(upper.high, upper.low + (piece[2] + piece[3]), 0);
+  const auto lower = sum_of_parts(piece[2], piece[3], 0);
+  const auto part = sum_of_parts(upper.high, upper.low + lower.high, 0);
   // Times π/2: the product of the upper halves is exact.
   const Real head = from_bits<Real>(to_bits(part.high) & F::head);
-  const Real rest = head * C::quarter_tail + ((part.high - head) + part.low) * C::quarter;
+  const Real rest = head * C::quarter_tail + ((part.high - head) + (part.low + lower.low)) * C::quarter;
   auto result = sum_of_parts(head * C::quarter_head, rest, is_above ? whole + 1 : whole);
   if (is_above != is_negative(x)) {
     result.high = -result.high;
