@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The C interface: the guaranteed filters of elliptude.h, compiled once. Compile this file with -ffp-contract=off and without
-// -ffast-math, as cpp/c_interface/CMakeLists.txt does; the rest of a program may have any flags.
-
-#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || \
-    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0)
-#error "elliptude: the guarantee covers IEEE arithmetic: compile this file without -ffast-math and what it consists of"
-#endif
+// -ffast-math (the core refuses that), as cpp/c_interface/CMakeLists.txt does; the rest of a program may have any flags.
 
 // One order of sums on every processor.
 #ifndef EIGEN_DONT_VECTORIZE

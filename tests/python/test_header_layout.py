@@ -99,7 +99,7 @@ def test_multiples_of_epsilon_have_one_home():
 
 @pytest.mark.parametrize("mirror", ["tests/cpp", "python/bindings"])
 def test_bindings_and_tests_have_the_same_folders(mirror):
-    beside = {"support", "freestanding", "limits", "c_interface", "validation"}
+    beside = {"support", "freestanding", "limits", "same_bits", "c_interface", "validation"}
     others = {"tests/cpp": beside, "python/bindings": {"truth"}}[mirror]
     folders = {path.name for path in (ROOT / mirror).iterdir() if path.is_dir() and path.name != "__pycache__"}
     assert folders - others <= set(FOLDERS)

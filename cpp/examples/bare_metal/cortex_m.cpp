@@ -11,12 +11,6 @@ extern "C" {
 // Named by mps2.ld.
 extern std::uint32_t data_load, data_begin, data_end, bss_begin, bss_end, stack_bottom, stack_top;
 
-// Newlib's functions of an angle set it. Its own is in a structure of 1 kB that has nothing else to do here.
-int* __errno() {
-  static int value;
-  return &value;
-}
-
 void start();
 
 // The unit has to be on before any function of C, which may save its registers.

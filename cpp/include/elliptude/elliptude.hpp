@@ -10,6 +10,7 @@
 #include "elliptude/base/status.hpp"
 #include "elliptude/base/seal.hpp"
 #include "elliptude/base/interruption.hpp"
+#include "elliptude/base/elementary.hpp"
 #include "elliptude/base/scalar.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"

@@ -1,5 +1,6 @@
 # cmake -DNM=<nm> -P check_symbols.cmake -- <object>...
-# Fails if an object refers to a symbol by which memory is allocated or freed, an exception thrown, or a lock taken.
+# Fails if an object refers to a symbol by which memory is allocated or freed, an exception thrown, or a lock taken, or to a function
+# of the mathematical library.
 set(forbidden
     "(malloc|calloc|realloc|free|aligned_alloc|posix_memalign|memalign)" # the C heap
     "_Zn[wa].*" # operator new, new[]
@@ -7,7 +8,8 @@ set(forbidden
     "__cxa_(throw|rethrow|allocate_exception)"
     "_ZSt[0-9]+__throw_.*" # how the standard library throws
     "__cxa_guard_acquire" # the lock of a function's static variable
-    "pthread_mutex_lock")
+    "pthread_mutex_lock"
+    "(a?(sin|cos|tan)h?|atan2|sincos|exp|exp2|expm1|log|log2|log10|log1p|pow|sqrt|cbrt|hypot|fma|fmod|remainder|ceil|floor|round|trunc|rint|nearbyint|lround|lrint|ldexp|frexp|scalbn?|logb|ilogb|modf)[fl]?")
 list(JOIN forbidden "|" forbidden)
 
 set(objects "")

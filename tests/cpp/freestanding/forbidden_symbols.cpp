@@ -1,4 +1,5 @@
 // Does what the core must not do, so that a test can show that check_symbols.cmake finds it.
+#include <cmath>
 #include <cstdlib>
 #include <vector>
 
@@ -11,3 +12,6 @@ int locked_static(int first) {
   static int value = first;
   return value;
 }
+double exponential(double x) { return std::exp(x); }
+float sine(float x) { return std::sin(x); }
+long double angle(long double y, long double x) { return std::atan2(y, x); }

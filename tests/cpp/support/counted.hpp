@@ -45,13 +45,12 @@ struct Counted {
   friend bool operator>=(const Counted& a, const Counted& b) { return a.value >= b.value; }
 
   friend Counted sqrt(const Counted& x) { return counted(std::sqrt(x.value)); }
-  friend Counted exp(const Counted& x) { return counted(std::exp(x.value)); }
-  friend Counted log(const Counted& x) { return counted(std::log(x.value)); }
-  friend Counted sin(const Counted& x) { return counted(std::sin(x.value)); }
-  friend Counted cos(const Counted& x) { return counted(std::cos(x.value)); }
-  friend Counted atan2(const Counted& y, const Counted& x) { return counted(std::atan2(y.value, x.value)); }
+  friend Counted exp(const Counted& x) { return counted(scalar::exp(x.value)); }
+  friend Counted log(const Counted& x) { return counted(scalar::log(x.value)); }
+  friend Counted sin(const Counted& x) { return counted(scalar::sin(x.value)); }
+  friend Counted cos(const Counted& x) { return counted(scalar::cos(x.value)); }
+  friend Counted atan2(const Counted& y, const Counted& x) { return counted(scalar::atan2(y.value, x.value)); }
   friend Counted abs(const Counted& x) { return {std::fabs(x.value)}; }
-  friend Counted ceil(const Counted& x) { return {std::ceil(x.value)}; }
 
  private:
   static Counted counted(Real result) {

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <elliptude/base/scalar.hpp>
 
 namespace elliptude::testing {
 
@@ -105,22 +106,22 @@ struct Lanes {
     return map(a, a, [](double x, double) { return std::sqrt(x); });
   }
   friend Lanes sin(const Lanes& a) {
-    return map(a, a, [](double x, double) { return std::sin(x); });
+    return map(a, a, [](double x, double) { return scalar::sin(x); });
   }
   friend Lanes cos(const Lanes& a) {
-    return map(a, a, [](double x, double) { return std::cos(x); });
+    return map(a, a, [](double x, double) { return scalar::cos(x); });
   }
   friend Lanes exp(const Lanes& a) {
-    return map(a, a, [](double x, double) { return std::exp(x); });
+    return map(a, a, [](double x, double) { return scalar::exp(x); });
   }
   friend Lanes log(const Lanes& a) {
-    return map(a, a, [](double x, double) { return std::log(x); });
+    return map(a, a, [](double x, double) { return scalar::log(x); });
   }
   friend Lanes abs(const Lanes& a) {
     return map(a, a, [](double x, double) { return std::abs(x); });
   }
   friend Lanes atan2(const Lanes& a, const Lanes& b) {
-    return map(a, b, [](double y, double x) { return std::atan2(y, x); });
+    return map(a, b, [](double y, double x) { return scalar::atan2(y, x); });
   }
 };
 

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <elliptude/base/rounding.hpp>
 #include <limits>
 
 namespace elliptude::testing {
@@ -80,19 +81,21 @@ struct Tracked {
     const double least = x.value > x.error ? std::sqrt(x.value - x.error) : 0;
     return {root, up(std::fmin(x.error / (root + least), std::sqrt(x.error)) + half_ulp(root))};
   }
-  /// The library's sine and cosine err by less than a unit in the last place.
+  /// The functions of base/elementary.hpp err by so many units in the last place, of two half units each.
   friend Tracked sin(const Tracked& x) {
-    const double sine = std::sin(x.value);
-    return {sine, up(std::fabs(std::cos(x.value)) * x.error + x.error * x.error + 2 * half_ulp(sine))};
+    const double sine = elementary::sin(x.value);
+    return {sine, up(std::fabs(std::cos(x.value)) * x.error + x.error * x.error +
+                     2 * rounding::sine_units * half_ulp(sine))};
   }
   friend Tracked cos(const Tracked& x) {
-    const double cosine = std::cos(x.value);
-    return {cosine, up(std::fabs(std::sin(x.value)) * x.error + x.error * x.error + 2 * half_ulp(cosine))};
+    const double cosine = elementary::cos(x.value);
+    return {cosine, up(std::fabs(std::sin(x.value)) * x.error + x.error * x.error +
+                       2 * rounding::sine_units * half_ulp(cosine))};
   }
   friend Tracked atan2(const Tracked& y, const Tracked& x) {
-    const double angle = std::atan2(y.value, x.value);
+    const double angle = elementary::atan2(y.value, x.value);
     const double distance = std::hypot(y.value, x.value) - std::hypot(y.error, x.error);
-    return {angle, up((y.error + x.error) / distance + 2 * half_ulp(angle))};
+    return {angle, up((y.error + x.error) / distance + 2 * rounding::atan2_units * half_ulp(angle))};
   }
   friend Tracked abs(const Tracked& x) { return {std::fabs(x.value), x.error}; }
 };

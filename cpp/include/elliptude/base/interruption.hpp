@@ -43,13 +43,13 @@ class PredictionLimits {
   /// \return `too_many_steps`.
   template <typename Scalar>
   [[nodiscard]] Status divide(const Scalar& duration, const Scalar& longest, long& steps) const noexcept {
-    using std::ceil;
     // A step that is longer than the longest only by rounding does not need another one.
     const Scalar wanted = duration / longest * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
     }
-    steps = static_cast<long>(ceil(wanted)) > 1 ? static_cast<long>(ceil(wanted)) : 1;
+    const long whole = wanted > Scalar(1) ? static_cast<long>(wanted) : 1;
+    steps = Scalar(static_cast<scalar::Value<Scalar>>(whole)) < wanted ? whole + 1 : whole;
     return Status::ok;
   }
   [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }

@@ -31,6 +31,15 @@ inline constexpr int bound = 128;
 inline constexpr int rotation = 8;
 ///@}
 
+/// The functions of base/elementary.hpp, in units of the last place of the result. Such a unit is at most ε of the result. (theory,
+/// section 17.11)
+///@{
+inline constexpr double exp_units = 1.0;
+inline constexpr double log_units = 1.5;
+inline constexpr double sine_units = 1.1;  ///< sin and cos
+inline constexpr double atan2_units = 1.7;
+///@}
+
 /// Linear algebra. (Higham, Accuracy and Stability; theory, sections 7.7 and 17.8)
 ///@{
 /// More than a Cholesky factorisation of N rows loses, relative to each diagonal entry (theorem 10.7).

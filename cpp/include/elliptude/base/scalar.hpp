@@ -3,7 +3,7 @@
 /// \file
 /// What a scalar type must provide, and the matrix types of the library.
 ///
-/// `double`, `float` and `long double` work as they are. Another type (a dual number for automatic differentiation, a
+/// `double` and `float` work as they are, with the functions of base/elementary.hpp; `long double` with those of the C library. Another type (a dual number for automatic differentiation, a
 /// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
 /// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
 /// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
@@ -16,6 +16,8 @@
 #include <cstddef>
 #include <limits>
 #include <type_traits>
+
+#include "elliptude/base/elementary.hpp"
 
 namespace elliptude {
 
@@ -71,6 +73,10 @@ template <typename Scalar>
   return constant<Scalar>(3.14159265358979323846264338327950288L);
 }
 
+/// Whether base/elementary.hpp has the functions of a type; those of others stand beside it, or in `std`.
+template <typename Scalar>
+constexpr bool is_elementary = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float>;
+
 template <typename Scalar>
 [[nodiscard]] Scalar sqrt(const Scalar& x) noexcept {
   using std::sqrt;
@@ -79,32 +85,52 @@ template <typename Scalar>
 
 template <typename Scalar>
 [[nodiscard]] Scalar sin(const Scalar& x) noexcept {
-  using std::sin;
-  return sin(x);
+  if constexpr (is_elementary<Scalar>) {
+    return elementary::sin(x);
+  } else {
+    using std::sin;
+    return sin(x);
+  }
 }
 
 template <typename Scalar>
 [[nodiscard]] Scalar cos(const Scalar& x) noexcept {
-  using std::cos;
-  return cos(x);
+  if constexpr (is_elementary<Scalar>) {
+    return elementary::cos(x);
+  } else {
+    using std::cos;
+    return cos(x);
+  }
 }
 
 template <typename Scalar>
 [[nodiscard]] Scalar atan2(const Scalar& y, const Scalar& x) noexcept {
-  using std::atan2;
-  return atan2(y, x);
+  if constexpr (is_elementary<Scalar>) {
+    return elementary::atan2(y, x);
+  } else {
+    using std::atan2;
+    return atan2(y, x);
+  }
 }
 
 template <typename Scalar>
 [[nodiscard]] Scalar exp(const Scalar& x) noexcept {
-  using std::exp;
-  return exp(x);
+  if constexpr (is_elementary<Scalar>) {
+    return elementary::exp(x);
+  } else {
+    using std::exp;
+    return exp(x);
+  }
 }
 
 template <typename Scalar>
 [[nodiscard]] Scalar log(const Scalar& x) noexcept {
-  using std::log;
-  return log(x);
+  if constexpr (is_elementary<Scalar>) {
+    return elementary::log(x);
+  } else {
+    using std::log;
+    return log(x);
+  }
 }
 
 template <typename Scalar>

@@ -74,10 +74,10 @@ struct Pack {
   }
   // Bodies often have the same time, and one angle for all.
   friend Pack sin(const Pack& a) noexcept {
-    return all_of(a == Pack(a[0])) ? Pack(std::sin(a[0])) : map(a, [](Number x) { return std::sin(x); });
+    return all_of(a == Pack(a[0])) ? Pack(elementary::sin(a[0])) : map(a, [](Number x) { return elementary::sin(x); });
   }
   friend Pack cos(const Pack& a) noexcept {
-    return all_of(a == Pack(a[0])) ? Pack(std::cos(a[0])) : map(a, [](Number x) { return std::cos(x); });
+    return all_of(a == Pack(a[0])) ? Pack(elementary::cos(a[0])) : map(a, [](Number x) { return elementary::cos(x); });
   }
 
   template <typename Function>
