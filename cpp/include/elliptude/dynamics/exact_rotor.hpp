@@ -93,7 +93,7 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The same, and Kᵀ, which turns a change of the momentum into one of the attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.9).
+/// The same, and Kᵀ, which turns a change of the momentum into one of the attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.6).
 /// \return as `relative_attitude`.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude_linearized(const ExactRotor<Scalar>& rotor, const Scalar& h,

@@ -173,7 +173,7 @@ class RotorStep {
     sine_ = sine * turned_cosine + cosine * turned_sine;
   }
 
-  /// ξ along the triad at the end when m changes, eq. (6.9). Every term has the factor s or sin ψ: nothing cancels in a short step.
+  /// ξ along the triad at the end when m changes, eq. (6.5). Every term has the factor s or sin ψ: nothing cancels in a short step.
   [[nodiscard]] Vector3<Scalar> turn_along(const Direction& change) const noexcept;
 
   EllipticInvariants<Scalar> of_;
