@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <elliptude/attitude/wahba_set.hpp>
+#include <elliptude/dynamics/exact_rotor.hpp>
 #include <elliptude/dynamics/linearization.hpp>
 #include <elliptude/first_order/filter.hpp>
 #include <elliptude/guaranteed/body_flow.hpp>
@@ -85,6 +86,23 @@ inline Composition<double> composition(int order) {
   Composition<double> result;
   expect_ok(composition_of_order(order, result));
   return result;
+}
+
+/// The same motion with the exact free rotor.
+template <typename Potential>
+struct ExactMotion {
+  ExactRotor<double> body;
+  Potential potential;
+  RigidBodyState<double> state;
+  double h;
+};
+
+template <auto make_motion>
+auto exactly() {
+  const auto motion = make_motion();
+  ExactRotor<double> rotor;
+  expect_ok(ExactRotor<double>::make(motion.body, rotor));
+  return ExactMotion<std::decay_t<decltype(motion.potential)>>{rotor, motion.potential, motion.state, motion.h};
 }
 
 /// A step of a trajectory of `count` steps.
@@ -513,6 +531,8 @@ inline constexpr std::array<Operation, 43> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},
+    {"step_exact_rotor_free_order_2", step<exactly<free_motion>, 2>},
+    {"step_exact_rotor_pendulum_order_2", step<exactly<pendulum_motion>, 2>},
     {"step_free_order_4", step<free_motion, 4>},
     {"step_gravity_gradient_order_4", step<gravity_gradient_motion, 4>},
     {"step_pendulum_order_4", step<pendulum_motion, 4>},
@@ -521,6 +541,7 @@ inline constexpr std::array<Operation, 43> all{{
     {"lone_step_pendulum_order_2", lone_step<pendulum_motion, 2>},
     {"lone_step_pendulum_order_4", lone_step<pendulum_motion, 4>},
     {"step_with_ellipsoid_free_order_2", step_with_ellipsoid<free_motion, 2>},
+    {"step_with_ellipsoid_exact_rotor_free_order_2", step_with_ellipsoid<exactly<free_motion>, 2>},
     {"step_with_ellipsoid_gravity_gradient_order_2", step_with_ellipsoid<gravity_gradient_motion, 2>},
     {"step_with_ellipsoid_pendulum_order_2", step_with_ellipsoid<pendulum_motion, 2>},
     {"step_with_ellipsoid_pendulum_order_4", step_with_ellipsoid<pendulum_motion, 4>},

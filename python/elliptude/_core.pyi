@@ -203,6 +203,7 @@ class Integrator:
         *,
         step: float,
         order: Literal[2, 4, 6, 8] = 2,
+        free_rotor: Literal["variational", "exact"] = "variational",
     ) -> None: ...
     @property
     def body(self) -> RigidBody: ...
@@ -212,6 +213,8 @@ class Integrator:
     def step_length(self) -> float: ...
     @property
     def order(self) -> int: ...
+    @property
+    def free_rotor(self) -> Literal["variational", "exact"]: ...
     def step(
         self,
         attitude: AttitudeLike,

@@ -46,6 +46,7 @@
 #include "elliptude/measurement/sensors.hpp"
 
 #include "elliptude/dynamics/rigid_body.hpp"
+#include "elliptude/dynamics/exact_rotor.hpp"
 #include "elliptude/dynamics/potential.hpp"
 #include "elliptude/dynamics/own_potential.hpp"
 #include "elliptude/dynamics/integrator.hpp"

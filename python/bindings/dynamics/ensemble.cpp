@@ -191,7 +191,7 @@ class Run {
   FirstFailure failure_;
 };
 
-/// One body after the other: a potential that the kernels do not have.
+/// One body after the other: a potential that the kernels do not have, or an exact rotor.
 void move_alone(const Integrator& self, const InitialStates& start, long steps, Moved& moved, bool linearized) {
   Failure failure;
   const py::gil_scoped_release release;
@@ -204,11 +204,12 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
     for (long done = 0, run = 0; status == Status::ok && done < steps; done += run) {
       const double time = start.time(i) + static_cast<double>(done) * self.step;
       run = linearized ? steps : std::min(longest_run, steps - done);
-      status = linearized
-                   ? integrate_linearized(self.body, potential, self.composition, time, self.step, run,
-                                          start.control_torque(i), state, state, linearization, signals)
-                   : integrate(self.body, potential, self.composition, time, self.step, run, start.control_torque(i),
-                               state, state, [](long, const RigidBodyState<double>&) {});
+      status = self.with_body([&](const auto& body) {
+        return linearized ? integrate_linearized(body, potential, self.composition, time, self.step, run,
+                                                 start.control_torque(i), state, state, linearization, signals)
+                          : integrate(body, potential, self.composition, time, self.step, run, start.control_torque(i),
+                                      state, state, [](long, const RigidBodyState<double>&) {});
+      });
       if (status == Status::ok && signals.stop(signals.context)) {
         status = Status::interrupted;
       }
@@ -236,7 +237,7 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
       threads.is_none() ? static_cast<Index>(std::clamp(worth, 1.0, processors)) : positive_count(threads, "threads");
   Moved moved(start, linearized);
   Settings settings{};
-  if (elliptude_kernels::widest() == nullptr || !(*self.potential).describe(settings)) {
+  if (self.is_exact || elliptude_kernels::widest() == nullptr || !(*self.potential).describe(settings)) {
     move_alone(self, start, step_count, moved, linearized);
     return moved;
   }

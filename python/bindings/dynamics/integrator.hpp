@@ -3,6 +3,7 @@
 /// \file
 /// The integrator in Python: its settings, and the arguments of a call.
 
+#include <elliptude/dynamics/exact_rotor.hpp>
 #include <elliptude/dynamics/integrator.hpp>
 #include <string>
 
@@ -17,6 +18,14 @@ struct Integrator {
   double step;
   int order;
   Composition<double> composition;
+  bool is_exact;             ///< whether a step takes `rotor` in the place of `body`
+  ExactRotor<double> rotor;  ///< of the body
+
+  /// What `function` returns for the body, or the exact rotor, that the steps take.
+  template <typename Function>
+  [[nodiscard]] Status with_body(const Function& function) const {
+    return is_exact ? function(rotor) : function(body);
+  }
 
   [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {
     return potential.traverse(visit, argument);

@@ -192,16 +192,18 @@ template <typename Scalar, typename Potential>
 
 /// Eqs. findf0, updateR0, updatew0 over one stage of length h from time t, from what the stage `before` left; `stage` may be
 /// the same. The control torque (body axes, constant over the step) acts beside the potential's.
+/// \param free_turn finds the F of the body without torque, as `relative_attitude(body, h, a, f)` does.
 /// \return `step_too_long`, `callback_failed`.
-template <typename Scalar, typename Potential>
+template <typename Scalar, typename Potential, typename FreeTurn>
 [[nodiscard]] Status integrate_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
                                      const Scalar& h, const Vector3<Scalar>& control_torque,
-                                     const Stage<Scalar>& before, Stage<Scalar>& stage) noexcept {
+                                     const Stage<Scalar>& before, const FreeTurn& free_turn,
+                                     Stage<Scalar>& stage) noexcept {
   static_assert(is_potential<Potential, Scalar>, "see dynamics/potential.hpp for what a potential is");
   const Scalar half = scalar::constant<Scalar>(0.5L) * h;
   Stage<Scalar> result;
   result.momentum = before.body_momentum + half * (before.torque + control_torque);
-  if (const Status status = relative_attitude(body, h, result.momentum, result.rotation); status != Status::ok) {
+  if (const Status status = free_turn(h, result.momentum, result.rotation); status != Status::ok) {
     return status;
   }
   result.state.attitude.noalias() = before.state.attitude * result.rotation;
@@ -232,13 +234,17 @@ template <typename Scalar>
 
 /// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
 /// step is that at the start of the next, so the potential is evaluated once for each stage.
+/// \param body a `RigidBody` for the variational step; an `ExactRotor` for the splitting with the exact free body.
 /// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
 /// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
-template <typename Scalar, typename Potential, typename Visit>
-[[nodiscard]] Status integrate(const RigidBody<Scalar>& body, const Potential& potential,
-                               const Composition<Scalar>& composition, const Scalar& time, const Scalar& h, long steps,
-                               const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
-                               RigidBodyState<Scalar>& next, const Visit& visit) noexcept {
+template <typename Body, typename Scalar, typename Potential, typename Visit>
+[[nodiscard]] Status integrate(const Body& body, const Potential& potential, const Composition<Scalar>& composition,
+                               const Scalar& time, const Scalar& h, long steps, const Vector3<Scalar>& control_torque,
+                               const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
+                               const Visit& visit) noexcept {
+  const auto free_turn = [&body](const Scalar& length, const Vector3<Scalar>& momentum, Matrix3<Scalar>& f) {
+    return relative_attitude(body, length, momentum, f);
+  };
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
@@ -250,7 +256,8 @@ template <typename Scalar, typename Potential, typename Visit>
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
     for (int i = 0; i < composition.stages; ++i) {
       const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
-      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
+      if (const Status status =
+              integrate_stage<Scalar>(body, potential, stage_time, length, control_torque, stage, free_turn, stage);
           status != Status::ok) {
         return status;
       }
@@ -263,8 +270,8 @@ template <typename Scalar, typename Potential, typename Visit>
 }
 
 /// One step; see `integrate`.
-template <typename Scalar, typename Potential>
-[[nodiscard]] Status integrate_step(const RigidBody<Scalar>& body, const Potential& potential,
+template <typename Body, typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_step(const Body& body, const Potential& potential,
                                     const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
                                     const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
                                     RigidBodyState<Scalar>& next) noexcept {

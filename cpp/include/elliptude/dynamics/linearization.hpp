@@ -20,6 +20,34 @@ struct FlowLinearization {
   }
 };
 
+/// F of `relative_attitude`, and Kᵀ with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, which turns a change of the momentum into one of the
+/// attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.1).
+/// \return `step_too_long`, also if tr(F J_d) I − F J_d is singular.
+template <typename Scalar>
+[[nodiscard]] Status relative_attitude_linearized(const RigidBody<Scalar>& body, const Scalar& h,
+                                                  const Vector3<Scalar>& a, Matrix3<Scalar>& f,
+                                                  Matrix3<Scalar>& k_transposed) noexcept {
+  if (const Status status = relative_attitude(body, h, a, f); status != Status::ok) {
+    return status;
+  }
+  const Matrix3<Scalar> fjd = f.lazyProduct(body.nonstandard_inertia());
+  // Rows of tr(F J_d) I − F J_d; its inverse by their cross products.
+  const Scalar trace = fjd.trace();
+  const Vector3<Scalar> r0(trace - fjd(0, 0), -fjd(0, 1), -fjd(0, 2));
+  const Vector3<Scalar> r1(-fjd(1, 0), trace - fjd(1, 1), -fjd(1, 2));
+  const Vector3<Scalar> r2(-fjd(2, 0), -fjd(2, 1), trace - fjd(2, 2));
+  Matrix3<Scalar> cofactors;
+  cofactors.col(0) = r1.cross(r2);
+  cofactors.col(1) = r2.cross(r0);
+  cofactors.col(2) = r0.cross(r1);
+  const Scalar determinant = r0.dot(Vector3<Scalar>(cofactors.col(0)));
+  if (!scalar::all(determinant > Scalar(0))) {
+    return Status::step_too_long;
+  }
+  k_transposed = (h / determinant) * cofactors.transpose().lazyProduct(f);
+  return Status::ok;
+}
+
 /// The linearization as it grows stage by stage, in [ζ; δπ] with the momentum π = Jω, where a stage is a kick, a free rotor
 /// and a kick. Both matrices are transposed, so that a stage runs along columns: one row for each entry of ζ and δπ at the
 /// start and of the control torque, and three of zeros that make twelve, whole SIMD registers of any width.
@@ -44,30 +72,13 @@ struct MomentumLinearization {
     }
   }
 
-  /// The free rotor: with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
-  /// \return `step_too_long` if tr(F J_d) I − F J_d is singular.
-  [[nodiscard]] Status turn(const RigidBody<Scalar>& body, const Scalar& h, const Stage<Scalar>& stage) noexcept {
+  /// The free rotor, eq. (6.1): ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
+  void turn(const Matrix3<Scalar>& k_transposed, const Stage<Scalar>& stage) noexcept {
     const Matrix3<Scalar>& f = stage.rotation;
-    const Matrix3<Scalar> fjd = f.lazyProduct(body.nonstandard_inertia());
-    // Rows of tr(F J_d) I − F J_d; its inverse by their cross products.
-    const Scalar trace = fjd.trace();
-    const Vector3<Scalar> r0(trace - fjd(0, 0), -fjd(0, 1), -fjd(0, 2));
-    const Vector3<Scalar> r1(-fjd(1, 0), trace - fjd(1, 1), -fjd(1, 2));
-    const Vector3<Scalar> r2(-fjd(2, 0), -fjd(2, 1), trace - fjd(2, 2));
-    Matrix3<Scalar> cofactors;
-    cofactors.col(0) = r1.cross(r2);
-    cofactors.col(1) = r2.cross(r0);
-    cofactors.col(2) = r0.cross(r1);
-    const Scalar determinant = r0.dot(Vector3<Scalar>(cofactors.col(0)));
-    if (!scalar::all(determinant > Scalar(0))) {
-      return Status::step_too_long;
-    }
-    const Matrix3<Scalar> k_transposed = (h / determinant) * cofactors.transpose().lazyProduct(f);
     const Vector3<Scalar> carried = f.transpose() * stage.momentum;
     const Matrix3<Scalar> by_momentum = f - k_transposed.lazyProduct(hat(carried));
     zeta = (zeta.lazyProduct(f) + momentum.lazyProduct(k_transposed)).eval();
     momentum = momentum.lazyProduct(by_momentum).eval();
-    return Status::ok;
   }
 
   /// The same in [ζ; δω].
@@ -92,9 +103,11 @@ struct MomentumLinearization {
 ///     ζ⁺ = Fᵀζ + ξ,   ξ = K (J δω + (h/2) 𝓜 ζ),   K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹
 ///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
 ///
+/// With an `ExactRotor` K is another, eq. (6.5).
+///
 /// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite; `interrupted`.
-template <typename Scalar, typename Potential>
-[[nodiscard]] Status integrate_linearized(const RigidBody<Scalar>& body, const Potential& potential,
+template <typename Body, typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_linearized(const Body& body, const Potential& potential,
                                           const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
                                           long steps, const Vector3<Scalar>& control_torque,
                                           const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
@@ -112,6 +125,10 @@ template <typename Scalar, typename Potential>
     return Status::callback_failed;
   }
   auto total = MomentumLinearization<Scalar>::identity();
+  Matrix3<Scalar> k_transposed;
+  const auto free_turn = [&](const Scalar& length, const Vector3<Scalar>& momentum, Matrix3<Scalar>& f) {
+    return relative_attitude_linearized(body, length, momentum, f, k_transposed);
+  };
   for (long step = 0; step < steps; ++step) {
     if (interruption.after(step)) {
       return Status::interrupted;
@@ -120,15 +137,14 @@ template <typename Scalar, typename Potential>
     for (int i = 0; i < composition.stages; ++i) {
       const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
       const Scalar half = scalar::constant<Scalar>(0.5L) * length;
-      if (const Status status = integrate_stage(body, potential, stage_time, length, control_torque, stage, stage);
+      if (const Status status =
+              integrate_stage<Scalar>(body, potential, stage_time, length, control_torque, stage, free_turn, stage);
           status != Status::ok) {
         return status;
       }
       stage_time += length;
       total.kick(half, jacobian);
-      if (const Status status = total.turn(body, length, stage); status != Status::ok) {
-        return status;
-      }
+      total.turn(k_transposed, stage);
       jacobian = potential.torque_jacobian(stage.state.attitude, stage_time);
       if (!scalar::all_finite(jacobian)) {
         return Status::callback_failed;
