@@ -53,6 +53,8 @@ _FACTORS = {
     180.0 / np.pi: "as if its radians were declared as degrees",
     1e-3: "as if the unit of time (or of the gyro) were 1000 times smaller",
     1e3: "as if the unit of time (or of the gyro) were 1000 times larger",
+    1e-6: "as if the unit of time (or of the gyro) were a million times smaller",
+    1e-9: "as if the unit of time were a billion times smaller",
 }
 
 
