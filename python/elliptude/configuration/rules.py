@@ -417,7 +417,7 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
         why = (
             why_no_rest(times[begin], rates[begin], forces[begin], **rule.limits())
             if not resting[begin].all()
-            else ("the gyro has a gap there")
+            else ("the recording ends there" if count == len(times) else "the gyro has a gap there")
         )
         raise ValueError(
             f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s: {why}"

@@ -22,8 +22,6 @@ from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
 _GAP = 1.5
-# T; the Earth's field at sea level.
-_WEAKEST_FIELD, _STRONGEST_FIELD = 1e-6 * units.WEAKEST_FIELD_UT, 7.0e-5
 # Of a normalized magnetometer, where it is not normalized for the place: the Earth's field over that elsewhere.
 _LEAST_OF_UNIT, _MOST_OF_UNIT = 0.28, 3.5
 _GRAVITY_TOLERANCE = 0.1
@@ -211,9 +209,9 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
         if not _LEAST_OF_UNIT <= median / scale <= _MOST_OF_UNIT:
             warn(f"its median norm is {median / scale:.4g}, and a normalized field is about 1: is it normalized?")
     elif isinstance(sensor, Magnetometer):
-        if not _WEAKEST_FIELD <= median <= _STRONGEST_FIELD:
-            fields = {other: median / scale * size for other, size in units.FIELD.items()}
-            fitting = [other for other, size in fields.items() if _WEAKEST_FIELD <= size <= _STRONGEST_FIELD]
+        is_of_earth = plausibility.WEAKEST_FIELD <= median <= plausibility.STRONGEST_FIELD
+        if not is_of_earth and not plausibility.voids_statements(median, sensor, configuration):
+            fitting = plausibility.units_of_field(median, sensor)
             warn(f"its median norm is {median / scale:.4g} {unit}, which is not the Earth's field" + _as_if(fitting))
     elif samples.name in {"the gyro", "rate"} and (norms > _FULL_RANGE).any():
         fastest = np.rad2deg(norms.max())

@@ -3,7 +3,8 @@
 A direction that stands still in the reference frame turns in the body by ḃ = b × ω, so over a short turn φ = ∫ω dt its
 change is b̄ × φ, b̄ the mean of both ends. The slope of the measured changes on these says what the gyro's numbers must
 be multiplied by: 1, or π/180 where degrees were declared as radians. A reference attitude C turns by C₁ᵀC₂ = exp(S(φ)).
-A log that does not turn shows nothing.
+A log that does not turn shows nothing, and neither does one in which the gyro's bias alone may be what it shows: with a
+bias β the change is b̄ × (φ - hβ) over a step h, so that the slope is sought beside three more unknowns.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,8 +14,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from elliptude import units
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.sensors import Accelerometer, AnyDirection
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
 from elliptude.io.files import FileError
 from elliptude.logs.axes_check import look_at_axes
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
@@ -31,6 +33,8 @@ from elliptude.logs.quaternion_readings import (
 )
 from elliptude.typing import FloatArray
 
+# T; the Earth's field at sea level.
+WEAKEST_FIELD, STRONGEST_FIELD = 1e-6 * units.WEAKEST_FIELD_UT, 7.0e-5
 BLOCK_ROWS = 1 << 18
 """Rows of a long log that are checked together."""
 
@@ -39,6 +43,9 @@ Severity: TypeAlias = Literal["error", "warning"]
 _PAIRS = 50_000
 # rad; a reference that moves by more is not used.
 _STILL = 0.02
+# rad/s; a gyro at rest may show this much (datasheets of small ones: 5 deg/s).
+_LARGEST_BIAS = np.radians(5.0)
+_LEFT_BY_ROUNDING = 1e-9
 # Relative scatter of an accelerometer's length about its median, below which it shows gravity alone.
 _GRAVITY_ALONE = 0.03
 _FACTORS = {
@@ -46,6 +53,8 @@ _FACTORS = {
     180.0 / np.pi: "as if its radians were declared as degrees",
     1e-3: "as if the unit of time (or of the gyro) were 1000 times smaller",
     1e3: "as if the unit of time (or of the gyro) were 1000 times larger",
+    1e-6: "as if the unit of time (or of the gyro) were a million times smaller",
+    1e-9: "as if the unit of time were a billion times smaller",
 }
 
 
@@ -165,10 +174,42 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
         found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
+    found += _fields_in_other_units(log, configuration)
     if not any(finding.severity == "error" for finding in found):
         attitude = _reference_attitude(log, turns, configuration)
         found += [attitude] if attitude is not None else []
     return found, is_confirmed and axes.is_told
+
+
+def units_of_field(strength: float, sensor: Magnetometer) -> list[str]:
+    """The units in which a magnetometer's numbers would be the Earth's field; its strength is as stated, T."""
+    fields = {unit: strength / sensor.tesla * size for unit, size in units.FIELD.items()}
+    return [unit for unit, size in fields.items() if WEAKEST_FIELD <= size <= STRONGEST_FIELD]
+
+
+def voids_statements(strength: float, sensor: AnyDirection, configuration: Configuration) -> bool:
+    """Whether a field (T) is too strong in the stated unit and not in another: errors in µT then count too little."""
+    return (
+        isinstance(sensor, Magnetometer)
+        and sensor.unit != "normalized"
+        and (configuration.rule is not None or isinstance(sensor.bound_from, FieldBound))
+        and strength > STRONGEST_FIELD
+        and bool(units_of_field(strength, sensor))
+    )
+
+
+def _fields_in_other_units(log: Log, configuration: Configuration) -> list[Finding]:
+    found = []
+    for i, sensor in enumerate(configuration.directions):
+        strengths = np.linalg.norm(log.directions[:, i], axis=1)
+        strengths = strengths[np.isfinite(strengths)]
+        strength = float(np.median(strengths)) if len(strengths) else 0.0
+        if isinstance(sensor, Magnetometer) and voids_statements(strength, sensor, configuration):
+            what = f"its median norm is {strength / sensor.tesla:.4g} {sensor.unit}, which is not the Earth's field"
+            fitting = " or ".join(units_of_field(strength, sensor))
+            message = f"{what}; it would be in {fitting}, and what is stated of its errors in µT counts too little"
+            found.append(Finding("error", sensor.name, message))
+    return found
 
 
 class _Turns:
@@ -208,8 +249,10 @@ def _gyro_against_direction(
     directions = _unit(log.directions[there, i])
     chosen = _some(len(there) - 1)
     before, after = directions[chosen], directions[chosen + 1]
-    turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
-    changes, predicted = after - before, np.cross(0.5 * (before + after), turn)
+    begins, ends = log.times[there[chosen]], log.times[there[chosen + 1]]
+    turn = turns.between(begins, ends)
+    middles = 0.5 * (before + after)
+    changes, predicted = after - before, np.cross(middles, turn)
     sizes = np.linalg.norm(turn, axis=1)
 
     def times_as_far(factor: float) -> tuple[float, float]:
@@ -221,6 +264,10 @@ def _gyro_against_direction(
     value, error = times_as_far(1.0)
     if error < STANDARD_ERROR and LEAST <= value <= MOST:
         return "confirmed"
+    if (sizes < LARGEST_TURN).all():
+        beside = _beside_bias(changes, predicted, middles * (ends - begins)[:, None])
+        if beside is not None:
+            return beside
     for factor, meaning in _FACTORS.items():
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
@@ -233,6 +280,26 @@ def _gyro_against_direction(
     if abs(value) < 0.1:
         return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
     return Finding("warning", name, f"turns {value:.2g} times as far as the rate says: are units and axes right?")
+
+
+def _beside_bias(
+    changes: FloatArray, predicted: FloatArray, lasting: FloatArray
+) -> Literal["confirmed", "unknown"] | None:
+    """What changes of a direction say of the gyro's scale if it may have a bias; None if no bias explains them.
+
+    ``lasting`` are directions times steps: a bias β takes these × β from what is predicted.
+    """
+    pushes = np.stack([-np.cross(lasting, axis) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
+    # About a direction that hardly moves in the body, the bias along it is noise.
+    to_bias = np.linalg.pinv(pushes, rcond=0.1)
+    beside = [values - (pushes @ (to_bias @ values.ravel())).reshape(-1, 3) for values in (changes, predicted)]
+    # Of a rate that a bias could be, rounding is left.
+    is_left = np.linalg.norm(beside[1]) > _LEFT_BY_ROUNDING * np.linalg.norm(predicted)
+    value, error = slope(*beside) if is_left else (0.0, np.inf)
+    if error < STANDARD_ERROR:
+        return "confirmed" if LEAST <= value <= MOST else None
+    bias = to_bias @ (changes - predicted).ravel()
+    return "unknown" if float(np.linalg.norm(bias)) <= _LARGEST_BIAS else None
 
 
 def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -> Finding | None:

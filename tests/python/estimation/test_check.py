@@ -131,6 +131,8 @@ def test_gaps_and_empty_rows(tmp_path):
         ),
         ("gyr", -1.0, r'error: the gyro: its axes .* With columns = \["gyr\[0\]", .* axes = \["-x", "-z", "-y"\] '),
         ("t", 1000.0, "error: up: .* as if the unit of time .* were 1000 times smaller"),
+        ("t", 1e6, "error: up: .* as if the unit of time .* were a million times smaller"),
+        ("t", 1e9, "error: up: .* as if the unit of time were a billion times smaller"),
         ("q", 1.1, "warning: true attitude: quaternions are not of length 1"),
     ],
 )
@@ -195,6 +197,48 @@ def test_nothing_is_concluded_from_a_log_that_does_not_turn(tmp_path, speed):
     del configuration["truth"]  # which is exact here
     for factor in (1.0, 180.0 / np.pi):
         assert found(tmp_path, arrays | {"gyr": factor * arrays["gyr"]}, configuration)[1] == []
+
+
+@pytest.mark.parametrize(("bias", "noise"), [(1.0, 0.0), (4.5, 0.0), (4.5, 1.0)])
+def test_a_bias_at_rest_is_no_turn(tmp_path, bias, noise):
+    """A gyro on a table shows its bias, and 20 s of it add up to a right angle that no direction makes."""
+    arrays, configuration = recording(speed=0.0), tables()
+    del configuration["truth"]
+    rng = np.random.default_rng(3)
+    shown = np.deg2rad(bias) / np.sqrt(3.0) + np.deg2rad(0.05 * noise) * rng.standard_normal((2000, 3))
+    at_rest = {"acc": [0.0, 0.0, G] + 0.01 * noise * rng.standard_normal((2000, 3)), "gyr": shown}
+    at_rest["mag"] = [0.0, 20.0, -40.0] + 0.05 * noise * rng.standard_normal((2000, 3))
+    assert found(tmp_path, arrays | at_rest, configuration)[1] == []
+    in_degrees = at_rest | {"gyr": np.full((2000, 3), bias)}
+    messages = found(tmp_path, arrays | in_degrees, configuration)[1]
+    assert any("does not turn" in message or "more than most gyros" in message for message in messages)
+
+
+def test_a_bias_in_motion_hides_no_wrong_unit(tmp_path):
+    arrays, configuration = recording(), tables()
+    del configuration["truth"]
+    arrays["gyr"] = arrays["gyr"] + np.deg2rad([3.0, -2.0, 1.0])
+    assert found(tmp_path, arrays, configuration)[1] == []
+    _, messages = found(tmp_path, arrays | {"gyr": np.rad2deg(arrays["gyr"])}, configuration)
+    assert any("as if its degrees were declared as radians" in message for message in messages), messages
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "nT"), (10.0, "mG"), (0.01, None)])
+def test_a_field_too_strong_for_what_is_stated_in_microtesla(tmp_path, factor, unit):
+    """5 uT of a field that is read 1000 times too strong are nothing, and its direction would be known too well."""
+    arrays, configuration = recording(), tables()
+    field = configuration["directions"][1]
+    del field["bound_deg"]
+    field["bound_from"] = {"kind": "field", "disturbance_ut": 5.0}
+    field["reference_ut"] = [0.0, 20.0 * factor, -40.0 * factor]
+    report, messages = found(tmp_path, arrays | {"mag": factor * arrays["mag"]}, configuration)
+    assert report["good"] == (unit is None)
+    if unit is not None:
+        assert sum("Earth's field" in message for message in messages) == 1
+        assert any(re.search(f"error: field: .* it would be in {unit}, and what is stated", one) for one in messages)
+        done = run("estimate", tmp_path / "log.npz", "--config", tmp_path / "log.toml", "--out", tmp_path / "out")
+        assert done.exit_code == 1
+        assert f"it would be in {unit}" in done.output
 
 
 def test_an_accelerometer_that_does_not_show_gravity_is_no_error(tmp_path):

@@ -184,6 +184,8 @@ def test_rule_needs_a_rest():
     arrays = (recording.times, recording.angular_velocities, recording.specific_forces)
     with pytest.raises(ValueError, match="starts with a rest of 0 s; the rule asks for 2 s"):
         apply_rule(hand_held(), *(array[1400:] for array in arrays))
+    with pytest.raises(ValueError, match="the recording ends there"):
+        apply_rule(hand_held(), *(array[:50] for array in arrays))
     with pytest.raises(ValueError, match=r"further from gravity than the rule allows"):
         apply_rule(hand_held(), arrays[0], arrays[1], 1.2 * arrays[2], recording.fields)
 
