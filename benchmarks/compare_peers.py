@@ -105,6 +105,12 @@ def core_lines(programs: Path) -> list[list[str]]:
     return lines
 
 
+def work_precision_lines(programs: Path) -> list[list[str]]:
+    """Motion, method, and milliseconds to each error of the attitude at the end."""
+    said = subprocess.run([programs / "work_precision"], check=True, capture_output=True, text=True).stdout
+    return [line.split("\t") for line in said.splitlines()]
+
+
 # --- Python -----------------------------------------------------------------------------------------------------------
 
 
@@ -265,6 +271,7 @@ def imu_lines() -> list[Line]:
 
 CORE_HEADER = ["what", "ns", "beside", "ns", "ratio of times", "ratio of instructions"]
 PYTHON_HEADER = ["what", "µs each", "ratio", ""]
+WORK_HEADER = ["motion", "method", "ms to 1e-3 rad", "to 1e-6", "to 1e-9"]
 
 
 def markdown(header: list[str], lines: list[list[str]]) -> str:
@@ -311,10 +318,13 @@ def main() -> None:
         lines = core_lines(arguments.programs)
         core_microseconds = next(1e-3 * float(line[1]) for line in lines if line[0] == "guaranteed cycle, trace")
         tables["core"] = markdown(CORE_HEADER, lines)
-        table = Table(*CORE_HEADER, title="C++")
-        for line in lines:
-            table.add_row(*line)
-        console.print(table)
+        work = work_precision_lines(arguments.programs)
+        tables["work_precision"] = markdown(WORK_HEADER, work)
+        for header, title, rows in ((CORE_HEADER, "C++", lines), (WORK_HEADER, "Work and precision", work)):
+            table = Table(*header, title=title)
+            for line in rows:
+                table.add_row(*line)
+            console.print(table)
     for name, title, found in (
         ("wahba", "Wahba's problem, three directions, from NumPy", wahba_lines()),
         ("cycle", "A guaranteed cycle from Python", cycle_lines(core_microseconds)),

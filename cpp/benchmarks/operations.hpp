@@ -527,7 +527,7 @@ struct Operation {
 
 using Kind = SizeCriterion<double, 6>::Kind;
 
-inline constexpr std::array<Operation, 43> all{{
+inline constexpr std::array<Operation, 46> all{{
     {"step_free_order_2", step<free_motion, 2>},
     {"step_gravity_gradient_order_2", step<gravity_gradient_motion, 2>},
     {"step_pendulum_order_2", step<pendulum_motion, 2>},

@@ -140,8 +140,8 @@ void use_ellipsoid(const Matrix<Scalar, N>& shape, Tally<Scalar>& tally) noexcep
   tally.add(back.shape);
 }
 
-template <typename Scalar, typename Potential>
-void use_potential(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& body, const Potential& potential,
+template <typename Scalar, typename Body, typename Potential>
+void use_potential(const Seeds<Scalar>& seeds, const Body& body, const Potential& potential,
                    Tally<Scalar>& tally) noexcept {
   const RigidBodyState<Scalar> state{exp(seeds.zeta), seeds.rate};
   tally.add(potential.energy(state.attitude, seeds.step));
@@ -180,6 +180,12 @@ void use_dynamics(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(f);
   tally.add(relative_attitude_exponential(body, seeds.step, seeds.rate, f));
   tally.add(f);
+  ExactRotor<Scalar> rotor;
+  tally.add(ExactRotor<Scalar>::make(body, rotor));
+  tally.add(rotor.principal_axes());
+  tally.add(rotor.inverse_moments());
+  tally.add(Scalar(rotor.kappa() + rotor.spread()));
+  tally.add(Scalar(rotor.template cast<double>().kappa()));
 
   const FreeBody<Scalar> free{};
   UniformGravity<Scalar> gravity;
@@ -200,6 +206,7 @@ void use_dynamics(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(torque_of_gradient(state.attitude, seeds.inertia));
   use_potential(seeds, body, free, tally);
   use_potential(seeds, body, both, tally);
+  use_potential(seeds, rotor, both, tally);
   use_potential(seeds, body, own, tally);
 }
 

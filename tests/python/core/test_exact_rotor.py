@@ -1,4 +1,4 @@
-"""The exact free rotor: its closed form against DOP853 and mpmath, and the core against the closed form (theory 4.1, 6.1)."""
+"""The exact free rotor: its closed form against DOP853 and mpmath, the core against the closed form (theory 4.1)."""
 
 import pickle
 
@@ -88,9 +88,7 @@ def test_functions_of_the_reference_are_jacobis() -> None:
 
 def test_linearization_is_the_central_difference_and_keeps_volume() -> None:
     body = el.RigidBody([0.13, 0.28, 0.17])
-    rotor = el.Integrator(
-        body, el.UniformGravity(1.0, 9.81, [0.0, 0.0, 0.3]), step=0.01, order=4, free_rotor="exact"
-    )
+    rotor = el.Integrator(body, el.UniformGravity(1.0, 9.81, [0.0, 0.0, 0.3]), step=0.01, order=4, free_rotor="exact")
     attitude, rate = el.exp([0.4, -0.2, 0.9]), np.array([3.0, -4.0, 2.0])
     flow = rotor.linearize(attitude, rate, steps=20)
     assert np.linalg.det(flow.state) == pytest.approx(1.0, abs=1e-10)

@@ -65,11 +65,7 @@ def free_turn(inertia: Array, h: float, momentum: Array) -> Array:
         ]
     )
     end /= np.linalg.norm(end)
-    across = c * d * (1.0 - z**2) - (1.0 - kappa) * x * y * z * s * (
-        kappa * s**2 * (1.0 - z**2) + delta
-    )
+    across = c * d * (1.0 - z**2) - (1.0 - kappa) * x * y * z * s * (kappa * s**2 * (1.0 - z**2) + delta)
     psi = h * size * b3 + phase(kappa, q, length) + np.arctan2(-(1.0 - q) * s * delta, across)
-    turn = np.array(
-        [[1.0, 0.0, 0.0], [0.0, np.cos(psi), -np.sin(psi)], [0.0, np.sin(psi), np.cos(psi)]]
-    )
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(psi), -np.sin(psi)], [0.0, np.sin(psi), np.cos(psi)]])
     return axes @ triad(m) @ turn @ triad(end).T @ axes.T

@@ -242,7 +242,7 @@ template <bool slopes, typename Mask, typename Scalar>
 template <bool slopes, typename Scalar>
 [[nodiscard]] Status elliptic_step(const EllipticInvariants<Scalar>& of, const Scalar& length,
                                    EllipticStep<Scalar>& step) noexcept {
-  constexpr int most_halvings = std::numeric_limits<scalar::Value<Scalar>>::digits + 2;
+  constexpr int most_halvings = 66;  // from 1/ε of long double on
   const Scalar longest = longest_series_square<Scalar>();
   Scalar t = length;
   Scalar halvings(0);

@@ -3,6 +3,7 @@
 /// \file
 /// A step of the free rotor in closed form, and its derivative with respect to the momentum (theory, sections 4.1 and 6.1).
 
+#include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
 #include "elliptude/dynamics/detail/elliptic_step.hpp"
 
@@ -99,11 +100,11 @@ class RotorStep {
     const Scalar forward = scalar::select(h < Scalar(0), Scalar(-1), Scalar(1));
     const Scalar unit_of_angle = forward * h * b.z();
     const Vector3<Scalar> angles = unit_of_angle * a;
-    constexpr auto least = std::numeric_limits<scalar::Value<Scalar>>::min() / scalar::epsilon<Scalar>;
+    const Scalar least = Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) / rounding::share<Scalar>(1);
     const Scalar square = angles.squaredNorm();
-    const auto rests = square <= Scalar(least);
-    const Scalar angle = scalar::sqrt(scalar::select(rests, Scalar(least), square));
-    if (!scalar::all(angle * Scalar(scalar::epsilon<Scalar>) <= Scalar(1))) {
+    const auto rests = square <= least;
+    const Scalar angle = scalar::sqrt(scalar::select(rests, least, square));
+    if (!scalar::all(angle * rounding::share<Scalar>(1) <= Scalar(1))) {
       return Status::step_too_long;
     }
     const Scalar inverse_angle = Scalar(1) / angle;
@@ -175,6 +176,10 @@ class RotorStep {
 
   /// ξ along the triad at the end when m changes, eq. (6.5). Every term has the factor s or sin ψ: nothing cancels in a short step.
   [[nodiscard]] Vector3<Scalar> turn_along(const Direction& change) const noexcept;
+
+  /// Eq. (6.5) of z' − z and of the changes of it, of γ and of ψ.
+  [[nodiscard]] Vector3<Scalar> triads_turn(const Direction& change, const Scalar& rise, const Scalar& by_rise,
+                                            const Scalar& azimuth, const Scalar& psi) const noexcept;
 
   EllipticInvariants<Scalar> of_;
   EllipticStep<Scalar> step_;
@@ -252,7 +257,14 @@ Vector3<Scalar> RotorStep<Scalar>::turn_along(const Direction& change) const noe
   const Scalar by_along = change.q * s * denominator_ - rest * (ds * denominator_ + s * by_denominator);
   const Scalar psi =
       step_.by_q.phase * change.q + (across_ * by_along - along_ * by_across) / (across_ * across_ + along_ * along_);
-  // The triads' turns
+  return triads_turn(change, rise, by_rise, azimuth, psi);
+}
+
+template <typename Scalar>
+Vector3<Scalar> RotorStep<Scalar>::triads_turn(const Direction& change, const Scalar& rise, const Scalar& by_rise,
+                                               const Scalar& azimuth, const Scalar& psi) const noexcept {
+  const Scalar& z = from_.z();
+  const Scalar& dz = change.m.z();
   const Scalar& r = start_.radius;
   const Scalar& r_end = end_.radius;
   const Scalar shorter = rise * (to_.z() + z) / (r + r_end);  // r − r'
