@@ -84,8 +84,8 @@ struct Tracked {
   /// The functions of base/elementary.hpp err by so many units in the last place, of two half units each.
   friend Tracked sin(const Tracked& x) {
     const double sine = elementary::sin(x.value);
-    return {sine, up(std::fabs(std::cos(x.value)) * x.error + x.error * x.error +
-                     2 * rounding::sine_units * half_ulp(sine))};
+    return {sine,
+            up(std::fabs(std::cos(x.value)) * x.error + x.error * x.error + 2 * rounding::sine_units * half_ulp(sine))};
   }
   friend Tracked cos(const Tracked& x) {
     const double cosine = elementary::cos(x.value);
