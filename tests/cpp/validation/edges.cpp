@@ -97,7 +97,7 @@ class Scene {
  public:
   using Scalar = typename Filter::Scalar;
   using State = typename Filter::State;
-  static constexpr double epsilon = std::numeric_limits<Scalar>::epsilon();
+  static constexpr double epsilon = double(std::numeric_limits<Scalar>::epsilon());
 
   Scene(std::uint64_t seed, Worst& worst) : random_(seed), seed_(seed), worst_(worst) {}
 
