@@ -279,8 +279,8 @@ TEST_CASE("four bodies in the lanes of a pack are integrated and linearized as e
   fast.angular_velocity(0).lanes[2] = 100;
   RigidBodyState<Lanes> untouched = start;
   FlowLinearization<Lanes> linearization;
-  CHECK(integrate_linearized(body.cast<Lanes>(), potential.cast<Lanes>(), composition<Lanes>(2), Lanes(0.3), Lanes(0.1), 1L,
-                             Vector3<Lanes>(control.cast<Lanes>()), fast, untouched,
+  CHECK(integrate_linearized(body.cast<Lanes>(), potential.cast<Lanes>(), composition<Lanes>(2), Lanes(0.3), Lanes(0.1),
+                             1L, Vector3<Lanes>(control.cast<Lanes>()), fast, untouched,
                              linearization) == Status::step_too_long);
   CHECK(lane_of(untouched.attitude, 0) == attitudes[0]);
 }
