@@ -453,11 +453,11 @@ TEST_CASE("a pack of exact rotors moves as each would alone") {
     rates[lane] = random.log_uniform(1e-3, 100) * random.unit_vector<3>();  // some are halved, others not
   }
   const Vector3<double> control(0.1, 0.2, -0.1);
-  const RigidBodyState<Pack> start{pack(attitudes), pack(rates)};
-  RigidBodyState<Pack> end;
-  FlowLinearization<Pack> linearization;
-  REQUIRE(integrate_linearized(rotor.cast<Pack>(), FreeBody<Pack>{}, composition<Pack>(2), Pack(0.3), Pack(0.1), 3L,
-                               Vector3<Pack>(control.cast<Pack>()), start, end, linearization) == Status::ok);
+  const RigidBodyState<Lanes> start{pack(attitudes), pack(rates)};
+  RigidBodyState<Lanes> end;
+  FlowLinearization<Lanes> linearization;
+  REQUIRE(integrate_linearized(rotor.cast<Lanes>(), FreeBody<Lanes>{}, composition<Lanes>(2), Lanes(0.3), Lanes(0.1),
+                               3L, Vector3<Lanes>(control.cast<Lanes>()), start, end, linearization) == Status::ok);
   for (std::size_t lane = 0; lane < pack_size; ++lane) {
     RigidBodyState<double> alone;
     FlowLinearization<double> expected;
