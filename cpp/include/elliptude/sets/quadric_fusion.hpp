@@ -212,7 +212,9 @@ template <typename Scalar, int N, typename Given>
   if (const Status status = search.run(); status == Status::empty_intersection) {
     report_steps();
     result.contradiction = contradiction_of(gathered.problem, search.best());
-    result.margin = search.margin();
+    // Below zero, also where the quotient is too small for a number.
+    const Scalar least(-std::numeric_limits<scalar::Value<Scalar>>::min());
+    result.margin = search.margin() < least ? search.margin() : least;
     return status;
   }
   const Ellipsoid<Scalar, N> set = set_of(search.best(), at);
