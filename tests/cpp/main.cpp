@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <filesystem>
+#include <string>
 
 int main(int argc, char** argv) {
   doctest::Context context;

@@ -23,7 +23,7 @@ class ExactRotor : public RigidBody<Scalar> {
         kappa_(scalar::constant<Scalar>(0.5L)),
         spread_(Scalar(0)) {}
 
-  /// \return `not_converged` if the principal axes are not found (not seen).
+  /// \return `not_converged` if the principal axes are not found; no body is known for which that happens.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, ExactRotor& rotor) noexcept {
     SymmetricEigen<Scalar, 3> eigen;
     if (const Status status = symmetric_eigen(body.inertia(), eigen); status != Status::ok) {

@@ -103,7 +103,7 @@ struct MomentumLinearization {
 ///     ζ⁺ = Fᵀζ + ξ,   ξ = K (J δω + (h/2) 𝓜 ζ),   K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹
 ///     J δω⁺ = S(Fᵀa) ξ + Fᵀ (J δω + (h/2) 𝓜 ζ) + (h/2) 𝓜⁺ ζ⁺
 ///
-/// With an `ExactRotor` K is another, eq. (6.5).
+/// With an `ExactRotor` K is another, eq. (6.6).
 ///
 /// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite; `interrupted`.
 template <typename Body, typename Scalar, typename Potential>

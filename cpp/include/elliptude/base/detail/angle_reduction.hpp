@@ -130,7 +130,7 @@ template <typename Real>
   const std::uint64_t m = (bits & ((typename F::Bits{1} << F::fraction) - 1)) | (typename F::Bits{1} << F::fraction);
   const std::uint64_t m_high = m >> 32;
   const std::uint64_t m_low = m & 0xffffffffU;
-  const auto first = static_cast<std::size_t>(e + 62);  // NOLINT(bugprone-misplaced-widening-cast): below 1100
+  const auto first = static_cast<std::size_t>(e + 62);  // NOLINT(bugprone-misplaced-widening-cast): 23 to 1033
   std::array<std::uint32_t, count + 1> product{};
   std::uint64_t carry = 0;
   std::uint64_t below = 0;
