@@ -106,7 +106,7 @@ def core_lines(programs: Path) -> list[list[str]]:
 
 
 def work_precision_lines(programs: Path) -> list[list[str]]:
-    """Motion, method, and milliseconds to each error of the attitude at the end."""
+    """Motion, method, and milliseconds to each error of the worst of the attitudes."""
     said = subprocess.run([programs / "work_precision"], check=True, capture_output=True, text=True).stdout
     return [line.split("\t") for line in said.splitlines()]
 

@@ -231,6 +231,14 @@ class Integrator:
         control_torque: ArrayLike | None = None,
         every: int = 1,
     ) -> Trajectory: ...
+    def trajectory_at(
+        self,
+        attitude: AttitudeLike,
+        angular_velocity: ArrayLike,
+        times: ArrayLike,
+        time: float = 0.0,
+        control_torque: ArrayLike | None = None,
+    ) -> Trajectory: ...
     def linearize(
         self,
         attitude: AttitudeLike,

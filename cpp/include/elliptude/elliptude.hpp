@@ -46,10 +46,12 @@
 #include "elliptude/measurement/sensors.hpp"
 
 #include "elliptude/dynamics/rigid_body.hpp"
+#include "elliptude/dynamics/composition.hpp"
 #include "elliptude/dynamics/exact_rotor.hpp"
 #include "elliptude/dynamics/potential.hpp"
 #include "elliptude/dynamics/own_potential.hpp"
 #include "elliptude/dynamics/integrator.hpp"
+#include "elliptude/dynamics/interpolation.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
 #if defined(__GNUC__)  // and Clang: their vectors

@@ -204,11 +204,11 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
     for (long done = 0, run = 0; status == Status::ok && done < steps; done += run) {
       const double time = start.time(i) + static_cast<double>(done) * self.step;
       run = linearized ? steps : std::min(longest_run, steps - done);
-      status = self.with_body([&](const auto& body) {
-        return linearized ? integrate_linearized(body, potential, self.composition, time, self.step, run,
-                                                 start.control_torque(i), state, state, linearization, signals)
-                          : integrate(body, potential, self.composition, time, self.step, run, start.control_torque(i),
-                                      state, state, [](long, const RigidBodyState<double>&) {});
+      status = self.with_method([&](const auto& body, const auto& method) {
+        return linearized ? integrate_linearized(body, potential, method, time, self.step, run, start.control_torque(i),
+                                                 state, state, linearization, signals)
+                          : integrate(body, potential, method, time, self.step, run, start.control_torque(i), state,
+                                      state, [](long, const RigidBodyState<double>&) {});
       });
       if (status == Status::ok && signals.stop(signals.context)) {
         status = Status::interrupted;

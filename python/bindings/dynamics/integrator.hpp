@@ -17,14 +17,15 @@ struct Integrator {
   PotentialReference potential;
   double step;
   int order;
+  bool is_exact;  ///< whether a step takes `rotor` and `splitting` in the place of `body` and `composition`
   Composition<double> composition;
-  bool is_exact;             ///< whether a step takes `rotor` in the place of `body`
   ExactRotor<double> rotor;  ///< of the body
+  Splitting<double> splitting;
 
-  /// What `function` returns for the body, or the exact rotor, that the steps take.
+  /// What `function` returns for the body and the composition, or the exact rotor and the splitting, that the steps take.
   template <typename Function>
-  [[nodiscard]] Status with_body(const Function& function) const {
-    return is_exact ? function(rotor) : function(body);
+  [[nodiscard]] Status with_method(const Function& function) const {
+    return is_exact ? function(rotor, splitting) : function(body, composition);
   }
 
   [[nodiscard]] int traverse(visitproc visit, void* argument) const noexcept {

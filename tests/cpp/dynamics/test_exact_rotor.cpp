@@ -402,7 +402,28 @@ TEST_CASE("steps with the exact rotor and without torque are one long one") {
   CHECK((rotor.angular_momentum(often) - rotor.angular_momentum(start)).norm() <= 1e-12);
 }
 
-TEST_CASE("the linearization with the exact rotor is that of dual numbers and symplectic") {
+namespace {
+
+struct Composed {
+  template <typename Scalar>
+  static Composition<Scalar> method(int order) {
+    return composition<Scalar>(order);
+  }
+};
+
+struct Split {
+  template <typename Scalar>
+  static Splitting<Scalar> method(int order) {
+    Splitting<Scalar> result;
+    REQUIRE(splitting_of_order(order, result) == Status::ok);
+    return result;
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("the linearization with the exact rotor is that of dual numbers and symplectic", Kind, Composed,
+                   Split) {
   using D = Dual<9>;
   Random random(41);
   for (const int order : {2, 4}) {
@@ -414,12 +435,12 @@ TEST_CASE("the linearization with the exact rotor is that of dual numbers and sy
     const Vector3<double> control = order == 2 ? Vector3<double>(0, 0, 0) : random.normal_matrix<3>();
     RigidBodyState<double> end;
     FlowLinearization<double> linearization;
-    REQUIRE(integrate_linearized(rotor, gravity, composition<double>(order), 0.3, 0.1, 5L, control, start, end,
-                                 linearization) == Status::ok);
+    REQUIRE(integrate_linearized(rotor, gravity, Kind::template method<double>(order), 0.3, 0.1, 5L, control, start,
+                                 end, linearization) == Status::ok);
     const RigidBodyState<D> dual_start{start.attitude.cast<D>() * exp(variables<9>(Vector3<double>(0, 0, 0), 0)),
                                        variables<9>(start.angular_velocity, 3)};
     RigidBodyState<D> dual_end;
-    REQUIRE(integrate(rotor.cast<D>(), gravity.cast<D>(), composition<D>(order), D(0.3), D(0.1), 5L,
+    REQUIRE(integrate(rotor.cast<D>(), gravity.cast<D>(), Kind::template method<D>(order), D(0.3), D(0.1), 5L,
                       variables<9>(control, 6), dual_start, dual_end, ignore_steps) == Status::ok);
     CHECK((values(dual_end.attitude) - end.attitude).norm() <= 1e-13);
     Vector6<D> error;

@@ -180,41 +180,6 @@ TEST_CASE("a long step gives the solution on the branch of small steps or a stat
   CHECK(refused >= 900);
 }
 
-TEST_CASE("every composition is symmetric and its weights satisfy the power sums of its order") {
-  for (const int order : {2, 4, 6, 8}) {
-    CAPTURE(order);
-    const Composition<long double> exact = composition<long double>(order);
-    const Composition<double> rounded = composition<double>(order);
-    REQUIRE(rounded.stages == exact.stages);
-    for (int power = 1; power < order; power += 2) {
-      long double sum = 0;
-      for (int i = 0; i < exact.stages; ++i) {
-        sum += std::pow(exact.weights[static_cast<std::size_t>(i)], static_cast<long double>(power));
-      }
-      CAPTURE(power);
-      CHECK(std::abs(sum - (power == 1 ? 1.0L : 0.0L)) <= 2e-18L);
-    }
-    for (int i = 0; i < exact.stages; ++i) {
-      const auto here = static_cast<std::size_t>(i);
-      const auto mirrored = static_cast<std::size_t>(exact.stages - 1 - i);
-      CHECK(exact.weights[here] == exact.weights[mirrored]);
-      CHECK(rounded.weights[here] == static_cast<double>(exact.weights[here]));
-    }
-  }
-  CHECK(composition<double>(2).stages == 1);
-  CHECK(composition<double>(4).stages == 5);
-  CHECK(composition<double>(6).stages == 9);
-  CHECK(composition<double>(8).stages == 17);
-}
-
-TEST_CASE("an order that is not two or four or six or eight is refused") {
-  Composition<double> result = composition<double>(4);
-  for (const int order : {-2, 0, 1, 3, 5, 7, 9, 10, 1000}) {
-    CHECK(composition_of_order(order, result) == Status::out_of_range);
-  }
-  CHECK(result.stages == 5);
-}
-
 namespace {
 
 /// Whether turning the rate round at the end and integrating the motion that runs backwards leads to the start.

@@ -162,6 +162,14 @@ void use_potential(const Seeds<Scalar>& seeds, const Body& body, const Potential
                                    linearization));
     tally.add(linearization.state);
     tally.add(linearization.control);
+    if constexpr (Body::is_exact) {
+      Splitting<Scalar> splitting;
+      const std::array<Scalar, 2> times{seeds.step, Scalar(2) * seeds.step};
+      tally.add(splitting_of_order(order, splitting));
+      tally.add(integrate_to_times(
+          body, potential, splitting, Scalar(0), Scalar(3) * seeds.step, 1L, seeds.rate, state, times, next,
+          [&tally](std::size_t, const RigidBodyState<Scalar>& visited) { tally.add(visited.attitude); }));
+    }
   }
 }
 

@@ -16,6 +16,8 @@ namespace elliptude {
 template <typename Scalar>
 class ExactRotor : public RigidBody<Scalar> {
  public:
+  static constexpr bool is_exact = true;
+
   /// A body with unit inertia.
   ExactRotor() noexcept
       : axes_(Matrix3<Scalar>::Identity()),

@@ -6,59 +6,10 @@
 /// potential to rounding, and its energy error does not grow.
 
 #include "elliptude/base/rounding.hpp"
+#include "elliptude/dynamics/composition.hpp"
 #include "elliptude/dynamics/potential.hpp"
 
 namespace elliptude {
-
-/// How the step is composed of shorter ones: stage i has length weights[i] h; the weights sum to 1 and read the same from
-/// both ends, so that the composition is time-reversible like the step itself.
-template <typename Scalar>
-struct Composition {
-  static constexpr int most_stages = 17;
-
-  int stages;
-  std::array<Scalar, most_stages> weights;
-};
-
-/// Order 2: the step itself. Order 4: Suzuki's five stages, 1/(4 − 4^⅓). Orders 6 and 8: Kahan and Li (1997), 9 and 17 stages.
-/// \return `out_of_range` for any other order.
-template <typename Scalar>
-[[nodiscard]] Status composition_of_order(int order, Composition<Scalar>& composition) noexcept {
-  Composition<Scalar> result{};
-  const auto symmetric = [&result](const auto& half) {
-    const int count = static_cast<int>(half.size());
-    result.stages = 2 * count - 1;
-    for (int i = 0; i < count; ++i) {
-      const Scalar weight = scalar::constant<Scalar>(half[static_cast<std::size_t>(i)]);
-      result.weights[static_cast<std::size_t>(i)] = weight;
-      result.weights[static_cast<std::size_t>(result.stages - 1 - i)] = weight;
-    }
-  };
-  switch (order) {
-    case 2:
-      symmetric(std::array<long double, 1>{1.0L});
-      break;
-    case 4:
-      symmetric(std::array<long double, 3>{0.41449077179437573714235406286L, 0.41449077179437573714235406286L,
-                                           -0.65796308717750294856941625144L});
-      break;
-    case 6:
-      symmetric(std::array<long double, 5>{0.39216144400731413927925056L, 0.33259913678935943859974864L,
-                                           -0.70624617255763935980996482L, 0.08221359629355080023149045L,
-                                           0.79854399093482996339895035L});
-      break;
-    case 8:
-      symmetric(std::array<long double, 9>{
-          0.13020248308889008087881763L, 0.56116298177510838456196441L, -0.38947496264484728640807860L,
-          0.15884190655515560089621075L, -0.39590389413323757733623154L, 0.18453964097831570709183254L,
-          0.25837438768632204729397911L, 0.29501172360931029887096624L, -0.60550853383003451169892108L});
-      break;
-    default:
-      return Status::out_of_range;
-  }
-  composition = result;
-  return Status::ok;
-}
 
 /// F, the rotation within one step, from h S(a) = F J_d − J_d Fᵀ (paper, eq. findf0) with a = Jω + (h/2) M. As the Cayley map
 /// of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 4), solved by Newton's method
@@ -167,10 +118,24 @@ template <typename Scalar>
   return Status::step_too_long;
 }
 
+/// The lengths of a stage in s.
+template <typename Scalar>
+struct StageLengths {
+  Scalar before;  ///< how long the torque at the start acts then
+  Scalar turn;    ///< how long the free body turns
+  Scalar after;   ///< how long the torque at the end acts then
+
+  /// Those of stage i of a `Composition` or `Splitting` of a step of length h.
+  template <typename Method>
+  [[nodiscard]] static StageLengths of(const Method& method, int i, const Scalar& h) noexcept {
+    return {method.kick_before(i) * h, method.turn(i) * h, method.kick_after(i) * h};
+  }
+};
+
 /// One stage of the integrator, with what the next stage and the linearization use again.
 template <typename Scalar>
 struct Stage {
-  Vector3<Scalar> momentum;      ///< a = Jω + (h/2) M
+  Vector3<Scalar> momentum;      ///< a = Jω + (h/2) M, with the length of the kick before the turn in the place of h/2
   Matrix3<Scalar> rotation;      ///< F
   RigidBodyState<Scalar> state;  ///< after the stage
   Vector3<Scalar> torque;        ///< of the potential after the stage
@@ -190,28 +155,28 @@ template <typename Scalar, typename Potential>
   return scalar::all_finite(stage.torque) ? Status::ok : Status::callback_failed;
 }
 
-/// Eqs. findf0, updateR0, updatew0 over one stage of length h from time t, from what the stage `before` left; `stage` may be
-/// the same. The control torque (body axes, constant over the step) acts beside the potential's.
+/// Eqs. findf0, updateR0, updatew0 over one stage from time t, from what the stage `before` left; `stage` may be the same. The
+/// control torque (body axes, constant over the step) acts beside the potential's.
 /// \param free_turn finds the F of the body without torque, as `relative_attitude(body, h, a, f)` does.
 /// \return `step_too_long`, `callback_failed`.
 template <typename Scalar, typename Potential, typename FreeTurn>
 [[nodiscard]] Status integrate_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
-                                     const Scalar& h, const Vector3<Scalar>& control_torque,
+                                     const StageLengths<Scalar>& lengths, const Vector3<Scalar>& control_torque,
                                      const Stage<Scalar>& before, const FreeTurn& free_turn,
                                      Stage<Scalar>& stage) noexcept {
   static_assert(is_potential<Potential, Scalar>, "see dynamics/potential.hpp for what a potential is");
-  const Scalar half = scalar::constant<Scalar>(0.5L) * h;
   Stage<Scalar> result;
-  result.momentum = before.body_momentum + half * (before.torque + control_torque);
-  if (const Status status = free_turn(h, result.momentum, result.rotation); status != Status::ok) {
+  result.momentum = before.body_momentum + lengths.before * (before.torque + control_torque);
+  if (const Status status = free_turn(lengths.turn, result.momentum, result.rotation); status != Status::ok) {
     return status;
   }
   result.state.attitude.noalias() = before.state.attitude * result.rotation;
-  result.torque = potential.torque(result.state.attitude, Scalar(time + h));
+  result.torque = potential.torque(result.state.attitude, Scalar(time + lengths.turn));
   if (!scalar::all_finite(result.torque)) {
     return Status::callback_failed;
   }
-  result.body_momentum = result.rotation.transpose() * result.momentum + half * (result.torque + control_torque);
+  result.body_momentum =
+      result.rotation.transpose() * result.momentum + lengths.after * (result.torque + control_torque);
   result.state.angular_velocity.noalias() = body.inertia_inverse() * result.body_momentum;
   stage = result;
   return Status::ok;
@@ -232,50 +197,71 @@ template <typename Scalar>
   return is_rotation(state.attitude, rotation_tolerance<Scalar>()) ? Status::ok : Status::not_a_rotation;
 }
 
-/// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
-/// step is that at the start of the next, so the potential is evaluated once for each stage.
-/// \param body a `RigidBody` for the variational step; an `ExactRotor` for the splitting with the exact free body.
-/// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
-/// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
-template <typename Body, typename Scalar, typename Potential, typename Visit>
-[[nodiscard]] Status integrate(const Body& body, const Potential& potential, const Composition<Scalar>& composition,
-                               const Scalar& time, const Scalar& h, long steps, const Vector3<Scalar>& control_torque,
-                               const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
-                               const Visit& visit) noexcept {
+/// As `integrate`, with all that is known after a step.
+/// \param visit called as visit(k, stage) for k = 0, the start, and after step k = 1 … `steps`, with the step's last stage.
+template <typename Body, typename Method, typename Scalar, typename Potential, typename Visit>
+[[nodiscard]] Status integrate_stages(const Body& body, const Potential& potential, const Method& method,
+                                      const Scalar& time, const Scalar& h, long steps,
+                                      const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
+                                      Stage<Scalar>& stage, const Visit& visit) noexcept {
+  static_assert(!Method::needs_exact_rotor || Body::is_exact, "a Splitting has its order with an ExactRotor only");
   const auto free_turn = [&body](const Scalar& length, const Vector3<Scalar>& momentum, Matrix3<Scalar>& f) {
     return relative_attitude(body, length, momentum, f);
   };
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
-  Stage<Scalar> stage;
   if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
     return status;
   }
+  visit(0L, stage);
   for (long step = 0; step < steps; ++step) {
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
-    for (int i = 0; i < composition.stages; ++i) {
-      const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
+    for (int i = 0; i < method.stages; ++i) {
+      const auto lengths = StageLengths<Scalar>::of(method, i, h);
       if (const Status status =
-              integrate_stage<Scalar>(body, potential, stage_time, length, control_torque, stage, free_turn, stage);
+              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, stage, free_turn, stage);
           status != Status::ok) {
         return status;
       }
-      stage_time += length;
+      stage_time += lengths.turn;
     }
-    visit(step + 1, stage.state);
+    visit(step + 1, stage);
   }
-  next = stage.state;
   return Status::ok;
 }
 
+/// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
+/// step is that at the start of the next, so the potential is evaluated once for each stage.
+/// \param body a `RigidBody` for the variational step; an `ExactRotor` for the splitting with the exact free body.
+/// \param method a `Composition`; a `Splitting` with an `ExactRotor`.
+/// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
+/// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
+template <typename Body, typename Method, typename Scalar, typename Potential, typename Visit>
+[[nodiscard]] Status integrate(const Body& body, const Potential& potential, const Method& method, const Scalar& time,
+                               const Scalar& h, long steps, const Vector3<Scalar>& control_torque,
+                               const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
+                               const Visit& visit) noexcept {
+  Stage<Scalar> stage;
+  const auto visit_state = [&visit](long k, const Stage<Scalar>& at) {
+    if (k > 0) {
+      visit(k, at.state);
+    }
+  };
+  const Status status =
+      integrate_stages(body, potential, method, time, h, steps, control_torque, state, stage, visit_state);
+  if (status == Status::ok) {
+    next = stage.state;
+  }
+  return status;
+}
+
 /// One step; see `integrate`.
-template <typename Body, typename Scalar, typename Potential>
-[[nodiscard]] Status integrate_step(const Body& body, const Potential& potential,
-                                    const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
-                                    const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
-                                    RigidBodyState<Scalar>& next) noexcept {
-  return integrate(body, potential, composition, time, h, 1L, control_torque, state, next,
+template <typename Body, typename Method, typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_step(const Body& body, const Potential& potential, const Method& method,
+                                    const Scalar& time, const Scalar& h, const Vector3<Scalar>& control_torque,
+                                    const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next) noexcept {
+  return integrate(body, potential, method, time, h, 1L, control_torque, state, next,
                    [](long, const RigidBodyState<Scalar>&) {});
 }
 

@@ -63,12 +63,12 @@ struct MomentumLinearization {
     return result;
   }
 
-  /// Half a kick: δπ ← δπ + (h/2) (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the control.
-  void kick(const Scalar& half, const Matrix3<Scalar>& jacobian) noexcept {
-    const Matrix3<Scalar> transposed = half * jacobian.transpose();
+  /// A kick of some length: δπ ← δπ + length (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the control.
+  void kick(const Scalar& length, const Matrix3<Scalar>& jacobian) noexcept {
+    const Matrix3<Scalar> transposed = length * jacobian.transpose();
     momentum += zeta.lazyProduct(transposed);
     for (int i = 0; i < 3; ++i) {
-      momentum(6 + i, i) += half;
+      momentum(6 + i, i) += length;
     }
   }
 
@@ -106,13 +106,13 @@ struct MomentumLinearization {
 /// With an `ExactRotor` K is another, eq. (6.6).
 ///
 /// \return as `integrate`; `callback_failed` also for a torque Jacobian that is not finite; `interrupted`.
-template <typename Body, typename Scalar, typename Potential>
-[[nodiscard]] Status integrate_linearized(const Body& body, const Potential& potential,
-                                          const Composition<Scalar>& composition, const Scalar& time, const Scalar& h,
-                                          long steps, const Vector3<Scalar>& control_torque,
-                                          const RigidBodyState<Scalar>& state, RigidBodyState<Scalar>& next,
-                                          FlowLinearization<Scalar>& linearization,
+template <typename Body, typename Method, typename Scalar, typename Potential>
+[[nodiscard]] Status integrate_linearized(const Body& body, const Potential& potential, const Method& method,
+                                          const Scalar& time, const Scalar& h, long steps,
+                                          const Vector3<Scalar>& control_torque, const RigidBodyState<Scalar>& state,
+                                          RigidBodyState<Scalar>& next, FlowLinearization<Scalar>& linearization,
                                           const Interruption& interruption = Interruption()) noexcept {
+  static_assert(!Method::needs_exact_rotor || Body::is_exact, "a Splitting has its order with an ExactRotor only");
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
@@ -134,22 +134,21 @@ template <typename Body, typename Scalar, typename Potential>
       return Status::interrupted;
     }
     Scalar stage_time = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
-    for (int i = 0; i < composition.stages; ++i) {
-      const Scalar length = composition.weights[static_cast<std::size_t>(i)] * h;
-      const Scalar half = scalar::constant<Scalar>(0.5L) * length;
+    for (int i = 0; i < method.stages; ++i) {
+      const auto lengths = StageLengths<Scalar>::of(method, i, h);
       if (const Status status =
-              integrate_stage<Scalar>(body, potential, stage_time, length, control_torque, stage, free_turn, stage);
+              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, stage, free_turn, stage);
           status != Status::ok) {
         return status;
       }
-      stage_time += length;
-      total.kick(half, jacobian);
+      stage_time += lengths.turn;
+      total.kick(lengths.before, jacobian);
       total.turn(k_transposed, stage);
       jacobian = potential.torque_jacobian(stage.state.attitude, stage_time);
       if (!scalar::all_finite(jacobian)) {
         return Status::callback_failed;
       }
-      total.kick(half, jacobian);
+      total.kick(lengths.after, jacobian);
     }
   }
   next = stage.state;

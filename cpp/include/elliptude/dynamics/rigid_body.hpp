@@ -14,6 +14,9 @@ namespace elliptude {
 template <typename Scalar>
 class RigidBody {
  public:
+  /// Whether its free motion is exact; see `ExactRotor`.
+  static constexpr bool is_exact = false;
+
   /// A body with unit inertia.
   RigidBody() noexcept
       : inertia_(Matrix3<Scalar>::Identity()),
