@@ -102,7 +102,7 @@ flight: $(SYSTEM)-test $(SYSTEM)-flight ## Filters on two bare microcontrollers,
 	$(PYTHON) tools/flight.py $(if $(FLIGHT),--only $(FLIGHT))
 
 .PHONY: compare
-compare: $(SYSTEM)-test $(SYSTEM)-bench $(VENV)/package $(VENV)/test $(VENV)/peers ## Measure beside what a user would take instead, as ratios: docs/performance.md
+compare: $(SYSTEM)-test $(SYSTEM)-bench $(SYSTEM)-peers $(VENV)/package $(VENV)/test $(VENV)/peers ## Measure beside what a user would take instead, as ratios: docs/performance.md
 	cmake --preset bench
 	cmake --build --preset bench
 	.venv/bin/python benchmarks/compare_peers.py --programs build/bench/cpp/benchmarks --page docs/performance.md

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench lint clang browser shells packaging flight
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench peers lint clang browser shells packaging flight
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -30,6 +30,7 @@ for purpose in "$@"; do
             need_package libbenchmark-dev
             need_command valgrind valgrind
             ;;
+        peers) need_package libboost-dev ;; # odeint
         lint) need_command clang-tidy clang-tidy ;;
         clang)
             need_command clang++ clang
