@@ -15,6 +15,7 @@
 
 #include <cstring>
 #include <elliptude/base/seal.hpp>
+#include <elliptude/base/stamps.hpp>
 #include <elliptude/dynamics/potential.hpp>
 #include <elliptude/guaranteed/body_flow.hpp>
 #include <elliptude/guaranteed/filter.hpp>
@@ -88,6 +89,32 @@ void write(const Matrix& matrix, Number* numbers) noexcept {
   }
   shape = result;
   return Status::ok;
+}
+
+[[nodiscard]] BodyInput<Number> body_input(const Number* control_torque, const Number* wheel_momentum) noexcept {
+  BodyInput<Number> input;
+  if (control_torque != nullptr) {
+    input.control_torque = vector(control_torque);
+  }
+  if (wheel_momentum != nullptr) {
+    input.wheel_momentum = vector(wheel_momentum);
+  }
+  return input;
+}
+
+[[nodiscard]] bool is_finite(const BodyInput<Number>& input) noexcept {
+  return scalar::all_finite(input.control_torque) && scalar::all_finite(input.wheel_momentum);
+}
+
+[[nodiscard]] GuaranteedGyroFlow<Number>::Input gyro_input(const Number* rate) noexcept {
+  GuaranteedGyroFlow<Number>::Input input;
+  input.is_measured = rate != nullptr;
+  input.angular_velocity = rate != nullptr ? vector(rate) : Vector3<Number>(0, 0, 0);
+  return input;
+}
+
+[[nodiscard]] bool is_finite(const GuaranteedGyroFlow<Number>::Input& input) noexcept {
+  return scalar::all_finite(input.angular_velocity);
 }
 
 template <typename Settings>
@@ -252,13 +279,18 @@ struct Gyro {
 /// What the memory of a filter holds.
 template <typename Kind>
 struct Kept {
-  std::uint64_t mark;  // that `init` has made it, of which kind, and in which precision
-  typename Kind::Filter filter;
+  using Stamped = StampedFilter<typename Kind::Filter>;
 
-  static_assert(sizeof(typename Kind::Filter) + sizeof(std::uint64_t) + sizeof(Seal) <= sizeof(typename Kind::Memory),
+  std::uint64_t mark;  // that `init` has made it, of which kind, and in which precision
+  Stamped stamped;
+
+  static_assert(sizeof(Stamped) + sizeof(std::uint64_t) + sizeof(Seal) <= sizeof(typename Kind::Memory),
                 "elliptude.h has too few words for this filter");
-  static_assert(alignof(typename Kind::Filter) <= alignof(typename Kind::Memory));
-  static_assert(std::is_trivially_destructible_v<typename Kind::Filter>);
+  static_assert(alignof(Stamped) <= alignof(typename Kind::Memory));
+  static_assert(std::is_trivially_destructible_v<Stamped>);
+
+  [[nodiscard]] typename Kind::Filter& filter() noexcept { return stamped.filter(); }
+  [[nodiscard]] const typename Kind::Filter& filter() const noexcept { return stamped.filter(); }
 };
 
 /// How many bytes of a filter's memory are sealed: all but those of the seal, which is at the end.
@@ -300,9 +332,11 @@ template <typename Kind>
   return status;
 }
 
+/// \param time that of the filter; it need not be that of its stamp, if it is never predicted to one.
 template <typename Kind>
 [[nodiscard]] elliptude_status init(typename Kind::Memory* memory, std::size_t size,
-                                    const typename Kind::Parameters* parameters, const Number& time) noexcept {
+                                    const typename Kind::Parameters* parameters, const Number& time, std::int64_t epoch,
+                                    std::int64_t stamp) noexcept {
   if (memory == nullptr || parameters == nullptr) {
     return ELLIPTUDE_NULL_POINTER;
   }
@@ -312,11 +346,11 @@ template <typename Kind>
   if (const elliptude_status status = elliptude_self_test(); status != ELLIPTUDE_OK) {
     return status;
   }
-  Kept<Kind> made{Kind::mark, {}};  // a filter in use stays as it was if a parameter is wrong
-  if (const Status status = Kind::make(*parameters, time, made.filter); status != Status::ok) {
+  typename Kind::Filter made;  // a filter in use stays as it was if a parameter is wrong
+  if (const Status status = Kind::make(*parameters, time, made); status != Status::ok) {
     return code(status);
   }
-  new (memory->memory) Kept<Kind>(made);
+  new (memory->memory) Kept<Kind>{Kind::mark, {made, epoch, stamp}};
   seal<Kind>(memory);
   return ELLIPTUDE_OK;
 }
@@ -330,13 +364,13 @@ template <typename Kind>
   }
   limits |= status == ELLIPTUDE_TOO_MANY_STEPS ? ELLIPTUDE_LIMIT_STEPS : 0;
   limits |= update.ended_by_limit ? ELLIPTUDE_LIMIT_SEARCH : 0;
-  const Trust trust = kept != nullptr ? kept->filter.trust() : Trust();
-  report->time = kept != nullptr ? kept->filter.time() : Number(0);
+  const Trust trust = kept != nullptr ? kept->filter().trust() : Trust();
+  report->time = kept != nullptr ? kept->filter().time() : Number(0);
   report->margin = update.margin;
   report->dropped = update.dropped;
   report->contradicting = update.contradicting;
   report->status = status;
-  report->claim = static_cast<elliptude_claim>(kept != nullptr ? kept->filter.claim() : Claim::none);
+  report->claim = static_cast<elliptude_claim>(kept != nullptr ? kept->filter().claim() : Claim::none);
   report->limits_hit = limits;
   report->fusions = update.fusions;
   report->iterations = update.steps;
@@ -346,23 +380,38 @@ template <typename Kind>
   return status;
 }
 
-template <typename Kind>
-[[nodiscard]] elliptude_status predict(typename Kind::Memory* memory, const Number& time,
-                                       const typename Kind::Flow::Input& input, bool is_finite,
+/// \param move predicts a stamped filter.
+template <typename Kind, typename Move>
+[[nodiscard]] elliptude_status predict(typename Kind::Memory* memory, bool input_is_finite, const Move& move,
                                        elliptude_report* report) noexcept {
   Kept<Kind>* kept = nullptr;
   elliptude_status status = open<Kind>(memory, kept);
   std::uint32_t limits = 0;
-  if (status == ELLIPTUDE_OK && !(is_finite && scalar::isfinite(time))) {
+  if (status == ELLIPTUDE_OK && !input_is_finite) {
     status = ELLIPTUDE_NOT_FINITE;
   }
   if (status == ELLIPTUDE_OK) {
-    const bool knew = kept->filter.knows_attitude();
-    status = code(kept->filter.predict(time, input));
-    limits = knew && !kept->filter.knows_attitude() ? ELLIPTUDE_LIMIT_SET : 0;
+    const bool knew = kept->filter().knows_attitude();
+    status = code(move(kept->stamped));
+    limits = knew && !kept->filter().knows_attitude() ? ELLIPTUDE_LIMIT_SET : 0;
     seal<Kind>(memory);
   }
   return report_call<Kind>(kept, status, limits, {}, report);
+}
+
+template <typename Kind>
+[[nodiscard]] elliptude_status predict_to_time(typename Kind::Memory* memory, const Number& time,
+                                               const typename Kind::Flow::Input& input,
+                                               elliptude_report* report) noexcept {
+  const auto move = [&](auto& stamped) { return stamped.filter().predict(time, input); };
+  return predict<Kind>(memory, is_finite(input) && scalar::isfinite(time), move, report);
+}
+template <typename Kind>
+[[nodiscard]] elliptude_status predict_to_stamp(typename Kind::Memory* memory, std::int64_t stamp,
+                                                const typename Kind::Flow::Input& input,
+                                                elliptude_report* report) noexcept {
+  const auto move = [&](auto& stamped) { return stamped.predict(stamp, input); };
+  return predict<Kind>(memory, is_finite(input), move, report);
 }
 
 template <typename Kind>
@@ -383,7 +432,7 @@ template <typename Kind>
   if (status == ELLIPTUDE_OK) {
     Measured measured;
     status = code(measured.read(*measurements));
-    status = status == ELLIPTUDE_OK ? code(kept->filter.update(measured.all, done)) : status;
+    status = status == ELLIPTUDE_OK ? code(kept->filter().update(measured.all, done)) : status;
     seal<Kind>(memory);
   }
   return report_call<Kind>(kept, status, limits, done, report);
@@ -394,7 +443,7 @@ template <typename Kind>
   Kept<Kind>* kept = nullptr;
   const elliptude_status status = open<Kind>(memory, kept);
   if (status == ELLIPTUDE_OK) {
-    kept->filter.forget();
+    kept->filter().forget();
     seal<Kind>(memory);
   }
   return status;
@@ -415,16 +464,16 @@ template <typename Kind>
   if (set == nullptr) {
     return ELLIPTUDE_NULL_POINTER;
   }
-  if (!kept->filter.knows_attitude()) {
+  if (!kept->filter().knows_attitude()) {
     return ELLIPTUDE_UNBOUNDED;
   }
-  const auto& ellipsoid = kept->filter.ellipsoid();
-  set->time = kept->filter.time();
+  const auto& ellipsoid = kept->filter().ellipsoid();
+  set->time = kept->filter().time();
   write(ellipsoid.center.attitude, set->attitude);
   write(vector_part(ellipsoid.center), set->vector);
   write(ellipsoid.shape, set->shape);
   write(half_widths(ellipsoid.in_coordinates()), set->half_widths);
-  set->claim = static_cast<elliptude_claim>(kept->filter.claim());
+  set->claim = static_cast<elliptude_claim>(kept->filter().claim());
   return ELLIPTUDE_OK;
 }
 
@@ -439,7 +488,7 @@ template <typename Kind>
     return ELLIPTUDE_NULL_POINTER;
   }
   AttitudeBounds<Number> found;
-  if (const Status status = kept->filter.bounds(vector(vertical), found); status != Status::ok) {
+  if (const Status status = kept->filter().bounds(vector(vertical), found); status != Status::ok) {
     return code(status);
   }
   *bounds = {found.tilt, found.heading_from, found.heading_to, found.angle};
@@ -499,21 +548,25 @@ elliptude_status elliptude_body_defaults(elliptude_body_parameters* parameters) 
 
 elliptude_status elliptude_body_init(elliptude_body* filter, size_t size, const elliptude_body_parameters* parameters,
                                      elliptude_number time) {
-  return init<Body>(filter, size, parameters, time);
+  return init<Body>(filter, size, parameters, time, 0, 0);
+}
+
+elliptude_status elliptude_body_init_at_stamp(elliptude_body* filter, size_t size,
+                                              const elliptude_body_parameters* parameters, int64_t epoch,
+                                              int64_t stamp) {
+  return init<Body>(filter, size, parameters, seconds_between<Number>(epoch, stamp), epoch, stamp);
 }
 
 elliptude_status elliptude_body_predict(elliptude_body* filter, elliptude_number time,
                                         const elliptude_number control_torque[3],
                                         const elliptude_number wheel_momentum[3], elliptude_report* report) {
-  BodyInput<Number> input;
-  if (control_torque != nullptr) {
-    input.control_torque = vector(control_torque);
-  }
-  if (wheel_momentum != nullptr) {
-    input.wheel_momentum = vector(wheel_momentum);
-  }
-  const bool is_finite = scalar::all_finite(input.control_torque) && scalar::all_finite(input.wheel_momentum);
-  return predict<Body>(filter, time, input, is_finite, report);
+  return predict_to_time<Body>(filter, time, body_input(control_torque, wheel_momentum), report);
+}
+
+elliptude_status elliptude_body_predict_to_stamp(elliptude_body* filter, int64_t stamp,
+                                                 const elliptude_number control_torque[3],
+                                                 const elliptude_number wheel_momentum[3], elliptude_report* report) {
+  return predict_to_stamp<Body>(filter, stamp, body_input(control_torque, wheel_momentum), report);
 }
 
 elliptude_status elliptude_body_update(elliptude_body* filter, const elliptude_measurements* measurements,
@@ -550,15 +603,23 @@ elliptude_status elliptude_gyro_defaults(elliptude_gyro_parameters* parameters) 
 
 elliptude_status elliptude_gyro_init(elliptude_gyro* filter, size_t size, const elliptude_gyro_parameters* parameters,
                                      elliptude_number time) {
-  return init<Gyro>(filter, size, parameters, time);
+  return init<Gyro>(filter, size, parameters, time, 0, 0);
+}
+
+elliptude_status elliptude_gyro_init_at_stamp(elliptude_gyro* filter, size_t size,
+                                              const elliptude_gyro_parameters* parameters, int64_t epoch,
+                                              int64_t stamp) {
+  return init<Gyro>(filter, size, parameters, seconds_between<Number>(epoch, stamp), epoch, stamp);
 }
 
 elliptude_status elliptude_gyro_predict(elliptude_gyro* filter, elliptude_number time, const elliptude_number rate[3],
                                         elliptude_report* report) {
-  Gyro::Flow::Input input;
-  input.is_measured = rate != nullptr;
-  input.angular_velocity = rate != nullptr ? vector(rate) : Vector3<Number>(0, 0, 0);
-  return predict<Gyro>(filter, time, input, scalar::all_finite(input.angular_velocity), report);
+  return predict_to_time<Gyro>(filter, time, gyro_input(rate), report);
+}
+
+elliptude_status elliptude_gyro_predict_to_stamp(elliptude_gyro* filter, int64_t stamp, const elliptude_number rate[3],
+                                                 elliptude_report* report) {
+  return predict_to_stamp<Gyro>(filter, stamp, gyro_input(rate), report);
 }
 
 elliptude_status elliptude_gyro_update(elliptude_gyro* filter, const elliptude_measurements* measurements,

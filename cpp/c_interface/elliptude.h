@@ -49,7 +49,9 @@ typedef float elliptude_number;
 #define elliptude_self_test elliptude_single_self_test
 #define elliptude_body_defaults elliptude_single_body_defaults
 #define elliptude_body_init elliptude_single_body_init
+#define elliptude_body_init_at_stamp elliptude_single_body_init_at_stamp
 #define elliptude_body_predict elliptude_single_body_predict
+#define elliptude_body_predict_to_stamp elliptude_single_body_predict_to_stamp
 #define elliptude_body_update elliptude_single_body_update
 #define elliptude_body_forget elliptude_single_body_forget
 #define elliptude_body_check elliptude_single_body_check
@@ -57,7 +59,9 @@ typedef float elliptude_number;
 #define elliptude_body_bounds elliptude_single_body_bounds
 #define elliptude_gyro_defaults elliptude_single_gyro_defaults
 #define elliptude_gyro_init elliptude_single_gyro_init
+#define elliptude_gyro_init_at_stamp elliptude_single_gyro_init_at_stamp
 #define elliptude_gyro_predict elliptude_single_gyro_predict
+#define elliptude_gyro_predict_to_stamp elliptude_single_gyro_predict_to_stamp
 #define elliptude_gyro_update elliptude_single_gyro_update
 #define elliptude_gyro_forget elliptude_single_gyro_forget
 #define elliptude_gyro_check elliptude_single_gyro_check
@@ -280,6 +284,16 @@ elliptude_status elliptude_body_init(elliptude_body* filter, size_t size, const 
                                      elliptude_number time);
 
 /*
+ * The same, to be predicted to time stamps: whole nanoseconds of any clock, however long it has been running.
+ * epoch: the stamp of time 0, at which `orbit` is what it says. Reports and sets have the seconds since then. In float let it be no more than
+ * some hundred orbits ago: the set grows with the rounding of time.
+ * stamp: that of the filter. With 0 for both this is `init` at time 0.
+ */
+elliptude_status elliptude_body_init_at_stamp(elliptude_body* filter, size_t size,
+                                              const elliptude_body_parameters* parameters, int64_t epoch,
+                                              int64_t stamp);
+
+/*
  * Moves the set to a later time. If it becomes too large to be bounded, the attitude is forgotten and the status is ELLIPTUDE_OK: look at the
  * claim.
  * control_torque: N m, constant since the filter's time; NULL for none.
@@ -290,6 +304,14 @@ elliptude_status elliptude_body_init(elliptude_body* filter, size_t size, const 
 elliptude_status elliptude_body_predict(elliptude_body* filter, elliptude_number time,
                                         const elliptude_number control_torque[3],
                                         const elliptude_number wheel_momentum[3], elliptude_report* report);
+
+/*
+ * The same to a later stamp, over the difference of both, which is right to rounding. In float seconds lose a millisecond after 10000 s.
+ * Returns as above, and OUT_OF_RANGE of a filter whose time is not that of its stamp, as it was made or predicted by seconds.
+ */
+elliptude_status elliptude_body_predict_to_stamp(elliptude_body* filter, int64_t stamp,
+                                                 const elliptude_number control_torque[3],
+                                                 const elliptude_number wheel_momentum[3], elliptude_report* report);
 
 /*
  * Fuses the measurements of the filter's time with the prediction.
@@ -349,12 +371,17 @@ typedef struct {
 elliptude_status elliptude_gyro_defaults(elliptude_gyro_parameters* parameters);
 elliptude_status elliptude_gyro_init(elliptude_gyro* filter, size_t size, const elliptude_gyro_parameters* parameters,
                                      elliptude_number time);
+elliptude_status elliptude_gyro_init_at_stamp(elliptude_gyro* filter, size_t size,
+                                              const elliptude_gyro_parameters* parameters, int64_t epoch,
+                                              int64_t stamp);
 
 /* rate: rad/s, for the interval since the filter's time; NULL if there is none, as if the interval were longer than the longest.
- * Returns as that of a rigid body, but neither TOO_MANY_STEPS nor STEP_TOO_LONG; under ELLIPTUDE_RAISE OUT_OF_RANGE also of a turn
+ * Both return as those of a rigid body, but neither TOO_MANY_STEPS nor STEP_TOO_LONG; under ELLIPTUDE_RAISE OUT_OF_RANGE also of a turn
  * above 1e9 rad (1e6 in float) about a body axis. */
 elliptude_status elliptude_gyro_predict(elliptude_gyro* filter, elliptude_number time, const elliptude_number rate[3],
                                         elliptude_report* report);
+elliptude_status elliptude_gyro_predict_to_stamp(elliptude_gyro* filter, int64_t stamp, const elliptude_number rate[3],
+                                                 elliptude_report* report);
 
 /* As that of a rigid body, and OUT_OF_RANGE of a rate among the measurements. */
 elliptude_status elliptude_gyro_update(elliptude_gyro* filter, const elliptude_measurements* measurements,

@@ -14,6 +14,7 @@
 #include "elliptude/base/scalar.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
+#include "elliptude/base/stamps.hpp"
 
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/linear/cholesky.hpp"

@@ -68,11 +68,12 @@ TEST_CASE("turns and their Jacobians are as exact as the constants say") {
     double worst_turn = 0;
     double worst_jacobian = 0;
     for (int i = 0; i < 500; ++i) {
-      // As the gyro's prediction has it: the rate is a difference, the turn a product.
+      // As the gyro's prediction has it: the rate is a difference, the turn a product, and the duration right to ε.
       const Vector3d measured = random.uniform(0.7, 1) * size * random.unit_vector<3>();
       const Vector3d bias = 0.1 * size * random.unit_vector<3>();
       const Vector3<Tracked> rate = exactly<3, 1>(measured) - exactly<3, 1>(bias);
-      const Vector3<Tracked> turn = Tracked::exactly(random.uniform(0.5, 1)) * rate;
+      const double duration = random.uniform(0.5, 1);
+      const Vector3<Tracked> turn = Tracked(duration, epsilon * duration) * rate;
       const double bound = epsilon * (rounding::turn + rounding::turn_by_angle * values<3, 1>(turn).norm());
       worst_turn = std::fmax(worst_turn, errors<3, 3>(exp(turn)).norm() / bound);
       worst_jacobian = std::fmax(worst_jacobian, errors<3, 3>(right_jacobian(turn)).norm() / bound);

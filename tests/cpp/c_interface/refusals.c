@@ -309,6 +309,56 @@ static void predictions(void) {
   CHECK(report.limits_hit == ELLIPTUDE_LIMIT_SET && report.claim == ELLIPTUDE_NO_CLAIM && report.time == 1000000);
 }
 
+/* By stamps: however large they are, their difference counts; and a filter goes by stamps or by seconds. */
+static void stamps(void) {
+  const elliptude_body_parameters of_body = body_parameters();
+  const elliptude_gyro_parameters of_gyro = gyro_parameters();
+  const elliptude_number rate[3] = {0, 0, 0};
+  const elliptude_number no_number[3] = {0, (elliptude_number)NAN, 0};
+  const int64_t now = INT64_C(1700000000000000000);
+  const int64_t cycle = 10000000;
+  elliptude_measurements measured = all_measurements();
+  start();
+  CHECK(elliptude_body_init_at_stamp(NULL, sizeof body, &of_body, 0, 0) == ELLIPTUDE_NULL_POINTER);
+  CHECK(elliptude_gyro_init_at_stamp(NULL, sizeof gyro, &of_gyro, 0, 0) == ELLIPTUDE_NULL_POINTER);
+  REFUSES_BODY(elliptude_body_init_at_stamp(&body, sizeof body + 8, &of_body, 0, 0), ELLIPTUDE_WRONG_SIZE);
+  REFUSES_GYRO(elliptude_gyro_init_at_stamp(&gyro, sizeof gyro, NULL, 0, 0), ELLIPTUDE_NULL_POINTER);
+  CHECK(elliptude_body_predict_to_stamp(NULL, now, NULL, NULL, &report) == ELLIPTUDE_NULL_POINTER);
+  CHECK(elliptude_gyro_predict_to_stamp(NULL, now, rate, NULL) == ELLIPTUDE_NULL_POINTER);
+  /* Both are at 1 s, and were made by seconds. */
+  REFUSES_BODY(elliptude_body_predict_to_stamp(&body, now, NULL, NULL, &report), ELLIPTUDE_OUT_OF_RANGE);
+  REFUSES_GYRO(elliptude_gyro_predict_to_stamp(&gyro, now, rate, &report), ELLIPTUDE_OUT_OF_RANGE);
+
+  CHECK(elliptude_body_init_at_stamp(&body, sizeof body, &of_body, now, now) == ELLIPTUDE_OK);
+  CHECK(elliptude_gyro_init_at_stamp(&gyro, sizeof gyro, &of_gyro, now - 10 * cycle, now) == ELLIPTUDE_OK);
+  CHECK(elliptude_gyro_update(&gyro, &measured, &report) == ELLIPTUDE_OK);
+  CHECK(report.time == (elliptude_number)0.1);
+  measured.rate = &rest;
+  CHECK(elliptude_body_update(&body, &measured, &report) == ELLIPTUDE_OK);
+  CHECK(report.time == 0);
+  CHECK(elliptude_body_predict_to_stamp(&body, now + cycle, NULL, NULL, &report) == ELLIPTUDE_OK);
+  CHECK(report.time == (elliptude_number)0.01 && report.claim == ELLIPTUDE_UNCONDITIONAL);
+  CHECK(elliptude_gyro_predict_to_stamp(&gyro, now + cycle, rate, &report) == ELLIPTUDE_OK);
+  CHECK(report.time == (elliptude_number)0.11 && report.claim == ELLIPTUDE_UNCONDITIONAL);
+  REFUSES_BODY(elliptude_body_predict_to_stamp(&body, now + cycle - 1, NULL, NULL, &report), ELLIPTUDE_OUT_OF_RANGE);
+  REFUSES_GYRO(elliptude_gyro_predict_to_stamp(&gyro, INT64_MIN, rate, &report), ELLIPTUDE_OUT_OF_RANGE);
+  CHECK(report.status == ELLIPTUDE_OUT_OF_RANGE && report.time == (elliptude_number)0.11);
+  REFUSES_BODY(elliptude_body_predict_to_stamp(&body, INT64_MAX, NULL, NULL, &report), ELLIPTUDE_TOO_MANY_STEPS);
+  REFUSES_BODY(elliptude_body_predict_to_stamp(&body, now + 2 * cycle, no_number, NULL, &report), ELLIPTUDE_NOT_FINITE);
+  REFUSES_GYRO(elliptude_gyro_predict_to_stamp(&gyro, now + 2 * cycle, no_number, &report), ELLIPTUDE_NOT_FINITE);
+  CHECK(elliptude_gyro_predict(&gyro, 1, rate, NULL) == ELLIPTUDE_OK);
+  REFUSES_GYRO(elliptude_gyro_predict_to_stamp(&gyro, now + 200 * cycle, rate, &report), ELLIPTUDE_OUT_OF_RANGE);
+  ((unsigned char*)&body)[sizeof body / 2] ^= 4;
+  REFUSES_BODY(elliptude_body_predict_to_stamp(&body, now + 2 * cycle, NULL, NULL, &report), ELLIPTUDE_CORRUPTED);
+  memset(&gyro, 0, sizeof gyro);
+  REFUSES_GYRO(elliptude_gyro_predict_to_stamp(&gyro, now, rate, &report), ELLIPTUDE_NOT_INITIALIZED);
+
+  /* The difference of any two stamps. */
+  CHECK(elliptude_gyro_init_at_stamp(&gyro, sizeof gyro, &of_gyro, INT64_MIN, INT64_MIN) == ELLIPTUDE_OK);
+  CHECK(elliptude_gyro_predict_to_stamp(&gyro, INT64_MAX, rate, &report) == ELLIPTUDE_OK);
+  CHECK(report.time == (elliptude_number)18446744073.709551615);
+}
+
 /* Measurements that are refused by the filter of a body, and those but the rate by that of a gyro. */
 static void measurements(void) {
   static elliptude_direction directions[ELLIPTUDE_MOST_DIRECTIONS + 1];
@@ -455,6 +505,7 @@ int main(void) {
   parameters_of_body();
   parameters_of_gyro();
   predictions();
+  stamps();
   measurements();
   contradictions();
   without_a_set();

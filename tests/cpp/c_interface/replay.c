@@ -13,6 +13,9 @@ static const Row recording[rows] = {
 enum { liar = 50 };    /* the row in which the fourth direction is that of another star */
 enum { copied = 100 }; /* the row before which the filter is moved to other memory */
 
+static const int64_t epoch = INT64_C(1700000000123456789); /* of stamps, ns */
+static const int64_t cycle = 100000000;                    /* ns, as the interval of the recording */
+
 static void fill(double number, elliptude_number* numbers) {
   int i;
   for (i = 0; i < 3; ++i) {
@@ -120,7 +123,8 @@ static int replay_body(const char* name, double orbit, elliptude_policy policy, 
   return 0;
 }
 
-static int replay_gyro(void) {
+/* by_stamps: not 0: its times are nanoseconds, of a clock that has been running for long. */
+static int replay_gyro(const char* name, int by_stamps) {
   static elliptude_gyro memory[2];
   elliptude_gyro* filter = &memory[0];
   elliptude_gyro_parameters parameters;
@@ -135,7 +139,9 @@ static int replay_gyro(void) {
   fill(1e-6, parameters.drift);
   fill(0.01, parameters.bias_bound);
   parameters.angular_acceleration = (elliptude_number)0.2;
-  if (elliptude_gyro_init(filter, sizeof *filter, &parameters, (elliptude_number)recording[0].time) != ELLIPTUDE_OK) {
+  if ((by_stamps ? elliptude_gyro_init_at_stamp(filter, sizeof *filter, &parameters, epoch, epoch)
+                 : elliptude_gyro_init(filter, sizeof *filter, &parameters, (elliptude_number)recording[0].time)) !=
+      ELLIPTUDE_OK) {
     return 1;
   }
   for (row = 0; row < rows; ++row) {
@@ -162,13 +168,14 @@ static int replay_gyro(void) {
       filter = &memory[1];
     }
     read_vector(recording[row > 0 ? row - 1 : 0].rate, rate);
-    predicted = elliptude_gyro_predict(filter, (elliptude_number)recording[row].time, rate, NULL);
+    predicted = by_stamps ? elliptude_gyro_predict_to_stamp(filter, epoch + row * cycle, rate, NULL)
+                          : elliptude_gyro_predict(filter, (elliptude_number)recording[row].time, rate, NULL);
     (void)elliptude_gyro_update(filter, &measured, &report);
     if (elliptude_gyro_set(filter, &set) != ELLIPTUDE_OK) {
       return 1;
     }
     asked = elliptude_gyro_bounds(filter, vertical, &bounds);
-    print_row("gyro", row, predicted, &report, asked, &set, &bounds);
+    print_row(name, row, predicted, &report, asked, &set, &bounds);
   }
   return 0;
 }
@@ -177,5 +184,5 @@ int main(void) {
   (void)interval;
   return replay_body("free", 0, ELLIPTUDE_RAISE, ELLIPTUDE_LEAST_VOLUME) ||
          replay_body("gravity gradient", orbit_rate, ELLIPTUDE_DROP_MEASUREMENT, ELLIPTUDE_LEAST_TRACE) ||
-         replay_gyro();
+         replay_gyro("gyro", 0) || replay_gyro("gyro by stamps", 1);
 }

@@ -20,6 +20,8 @@ const flight::Row recording[flight::rows] = {
 };
 
 constexpr int liar = 50;
+constexpr std::int64_t epoch = 1700000000123456789;  // of stamps, ns
+constexpr std::int64_t cycle = 100000000;            // ns, as the interval of the recording
 
 Number number(double value) { return static_cast<Number>(value); }
 
@@ -110,7 +112,8 @@ int replay_body(const char* name, const Potential& potential, Policy policy,
   return 0;
 }
 
-int replay_gyro() {
+/// \param by_stamps its times are nanoseconds, of a clock that has been running for long.
+int replay_gyro(const char* name, bool by_stamps) {
   using Flow = GuaranteedGyroFlow<Number>;
   using Filter = GuaranteedFilter<Flow>;
   Flow flow;
@@ -127,16 +130,19 @@ int replay_gyro() {
       filter.bound_vector({Vector3<Number>::Zero(), ball(0.01)}) != Status::ok) {
     return 1;
   }
+  StampedFilter<Filter> stamped(filter, epoch, epoch);
+  Filter& kept = by_stamps ? stamped.filter() : filter;
   for (int row = 0; row < flight::rows; ++row) {
     const Directions directions = directions_of(row);
-    const MeasuredAttitude<Number> attitude{filter.ellipsoid().center.attitude, ball(0.05)};
+    const MeasuredAttitude<Number> attitude{kept.ellipsoid().center.attitude, ball(0.05)};
     Flow::Input input;
     input.angular_velocity = vector(recording[row > 0 ? row - 1 : 0].rate);
     GuaranteedUpdate<Number> update;
-    const Status predicted = filter.predict(number(recording[row].time), input);
+    const Status predicted =
+        by_stamps ? stamped.predict(epoch + row * cycle, input) : filter.predict(number(recording[row].time), input);
     const Status updated =
-        filter.update({directions.data(), directions.size(), nullptr, row % 20 == 19 ? &attitude : nullptr}, update);
-    print_row("gyro", row, predicted, updated, update, filter);
+        kept.update({directions.data(), directions.size(), nullptr, row % 20 == 19 ? &attitude : nullptr}, update);
+    print_row(name, row, predicted, updated, update, kept);
   }
   return 0;
 }
@@ -153,5 +159,6 @@ int main() {
     return 1;
   }
   return replay_body("free", FreeBody<Number>(), Policy::raise, Criterion::volume()) +
-         replay_body("gravity gradient", gravity, Policy::drop_measurement, Criterion::trace()) + replay_gyro();
+         replay_body("gravity gradient", gravity, Policy::drop_measurement, Criterion::trace()) +
+         replay_gyro("gyro", false) + replay_gyro("gyro by stamps", true);
 }

@@ -325,6 +325,8 @@ void use_filters(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   AttitudeFilter<Gyro, Estimator> filter;
   const GyroState<Scalar> start{truth.attitude, Vector3<Scalar>::Zero()};
   tally.add(AttitudeFilter<Gyro, Estimator>::make(flow, criterion, Scalar(0), {start, wide}, filter));
+  StampedFilter<AttitudeFilter<Gyro, Estimator>> stamped(filter, 0, 0);
+  tally.add(stamped.predict(10000000, {seeds.rate}));
   tally.add(filter.predict(seeds.step, {seeds.rate}));
   Update<Scalar> update;
   tally.add(filter.update(MeasuredAttitude<Scalar>{filter.ellipsoid().center.attitude, small}, update));
@@ -507,6 +509,11 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     settings.keeps_constraints = true;
     tally.add(GuaranteedFilter<Flow>::make(flow, settings, Scalar(0), filter));
     tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), small}));
+    StampedFilter<GuaranteedFilter<Flow>> stamped(filter, 0, 0);
+    tally.add(stamped.predict(10000000, {seeds.rate, Scalar(-1)}));
+    tally.add(stamped.predict_turn(20000000, seeds.zeta, seeds.step));
+    tally.add(stamped.stamp() == 20000000 && stamped.epoch() == 0);
+    tally.add(stamped.filter().time());
     tally.add(filter.predict(seeds.step, {seeds.rate, Scalar(-1)}));
     const MeasuredAttitude<Scalar> star{exp(seeds.zeta), small};
     GuaranteedUpdate<Scalar> update;

@@ -72,8 +72,19 @@ class AttitudeFilter {
   /// \return the status of the flow; `out_of_range` for a time before the filter's; `unbounded` if the set has grown beyond
   /// the domain (`is_in_domain`), or so far that rounding left none.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
+    return predict_interval(time, Scalar(time - time_), input);
+  }
+
+  /// The same where the interval is better known than as the difference of two times: see base/stamps.hpp.
+  /// \param time at its end, s, which the filter then has. The two are not compared.
+  /// \param duration of the interval, s.
+  /// \return the status of `predict`; `out_of_range` of a negative duration.
+  [[nodiscard]] Status predict_interval(const Scalar& time, const Scalar& duration, const Input& input) noexcept {
+    if (!scalar::isfinite(time)) {
+      return Status::not_finite;
+    }
     Prediction<State> prediction;
-    if (const Status status = flow_.predict(time_, Scalar(time - time_), input, ellipsoid_, criterion_, prediction);
+    if (const Status status = flow_.predict(time_, duration, input, ellipsoid_, criterion_, prediction);
         status != Status::ok) {
       return status;
     }
@@ -81,7 +92,7 @@ class AttitudeFilter {
       return Status::unbounded;
     }
     ellipsoid_ = prediction.ellipsoid;
-    if (time != time_) {  // a prediction over no time must change nothing, not even by rounding
+    if (duration != Scalar(0)) {  // a prediction over no time must change nothing, not even by rounding
       ellipsoid_.center.attitude = renormalized(ellipsoid_.center.attitude);
     }
     transition_ = prediction.transition.lazyProduct(transition_).eval();

@@ -176,7 +176,18 @@ class GuaranteedFilter {
   /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
   /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
-    return detail::FilterPrediction<Flow>(memory_).by_motion(time, input);
+    return predict_interval(time, Scalar(time - memory_.time), input);
+  }
+
+  /// The same where the interval is better known than as the difference of two times: see base/stamps.hpp.
+  /// \param time at its end, s, which the filter then has. The two are not compared.
+  /// \param duration of the interval, s, right to ε of itself.
+  /// \return the status of `predict`; `out_of_range` of a negative duration.
+  [[nodiscard]] Status predict_interval(const Scalar& time, const Scalar& duration, const Input& input) noexcept {
+    if (!scalar::isfinite(time)) {
+      return Status::not_finite;
+    }
+    return detail::FilterPrediction<Flow>(memory_).by_motion(time, duration, input);
   }
 
   /// Moves the set of a gyro's filter over a turn that is known but for an angle, however it was measured: rates that were added
@@ -186,6 +197,12 @@ class GuaranteedFilter {
   /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
   /// \return the status of `predict`, and `out_of_range` of a negative angle.
   [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    return predict_turn_interval(time, Scalar(time - memory_.time), turn, angle);
+  }
+
+  /// The same with a duration, as for `predict_interval`.
+  [[nodiscard]] Status predict_turn_interval(const Scalar& time, const Scalar& duration, const Vector3<Scalar>& turn,
+                                             const Scalar& angle) noexcept {
     static_assert(!measures_rate, "a rigid body's flow predicts the angular velocity, which a turn does not tell");
     if (!scalar::all_finite(turn) || !(angle == angle)) {
       return Status::not_finite;
@@ -193,7 +210,10 @@ class GuaranteedFilter {
     if (!(angle >= Scalar(0))) {
       return Status::out_of_range;
     }
-    return detail::FilterPrediction<Flow>(memory_).by_turn(time, turn, angle);
+    if (!scalar::isfinite(time)) {
+      return Status::not_finite;
+    }
+    return detail::FilterPrediction<Flow>(memory_).by_turn(time, duration, turn, angle);
   }
 
   /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start it.

@@ -19,28 +19,28 @@ class FilterPrediction {
 
   explicit FilterPrediction(Memory& filter) noexcept : filter_(filter) {}
 
-  /// `GuaranteedFilter::predict`.
-  [[nodiscard]] Status by_motion(const Scalar& time, const Input& input) noexcept {
-    return predict_by(time, input, [&](const Scalar& duration, const Set& set, Set& predicted) {
-      return predicted_set(duration, input, set, predicted);
-    });
+  /// `GuaranteedFilter::predict_interval`.
+  [[nodiscard]] Status by_motion(const Scalar& time, const Scalar& duration, const Input& input) noexcept {
+    return predict_by(time, duration, input,
+                      [&](const Set& set, Set& predicted) { return predicted_set(duration, input, set, predicted); });
   }
 
-  /// `GuaranteedFilter::predict_turn`, of a finite turn and an angle that is not negative.
-  [[nodiscard]] Status by_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
-    return predict_by(time, Input{}, [&](const Scalar& duration, const Set& set, Set& predicted) {
+  /// `GuaranteedFilter::predict_turn_interval`, of a finite turn and an angle that is not negative.
+  [[nodiscard]] Status by_turn(const Scalar& time, const Scalar& duration, const Vector3<Scalar>& turn,
+                               const Scalar& angle) noexcept {
+    return predict_by(time, duration, Input{}, [&](const Set& set, Set& predicted) {
       return predicted_turn(duration, turn, angle, set, predicted);
     });
   }
 
  private:
-  /// \param move from a duration and a set to the set that is predicted, as `Flow::predict`.
+  /// \param move from a set to the set that is predicted, as `Flow::predict`.
   template <typename Move>
-  [[nodiscard]] Status predict_by(const Scalar& time, const Input& input, const Move& move) noexcept {
-    const Scalar duration = time - filter_.time;
+  [[nodiscard]] Status predict_by(const Scalar& time, const Scalar& duration, const Input& input,
+                                  const Move& move) noexcept {
     if (filter_.known.has_attitude) {
       Set predicted;
-      Status status = move(duration, filter_.known.set, predicted);
+      Status status = move(filter_.known.set, predicted);
       // A rigid body's flow has factored the shape itself.
       if (status == Status::ok && (Memory::measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
         filter_.known.set = predicted;
@@ -49,8 +49,8 @@ class FilterPrediction {
         return Status::ok;
       }
       status = status == Status::ok ? Status::unbounded : status;
-      if (status == Status::interrupted || (status != Status::unbounded && (filter_.settings.policy == Policy::raise ||
-                                                                            !predicts_another(duration, move)))) {
+      if (status == Status::interrupted ||
+          (status != Status::unbounded && (filter_.settings.policy == Policy::raise || !predicts_another(move)))) {
         return status;
       }
     }
@@ -118,11 +118,11 @@ class FilterPrediction {
 
   /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
   template <typename Move>
-  [[nodiscard]] bool predicts_another(const Scalar& duration, const Move& move) const noexcept {
+  [[nodiscard]] bool predicts_another(const Move& move) const noexcept {
     Set another{{filter_.known.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
     another.shape *= scalar::constant<Scalar>(1e-6L);
     Set ignored;
-    const Status status = move(duration, another, ignored);
+    const Status status = move(another, ignored);
     return status == Status::ok || status == Status::unbounded;
   }
 
