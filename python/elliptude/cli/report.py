@@ -130,14 +130,13 @@ def view(
 
     The viewer stays open when the command ends. It is in the package's extra `rerun`.
     """
-    from elliptude import view as views  # imports Matplotlib, which would slow every command
-    from elliptude.view.stream import sdk
-
-    sdk()
     if out is not None:
         require_outputs([out], force=force)
     if (log is None) != (config is None):
         raise typer.BadParameter("belong together: give both, or none", param_hint="--log and --config")
+    from elliptude import view as views  # imports Matplotlib, which would slow every command
+
+    views.sdk()
     run, label = read_run(result)
     run, measured = replace(run, axes=axes), None
     if log is not None and config is not None:

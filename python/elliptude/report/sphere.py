@@ -54,8 +54,22 @@ def frame_rows(run: Run, most: int = FRAMES) -> NDArray[np.intp]:
     return np.unique(rows)
 
 
-def frames_of(run: Run, rows: NDArray[np.intp], magnification: int) -> Frames:
-    """The sphere at some rows, with sets, and the errors in them, so many times as large as they are."""
+def frames_of(run: Run, rows: NDArray[np.intp], magnification: int, largest: float = _LARGEST) -> Frames:
+    """The sphere at some rows.
+
+    Parameters
+    ----------
+    run : Run
+    rows : (n,) array
+    magnification : int
+        How many times as large as they are sets are drawn, with the errors in them.
+    largest : float
+        The largest errors of a set that is drawn, rad, as it is drawn.
+
+    Returns
+    -------
+    Frames
+    """
     attitudes = run.attitudes[rows]
     attitudes[~run.known[rows]] = np.nan
     shapes = magnification**2 * run.shapes[rows]
@@ -63,7 +77,7 @@ def frames_of(run: Run, rows: NDArray[np.intp], magnification: int) -> Frames:
         [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=MERIDIANS, rings=RINGS) for i in range(3)],
         axis=1,
     )
-    patches[magnification * run.largest_angles[rows] > _LARGEST] = np.nan
+    patches[magnification * run.largest_angles[rows] > largest] = np.nan
     marks = run.true_axes(magnification)[rows].swapaxes(1, 2) if run.compared.any() else None
     return Frames(attitudes.swapaxes(1, 2), patches, marks)
 

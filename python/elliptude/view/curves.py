@@ -93,7 +93,9 @@ def _send_plot(stream: Stream, path: str, times: FloatArray, curves: Mapping[str
     still = stream.rr.SeriesLines(
         names=list(curves),
         colors=stream.colours(list(colours)),
-        widths=[1.0 if colour == _BOUND_COLOUR else 1.8 for colour in colours],
+        # Of rows in one pixel, the extremes.
+        aggregation_policy="MinMax",
+        widths=[1.8 if colour == _ESTIMATE_COLOUR else 1.2 for colour in colours],
     )
     stream.still(path, still)
     stream.scalars(path, times, np.column_stack(values))
@@ -105,7 +107,7 @@ def _send_angles(stream: Stream, times: FloatArray, angles: FloatArray, true: Fl
         value, least, most = angles[:, 3 * i : 3 * i + 3].T
         cut, value, least, most = cut_at_wraps(times, value, least, most)
         curves = {"least": (least, _BOUND_COLOUR), "most": (most, _BOUND_COLOUR), "estimate": (value, _ESTIMATE_COLOUR)}
-        _send_plot(stream, f"angles/{name}", cut, curves)
+        _send_plot(stream, f"angles/{name}/estimate", cut, curves)
         if true is not None:
             cut, value = cut_at_wraps(times, np.rad2deg(true[:, i]))
             _send_plot(stream, f"angles/{name}/reference", cut, {label: (value, TRUTH_COLOUR)})

@@ -14,12 +14,14 @@ from elliptude.view.stream import Stream, there
 
 FRAMES = 2000
 """How many times the sphere is drawn at, besides the extremes."""
-TRUTH_COLOUR = "#CC79A7"
+TRUTH_COLOUR = "#9D7BEA"
 """On white and on black, as all colours here: the viewer may be either."""
 
+# The largest errors of a set that is drawn, rad, and a globe that the patches of such a set do not cut.
+_LARGEST, _GLOBE = np.deg2rad(80.0), 0.91
 # Circles about references are magnified with the sets, but only so that nearly all stay below this, rad.
 _LARGEST_CIRCLE = np.deg2rad(45.0)
-_SENSOR_COLOURS = ("#56B4E9", "#E69F00", "#B2ABD2", "#8FBC3F")
+_SENSOR_COLOURS = ("#56B4E9", "#E69F00", "#40C8B0", "#8FBC3F")
 _LEFT_OUT_COLOUR, _GREY = "#E0202B", "#8A8F98"
 
 
@@ -47,7 +49,7 @@ def send_globe(stream: Stream, run: Run, label: str, measured: MeasuredDirection
     if measured is not None and np.isfinite(measured.angles[rows]).any():
         angles = measured.angles[rows]
         magnification = min(magnification, magnification_to(_LARGEST_CIRCLE, angles[np.isfinite(angles)]))
-    frames = frames_of(run, rows, magnification)
+    frames = frames_of(run, rows, magnification, _LARGEST)
     _send_reference_axes(stream, run)
     _send_body(stream, run.times[rows], frames, label)
     if measured is not None:
@@ -64,8 +66,8 @@ def _send_reference_axes(stream: Stream, run: Run) -> None:
     stream.still("sphere", up)
     grey = stream.colours([_GREY])
     globe = rr.Ellipsoids3D(
-        # A little smaller than the patches, which are flat between their vertices.
-        half_sizes=[[0.98] * 3],
+        # Smaller than the patches, which are flat between their vertices.
+        half_sizes=[[_GLOBE] * 3],
         fill_mode="TransparentFillMajorWireframe",
         colors=grey,
         line_radii=rr.Radius.ui_points(0.5),
@@ -95,15 +97,13 @@ def _send_body(stream: Stream, times: FloatArray, frames: Frames, label: str) ->
         vertices, lengths = there(patches.reshape(len(times), -1, 3))
         path = f"sphere/may_point/{axis}"
         stream.still(path, rr.Mesh3D.from_fields(triangle_indices=corners, albedo_factor=colour[0]))
-        # A patch is a part of the unit sphere, so that its normals are its vertices.
-        columns = rr.Mesh3D.columns(vertex_positions=vertices, vertex_normals=vertices)
-        stream.moving(path, times, columns.partition(lengths=lengths))
+        stream.moving(path, times, rr.Mesh3D.columns(vertex_positions=vertices).partition(lengths=lengths))
 
         rims, lengths = there(patches[:, 0, np.append(np.arange(MERIDIANS), 0)])
         _send_strips(stream, f"{path}/rim", times, rims, lengths, colour)
     if frames.marks is not None:
         marks, lengths = there(frames.marks)
-        path = rr.new_entity_path(["sphere", label])
+        path = rr.new_entity_path(["sphere", "compared_with", label])
         points = rr.Points3D.from_fields(colors=stream.colours([TRUTH_COLOUR]), radii=rr.Radius.ui_points(6.0))
         stream.still(path, points)
         stream.moving(path, times, rr.Points3D.columns(positions=marks).partition(lengths=lengths))

@@ -180,10 +180,10 @@ def _notes(run: Run, label: str, drawn: Drawn, measured: MeasuredDirections | No
         )
     if run.compared.any():
         error = f", which may itself be off by {_degrees(run.reference_error)}" if run.reference_error else ""
-        lines.append(f"Pink is {label}{error}.")
+        lines.append(f"Violet is {label}{error}.")
     if run.heading_from_start:
         lines.append("The heading counts from the first row, because nothing determines it.")
-    lines.append(in_words(drawn) + ".")
+    lines.append(f"Drawn are {in_words(drawn)}.")
     lines.append(f"elliptude {elliptude.__version__}")
     return "\n\n".join(lines)
 
