@@ -51,7 +51,7 @@ test-python: $(VENV)/package $(VENV)/test ## The Python tests alone
 	.venv/bin/python -m pytest $(PYTEST_SPREAD)
 
 .PHONY: requirements
-requirements: $(VENV)/test $(VENV)/dev $(VENV)/compare $(VENV)/docs ## Install all that any test needs, so that none is skipped
+requirements: $(VENV)/test $(VENV)/dev $(VENV)/compare $(VENV)/docs $(VENV)/rerun ## Install all that any test needs, so that none is skipped
 
 FUZZ_SECONDS ?= 600
 FUZZ_PRESET ?= fuzz
@@ -157,6 +157,10 @@ $(VENV)/compare: $(VENV)/requirements
 
 $(VENV)/docs: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py docs)
+	touch $@
+
+$(VENV)/rerun: $(VENV)/requirements
+	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py rerun)
 	touch $@
 
 $(VENV)/peers: $(VENV)/requirements

@@ -18,7 +18,7 @@ FLOORS = (
     {"estimation"},
     {"simulation", "smoothing"},
     {"validation", "proposal", "calibration", "report"},
-    {"campaigns", "from_arrays", "basilisk"},
+    {"campaigns", "from_arrays", "basilisk", "view"},
     {"cli"},
 )
 """Folders from the ground up. A module imports from its own folder and from floors below."""

@@ -90,6 +90,11 @@ COMMANDS = {
         "make_report",
         "Make an interactive report of a result: one HTML file that any browser shows without a network.",
     ),
+    "view": Command(
+        "report",
+        "view",
+        "Show a result in Rerun, to go through it in time: the body's axes, where they may point, bounds and claims.",
+    ),
 }
 """In the order in which ``--help`` lists them."""
 

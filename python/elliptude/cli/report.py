@@ -1,38 +1,43 @@
-"""The command ``elliptude report``."""
+"""The commands ``elliptude report`` and ``elliptude view``."""
 
 import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
 from elliptude.cli.options import (
+    LOG_HELP,
     Force,
     LargestGap,
     ReferenceErrorDeg,
+    Repair,
     ShownAxes,
     SummaryAsJson,
     TruthConfig,
     reference_error,
+    with_repair,
 )
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
+from elliptude.io.spool import recording
 from elliptude.logs.quaternion_readings import readings
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
 from elliptude.report.run import Run, read_run
 
+Results: TypeAlias = Annotated[
+    Path, typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False)
+]
+
 _PICTURES = ("angles.png", "bands.png", "size.png", "axes.png")
 
 
 def make_report(
-    result: Annotated[
-        Path,
-        typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False),
-    ],
+    result: Results,
     out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("report.html"),
     reference: Annotated[
         Path | None,
@@ -99,6 +104,52 @@ def make_report(
     typer.echo(f"{result}: {_in_words(summary)}")
     for file in files:
         typer.echo(f"  {file}")
+
+
+def view(
+    result: Results,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write a recording for Rerun, .rrd, instead of opening its viewer.", show_default=False),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            help=f"The log that the results are of: show the measured directions within their bounds, too; {LOG_HELP}",
+            show_default=False,
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="The configuration that the results are of.", show_default=False)
+    ] = None,
+    repair: Repair = False,
+    axes: ShownAxes = "reference",
+    force: Force = False,
+) -> None:
+    """Show a result in Rerun, to go through it in time: the body's axes, where they may point, bounds and claims.
+
+    The viewer stays open when the command ends. It is in the package's extra `rerun`.
+    """
+    if out is not None:
+        require_outputs([out], force=force)
+    if (log is None) != (config is None):
+        raise typer.BadParameter("belong together: give both, or none", param_hint="--log and --config")
+    from elliptude import view as views  # imports Matplotlib, which would slow every command
+
+    views.sdk()
+    run, label = read_run(result)
+    run, measured = replace(run, axes=axes), None
+    if log is not None and config is not None:
+        configuration = with_repair(read_configuration(config), repair)
+        measured = views.measured_directions(recording(log), configuration, run)
+    title = _title(result)
+    if out is None:
+        drawn = views.show(run, title, label=label, measured=measured)
+    else:
+        drawn = views.write_view(run, out, title, label=label, measured=measured)
+    typer.echo(f"{result}: {views.in_words(drawn)}")
+    if out is not None:
+        typer.echo(f"  {out}")
 
 
 def _title(result: Path) -> str:

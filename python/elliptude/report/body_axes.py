@@ -75,7 +75,7 @@ def axis_patches(
     root = (vectors * lengths[:, None, :]) @ vectors.swapaxes(1, 2)  # L
     inverse = (vectors / lengths[:, None, :]) @ vectors.swapaxes(1, 2)
     pole = inverse[:, :, axis] / np.linalg.norm(inverse[:, :, axis], axis=1, keepdims=True)
-    first, second = _perpendicular(pole)
+    first, second = perpendicular(pole)
     angles = np.linspace(0.0, 2.0 * np.pi, meridians, endpoint=False)
     across = first[:, None] * np.cos(angles)[:, None] + second[:, None] * np.sin(angles)[:, None]  # (K, meridians, 3)
 
@@ -130,7 +130,7 @@ def _fibre_tangent(x: FloatArray, e: FloatArray, chart: Chart) -> FloatArray:
     return np.asarray(e + 0.5 * turned + factor * np.cross(x, turned))
 
 
-def _perpendicular(unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+def perpendicular(unit: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that complete each of (K, 3) to a right-handed frame."""
     least = np.eye(3)[np.argmin(np.abs(unit), axis=1)]
     first = np.cross(unit, least)

@@ -314,18 +314,31 @@ class Run:
         sizes = self.largest_angles[rows][self.known[rows]]
         if len(sizes) == 0:
             return 1
-        fits = _LARGEST_DRAWN / max(float(np.quantile(sizes, 0.9)), 1e-12)
-        return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
+        return magnification_to(_LARGEST_DRAWN, sizes)
 
     def true_axes(self, magnification: int = 1) -> FloatArray:
-        """The reference's body axes as columns, its error magnified; NaN where not known, (N, 3, 3)."""
+        """The reference's body axes as columns, NaN where not known, (N, 3, 3).
+
+        Its error is magnified in the coordinates of the sets, so that it is in a magnified set if it is in the set.
+        """
         axes = np.full((len(self.times), 3, 3), np.nan)
         if self.errors is None:
             return axes
         rows = np.flatnonzero(np.isfinite(self.errors).all(axis=1) & self.known)
         if len(rows):
-            axes[rows] = self.attitudes[rows] @ turns(magnification * self.errors[rows], "exponential").as_matrix()
+            angles = np.linalg.norm(self.errors[rows], axis=1)
+            drawn = magnification * angles
+            if self.chart == "gibbs":
+                drawn = 2.0 * np.arctan(magnification * np.tan(0.5 * angles))
+            factors = np.divide(drawn, angles, out=np.full(len(rows), float(magnification)), where=angles > 0.0)
+            axes[rows] = self.attitudes[rows] @ turns(factors[:, None] * self.errors[rows], "exponential").as_matrix()
         return axes
+
+
+def magnification_to(largest: float, angles: FloatArray) -> int:
+    """The largest factor, of those that pictures have, by which nearly all of some angles are at most ``largest``."""
+    fits = largest / max(float(np.quantile(angles, 0.9)), 1e-12)
+    return max(step for step in _MAGNIFICATIONS if step <= max(fits, 1.0))
 
 
 def _gibbs(turn: Rotation) -> FloatArray:

@@ -1,6 +1,7 @@
 """The sphere of the interactive report, with the directions that body axes may have, and what moves on it."""
 
 import base64
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from elliptude.typing import FloatArray
 FRAMES = 240
 """How many times the sphere is drawn at."""
 
-_MERIDIANS, _RINGS = 36, 4
+MERIDIANS, RINGS = 36, 4
+"""Directions on each ring of a patch, and its rings."""
 _LARGEST = np.deg2rad(60.0)
 """The largest errors of a set that is drawn: patches, flat between their rings, would cut through the globe."""
 _INT16 = 32767
@@ -23,9 +25,26 @@ _NOT_KNOWN = -32768
 _NOTHING: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
 
 
-def frame_rows(run: Run) -> NDArray[np.intp]:
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What moves on the sphere, at n times; NaN where it is not known."""
+
+    tips: FloatArray
+    """Where the body's x, y and z axis are estimated to point, in reference axes, shape (n, 3, 3)."""
+    patches: FloatArray
+    """Where each may point, from the rim to the middle, (n, 3, RINGS, MERIDIANS, 3); also NaN if too large to draw."""
+    marks: FloatArray | None
+    """Where the reference's axes point, shape (n, 3, 3); None without a reference."""
+
+    @property
+    def drawn(self) -> list[bool]:
+        """At which times all patches are drawn."""
+        return [bool(np.isfinite(patches).all()) for patches in self.patches]
+
+
+def frame_rows(run: Run, most: int = FRAMES) -> NDArray[np.intp]:
     """Rows evenly in time, the one with the largest set, and the one whose reference is farthest out."""
-    wanted = np.linspace(run.times[0], run.times[-1], FRAMES)
+    wanted = np.linspace(run.times[0], run.times[-1], most)
     after = np.searchsorted(run.times, wanted).clip(max=len(run.times) - 1)
     before = np.maximum(after - 1, 0)
     rows = np.where(wanted - run.times[before] < run.times[after] - wanted, before, after).tolist()
@@ -35,26 +54,45 @@ def frame_rows(run: Run) -> NDArray[np.intp]:
     return np.unique(rows)
 
 
-def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
-    """What moves on the sphere."""
-    factor = run.magnification(rows)
+def frames_of(run: Run, rows: NDArray[np.intp], magnification: int, largest: float = _LARGEST) -> Frames:
+    """The sphere at some rows.
+
+    Parameters
+    ----------
+    run : Run
+    rows : (n,) array
+    magnification : int
+        How many times as large as they are sets are drawn, with the errors in them.
+    largest : float
+        The largest errors of a set that is drawn, rad, as it is drawn.
+
+    Returns
+    -------
+    Frames
+    """
     attitudes = run.attitudes[rows]
     attitudes[~run.known[rows]] = np.nan
-    shapes = factor**2 * run.shapes[rows]
+    shapes = magnification**2 * run.shapes[rows]
     patches = np.stack(
-        [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=_MERIDIANS, rings=_RINGS) for i in range(3)],
+        [axis_patches(attitudes, shapes, i, chart=run.chart, meridians=MERIDIANS, rings=RINGS) for i in range(3)],
         axis=1,
     )
-    patches[factor * run.largest_angles[rows] > _LARGEST] = np.nan
-    marks = run.true_axes(factor)[rows].swapaxes(1, 2) if run.compared.any() else None
+    patches[magnification * run.largest_angles[rows] > largest] = np.nan
+    marks = run.true_axes(magnification)[rows].swapaxes(1, 2) if run.compared.any() else None
+    return Frames(attitudes.swapaxes(1, 2), patches, marks)
+
+
+def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
+    """What moves on the sphere."""
+    frames = frames_of(run, rows, run.magnification(rows))
     return {
-        "vertices": _RINGS * _MERIDIANS,
-        "meridians": _MERIDIANS,
-        "patches": _packed(patches),
-        "tips": _packed(attitudes.swapaxes(1, 2)),
-        "marks": None if marks is None else _packed(marks),
+        "vertices": RINGS * MERIDIANS,
+        "meridians": MERIDIANS,
+        "patches": _packed(frames.patches),
+        "tips": _packed(frames.tips),
+        "marks": None if frames.marks is None else _packed(frames.marks),
         "times": run.times[rows].tolist(),
-        "labels": [_frame_label(run, int(row), bool(np.isfinite(patches[i]).all())) for i, row in enumerate(rows)],
+        "labels": [frame_label(run, int(row), is_drawn) for row, is_drawn in zip(rows, frames.drawn, strict=True)],
         "patch_traces": [_STILL, _STILL + 1, _STILL + 2],
         "rim_traces": [_STILL + 3, _STILL + 4, _STILL + 5],
         "tip_traces": [_STILL + 6, _STILL + 7, _STILL + 8],
@@ -62,7 +100,8 @@ def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
     }
 
 
-def _frame_label(run: Run, row: int, is_drawn: bool) -> str:
+def frame_label(run: Run, row: int, is_drawn: bool) -> str:
+    """The time of a row, and in words how far its attitude may be off and what that rests on."""
     parts = [f"{time_text(run, row)} s"]
     if not run.known[row]:
         if run.up_bounds is not None and np.isfinite(run.up_bounds[row]):
@@ -89,14 +128,14 @@ def _packed(directions: FloatArray) -> str:
     return base64.b64encode(numbers.astype("<i2").tobytes()).decode("ascii")
 
 
-def _triangles(meridians: int, rings: int) -> tuple[list[int], list[int], list[int]]:
-    """The triangles of a disc whose vertices are rings of meridians; the last ring is a point."""
+def triangles() -> tuple[list[int], list[int], list[int]]:
+    """The triangles of a patch by their three corners; the last ring is a point."""
     i, j, k = [], [], []
-    for ring in range(rings - 1):
-        for one in range(meridians):
-            other = (one + 1) % meridians
-            a, b = ring * meridians + one, ring * meridians + other
-            c, d = a + meridians, b + meridians
+    for ring in range(RINGS - 1):
+        for one in range(MERIDIANS):
+            other = (one + 1) % MERIDIANS
+            a, b = ring * MERIDIANS + one, ring * MERIDIANS + other
+            c, d = a + MERIDIANS, b + MERIDIANS
             i += [a, b]
             j += [b, d]
             k += [c, c]
@@ -201,11 +240,11 @@ def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
 
 def _patch(axis: str, colour: str) -> dict[str, Any]:
     """Where a body axis may point."""
-    i, j, k = _triangles(_MERIDIANS, _RINGS)
+    i, j, k = triangles()
     return {
         "type": "mesh3d",
         "name": f"body {axis}",
-        **{name: [0.0] * (_RINGS * _MERIDIANS) for name in "xyz"},
+        **{name: [0.0] * (RINGS * MERIDIANS) for name in "xyz"},
         "i": i,
         "j": j,
         "k": k,

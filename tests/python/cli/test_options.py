@@ -80,6 +80,7 @@ def commands(folder, out):
         "convert": ("convert", log, out.with_suffix(".csv")),
         "report": ("report", log, "--out", out),
         "report pictures": ("report", log, "--out", folder / "r.html", "--pictures", out),
+        "view": ("view", log, "--out", out),
         "estimate": ("estimate", log, "--config", config, "--out", out),
         "estimate report": ("estimate", log, "--config", config, "--out", folder / "out", "--report", out),
         "compare": ("compare", log, log, "--tum", out),

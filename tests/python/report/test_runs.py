@@ -1,6 +1,7 @@
 """What pictures show of a run: read with and without gaps and claims, compared with a reference, decimated."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import run as runs
 from elliptude.report import thinning
+from elliptude.report.body_axes import axis_outlines
 from elliptude.report.run import Refusal, Run
 from elliptude.results import CLAIMS
 from scipy.spatial.transform import Rotation
@@ -243,3 +245,17 @@ def test_small_sets_are_magnified(angle, factor):
     x, y = run.attitudes[0][:, 0], run.attitudes[0][:, 1]
     np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ y, np.sin(factor * 1e-5), atol=1e-12)
     np.testing.assert_allclose(run.true_axes(factor)[0][:, 0] @ x, np.cos(factor * 1e-5), atol=1e-12)
+
+
+@pytest.mark.parametrize("chart", ["exponential", "gibbs"])
+def test_what_is_just_inside_a_set_is_just_inside_the_magnified_one(chart):
+    """Turns about z by 0.9999 of the largest in the set; sets are balls in their chart, whose rims are circles."""
+    radius, magnification = 0.17, 2
+    angle = 0.9999 * radius if chart == "exponential" else 2.0 * np.arctan(0.9999 * radius / 2.0)
+    run = make_run(chart=chart, errors=np.tile([0.0, 0.0, angle], (50, 1)), forms=np.full(50, 0.9998))
+    run = replace(run, shapes=np.tile(radius**2 * np.eye(3), (50, 1, 1)))
+    outlines = axis_outlines(run.attitudes, magnification**2 * run.shapes, 0, chart=chart)
+    estimated = run.attitudes[:, :, 0]
+    rim = np.arccos(np.einsum("npi,ni->np", outlines, estimated)).min(axis=1)
+    off = np.arccos((run.true_axes(magnification)[:, :, 0] * estimated).sum(axis=1))
+    assert ((0.9995 * rim < off) & (off < rim)).all()

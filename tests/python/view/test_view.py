@@ -1,0 +1,446 @@
+"""`elliptude view`: what is in a recording for Rerun, read back by the SDK's own reader."""
+
+import dataclasses
+import sys
+import types
+
+import numpy as np
+import pytest
+from elliptude import cli, view
+from elliptude.io.files import FileError
+from elliptude.io.spool import recording
+from elliptude.report.run import magnification_to, read_run
+from elliptude.view import directions, stream
+from scipy.spatial.transform import Rotation
+from test_run_figures import angled, full_run
+from test_runs import make_run
+from typer.testing import CliRunner
+
+BOUND = np.deg2rad(7.0)
+"""Of each direction of the simulated log."""
+
+
+def run_cli(*arguments):
+    return CliRunner().invoke(cli.make_app(), [str(argument) for argument in arguments])
+
+
+class Recording:
+    """A file of Rerun's: columns by the paths of what they are of, and by their names."""
+
+    def __init__(self, path):
+        rrd = pytest.importorskip("rerun.chunk").RrdReader(path)
+        (self.entry,) = rrd.recordings()
+        self.blueprints = len(rrd.blueprints())
+        self._batches = {}
+        for chunk in rrd.stream().to_chunks():
+            self._batches.setdefault((chunk.entity_path, chunk.is_static), []).append(chunk.to_record_batch())
+        self.paths = {path for path, _ in self._batches}
+
+    def column(self, path, name, *, is_static=False):
+        """Its values, row by row in order of time."""
+        return [
+            value
+            for batch in self._batches[path, is_static]
+            if name in batch.schema.names
+            for value in batch[name].to_pylist()
+        ]
+
+    def times(self, path):
+        """s."""
+        there = self._batches[path, False]
+        return np.concatenate([batch["time"].cast("int64").to_numpy() for batch in there]) / 1e9
+
+    def curves(self, path):
+        """Curves by their names."""
+        (names,) = self.column(path, "SeriesLines:names", is_static=True)
+        return dict(zip(names, np.array(self.column(path, "Scalars:scalars")).T, strict=True))
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A log whose truth is known, its configuration, and its results in the guaranteed mode."""
+    folder = tmp_path_factory.mktemp("simulated")
+    assert run_cli("simulate", "orbit", "--directions", "three", "--out", folder / "log").exit_code == 0
+    with (folder / "log" / "estimate.toml").open("a") as file:
+        file.write('\n[estimator]\nmode = "guaranteed"\n')
+    log, config = folder / "log" / "measurements.csv", folder / "log" / "estimate.toml"
+    assert run_cli("estimate", log, "--config", config, "--out", folder / "result").exit_code == 0
+    return log, config, folder / "result"
+
+
+@pytest.fixture(scope="module")
+def written(simulated, tmp_path_factory):
+    pytest.importorskip("rerun")
+    log, config, result = simulated
+    path = tmp_path_factory.mktemp("view") / "view.rrd"
+    done = run_cli("view", result, "--log", log, "--config", config, "--out", path)
+    assert done.exit_code == 0, done.output
+    assert "curves at all rows; the sphere at 21, evenly in time" in done.output
+    return Recording(path)
+
+
+def truth_of(log):
+    """True attitudes (N, 3, 3) and measured directions (N, 3, 3), rows of the log, by NumPy's own reader."""
+    table = np.genfromtxt(log, delimiter=",", skip_header=1, names=True)
+    attitudes = Rotation.from_quat(np.column_stack([table[f"q{one}"] for one in "wxyz"]), scalar_first=True)
+    measured = [[table[f"direction{i}_b{axis}"] for axis in "xyz"] for i in (1, 2, 3)]
+    return attitudes.as_matrix(), np.array(measured).transpose(2, 0, 1)
+
+
+def is_within(direction, rim):
+    """Whether a direction is within a closed curve on the sphere: its angles about the direction add up to a turn."""
+    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    first /= np.linalg.norm(first)
+    turned = np.unwrap(np.arctan2(rim @ np.cross(direction, first), rim @ first))
+    is_near = float(rim.mean(axis=0) @ direction) > 0.0
+    return is_near and bool(abs(turned[-1] - turned[0]) > np.pi)
+
+
+def test_the_truth_is_in_each_patch(simulated, written):
+    true, _ = truth_of(simulated[0])
+    for i, axis in enumerate("xyz"):
+        rims = written.column(f"/sphere/may_point/{axis}/rim", "LineStrips3D:strips")
+        assert len(rims) == len(true) == 21
+        assert rims[0] == []  # within 128 degrees: too large to draw
+        for row, strips in enumerate(rims[1:], start=1):
+            (rim,) = np.array(strips)
+            np.testing.assert_allclose(np.linalg.norm(rim, axis=1), 1.0, atol=1e-6)
+            assert is_within(true[row][:, i], rim)
+            # What is further out than the patch is wide is not.
+            middle = rim.mean(axis=0)
+            width = 2.0 * np.arccos(np.clip(rim @ middle / np.linalg.norm(middle), -1.0, 1.0)).max()
+            aside = Rotation.from_rotvec(width * true[row][:, (i + 1) % 3]).apply(true[row][:, i])
+            assert not is_within(aside, rim)
+
+
+def test_the_patch_is_a_surface_within_its_rim(written):
+    (corners,) = written.column("/sphere/may_point/x", "Mesh3D:triangle_indices", is_static=True)
+    vertices = written.column("/sphere/may_point/x", "Mesh3D:vertex_positions")
+    rims = written.column("/sphere/may_point/x/rim", "LineStrips3D:strips")
+    for patch, strips in zip(vertices[1:], rims[1:], strict=True):
+        assert np.max(corners) < len(patch)
+        # The directions of its triangles' middles.
+        middles = np.array(patch)[np.array(corners)].mean(axis=1)
+        assert all(is_within(one, np.array(strips[0])) for one in middles[::7])
+
+
+def test_the_truth_points_what_was_measured_into_each_circle(simulated, written):
+    true, measured = truth_of(simulated[0])
+    run, _ = read_run(simulated[2])
+    estimated = Rotation.from_quat(run.quaternions, scalar_first=True).as_matrix()
+    for i in range(3):
+        path, reference = f"/sphere/measured/direction{i + 1}", np.eye(3)[i]
+        circles = written.column(f"{path}/within", "LineStrips3D:strips")
+        points = written.column(path, "Points3D:positions")
+        assert (circles[0], points[0]) == ([], [])  # nothing is measured at time 0
+        for row in range(1, 21):
+            (circle,), (point,) = np.array(circles[row]), np.array(points[row])
+            np.testing.assert_allclose(np.arccos(circle @ reference), BOUND, atol=1e-5)
+            assert is_within(true[row] @ measured[row, i], circle)
+            np.testing.assert_allclose(point, estimated[row] @ measured[row, i], atol=1e-6)
+
+
+def test_axes_and_marks_are_estimate_and_truth(simulated, written):
+    true, _ = truth_of(simulated[0])
+    run, _ = read_run(simulated[2])
+    estimated = Rotation.from_quat(run.quaternions, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(written.times("/sphere/body/x"), run.times, atol=1e-9)
+    for i, axis in enumerate("xyz"):
+        tips = np.array(written.column(f"/sphere/body/{axis}", "Arrows3D:vectors"))[:, 0]
+        np.testing.assert_allclose(tips, estimated[:, :, i], atol=1e-6)
+    marks = np.array(written.column("/sphere/compared_with/truth", "Points3D:positions"))
+    np.testing.assert_allclose(marks, true.swapaxes(1, 2), atol=1e-6)
+    # What is drawn of the axes and the reference's names is there too, and a layout.
+    assert {"/sphere/globe", "/sphere/reference/names", "/notes", "/now"} <= written.paths
+    assert (written.entry.application_id, written.blueprints) == ("elliptude", 1)
+
+
+def test_curves_are_those_of_the_results(simulated, written):
+    run, _ = read_run(simulated[2])
+    np.testing.assert_allclose(written.curves("/size")["largest angle"], np.rad2deg(run.largest_angles))
+    shown = run.about_axes()
+    for i, name in enumerate("XYZ"):
+        curves = written.curves(f"/bounds/{name}")
+        np.testing.assert_allclose(curves["most"], np.rad2deg(shown.half_widths[:, i]))
+        np.testing.assert_allclose(curves["least"], -curves["most"])
+        np.testing.assert_allclose(curves["error against truth"], np.rad2deg(shown.errors[:, i]))
+
+
+def test_gaps_claims_and_angles(tmp_path):
+    """Nothing is drawn where nothing is known, and each claim from its first row to the next one's."""
+    run = angled(full_run())
+    view.write_view(run, tmp_path / "view.rrd", "Run", label="optical attitude")
+    found = Recording(tmp_path / "view.rrd")
+    for name, column in {"body": "Arrows3D:vectors", "may_point": "Mesh3D:vertex_positions"}.items():
+        lengths = np.array([len(one) for one in found.column(f"/sphere/{name}/x", column)])
+        assert (np.flatnonzero(lengths == 0) == np.arange(20, 25)).all()
+    claims = found.column("/claims/claim", "StateChange:state")
+    assert claims == [["unconditional"], ["none"], ["conditional"]]
+    np.testing.assert_allclose(found.times("/claims/claim"), run.times[[0, 20, 25]], atol=1e-9)
+    assert found.column("/now", "TextDocument:text")[22] == ["2.20 s: nothing is known"]
+    (said,) = found.column("/left_out", "TextLog:text")
+    assert said == ["star: 3 left out up to 3.200 s; they contradicted the prediction or one another"]
+    largest = found.curves("/size")["largest angle"]
+    assert np.isnan(largest[20:25]).all()
+    assert np.isfinite(np.delete(largest, np.arange(20, 25))).all()
+    pitch = found.curves("/angles/pitch/estimate")
+    np.testing.assert_allclose(
+        np.column_stack([pitch["estimate"], pitch["least"], pitch["most"]]), np.rad2deg(run.roll_pitch_yaw[:, 3:6])
+    )
+    # Roll goes from one end of the circle to the other, twice: a gap there, and no line across the plot.
+    roll, times = found.curves("/angles/roll/estimate")["estimate"], found.times("/angles/roll/estimate")
+    assert len(roll) == 52
+    assert np.nanmax(np.abs(np.diff(roll))) < 180.0
+    np.testing.assert_allclose(np.unique(times), run.times, atol=1e-9)
+    assert "optical attitude" in found.curves("/angles/roll/reference")
+
+
+def test_small_sets_are_magnified_and_the_notes_say_so(tmp_path):
+    run = make_run(5, errors=np.full((5, 3), 1e-5), forms=np.full(5, 0.5))
+    run = dataclasses.replace(run, shapes=run.shapes * 1e-6, largest_angles=run.largest_angles * 1e-3)
+    assert run.magnification(np.arange(5)) == 1000
+    seen = np.linalg.inv(run.attitudes) @ [np.cos(0.01), np.sin(0.01), 0.0]
+    references = np.tile([1.0, 0.0, 0.0], (5, 1, 1))
+    measured = view.MeasuredDirections(("sun",), seen[:, None], references, np.full((5, 1), 0.015))
+    drawn = view.write_view(run, tmp_path / "view.rrd", "Run", measured=measured)
+    # By the circle: 50 times 0.015 rad are 43 degrees, and 100 times more than 45.
+    assert drawn.magnification == 50
+    found = Recording(tmp_path / "view.rrd")
+    ((point,), *_) = found.column("/sphere/measured/sun", "Points3D:positions")
+    np.testing.assert_allclose(point, [np.cos(0.5), np.sin(0.5), 0.0], atol=1e-6)
+    ((circle,), *_) = found.column("/sphere/measured/sun/within", "LineStrips3D:strips")
+    np.testing.assert_allclose(np.arccos(np.array(circle)[:, 0]), 0.75, atol=1e-6)
+    ((notes,),) = found.column("/notes", "TextDocument:text", is_static=True)
+    assert "50 times as large" in notes
+
+
+def test_the_notes_say_what_sets_rest_on(tmp_path):
+    run = dataclasses.replace(make_run(3), implausible=("up is down",), bounds_from_recording="hand.csv")
+    view.write_view(run, tmp_path / "view.rrd", "Run")
+    ((notes,),) = Recording(tmp_path / "view.rrd").column("/notes", "TextDocument:text", is_static=True)
+    assert "Implausible, gone on regardless:** up is down" in notes
+    assert "no guarantee:** their bounds are proposals from hand.csv" in notes
+    assert "Drawn are curves at all rows" in notes
+
+
+def test_what_was_left_out_is_red(tmp_path):
+    run = make_run(4, dropped=("", "sun", "", ""))
+    names = ("sun", "star")
+    seen = np.linalg.inv(run.attitudes)[:, None, :, 0].repeat(2, axis=1)
+    measured = view.MeasuredDirections(names, seen, np.tile([1.0, 0.0, 0.0], (4, 2, 1)), np.full((4, 2), 0.2))
+    view.write_view(run, tmp_path / "view.rrd", "Run", measured=measured)
+    found = Recording(tmp_path / "view.rrd")
+    sun, star = ([one for (one,) in found.column(f"/sphere/measured/{name}", "Points3D:colors")] for name in names)
+    assert len(set(star)) == 1
+    assert sun[0] == sun[2] == sun[3] != sun[1]
+    assert sun[1] >> 24 > 200
+
+
+def test_a_long_run_is_thinned_and_keeps_its_extremes(tmp_path):
+    count = 30_000
+    run = dataclasses.replace(make_run(count), times=np.arange(count) / 100.0)
+    run.largest_angles[12_345] = 0.9
+    drawn = view.write_view(run, tmp_path / "view.rrd", "Run")
+    assert drawn.rows == count
+    assert 2000 <= drawn.rows_of_curves < 10_000
+    assert 2000 <= drawn.times_on_sphere <= 2002
+    found = Recording(tmp_path / "view.rrd")
+    largest = found.curves("/size")["largest angle"]
+    assert len(largest) == drawn.rows_of_curves
+    at = found.times("/size")[np.argmax(largest)]
+    np.testing.assert_allclose([largest.max(), at], [np.rad2deg(0.9), 123.45])
+    ((notes,),) = found.column("/notes", "TextDocument:text", is_static=True)
+    assert f"{drawn.rows_of_curves} of 30000 rows" in notes
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_one_row(tmp_path, known):
+    run = make_run(1)
+    if not known:
+        run.largest_angles[:], run.quaternions[:] = np.nan, np.nan
+    view.write_view(run, tmp_path / "view.rrd", "Run")
+    assert Recording(tmp_path / "view.rrd").times("/now").tolist() == [0.0]
+
+
+def test_times_since_1970_are_dates(tmp_path):
+    run = dataclasses.replace(make_run(3), times=1.7e9 + np.array([0.0, 0.25, 0.5]))
+    view.write_view(run, tmp_path / "view.rrd", "Run")
+    found = Recording(tmp_path / "view.rrd")
+    np.testing.assert_allclose(found.times("/now"), run.times, rtol=0.0, atol=1e-6)
+    index = next(batch for (path, _), (batch, *_) in found._batches.items() if path == "/now")["time"]
+    assert str(index.type) == "timestamp[ns]"
+
+
+def test_python(simulated, tmp_path):
+    pytest.importorskip("rerun")
+    log, config, result = simulated
+    drawn = view.to_rerun(result, tmp_path / "view.rrd", log=log, config=config, axes="body")
+    assert drawn == view.Drawn(rows=21, rows_of_curves=21, times_on_sphere=21, magnification=1)
+    assert {"/bounds/x", "/sphere/measured/direction1"} <= Recording(tmp_path / "view.rrd").paths
+    with pytest.raises(ValueError, match="belong together"):
+        view.to_rerun(result, tmp_path / "other.rrd", log=log)
+
+
+def test_the_modes_of_first_order(simulated, tmp_path):
+    """Their start may come after rows of the log; their measurements are refused together."""
+    pytest.importorskip("rerun")
+    log, config, _ = simulated
+    changed = tmp_path / "config.toml"
+    changed.write_text(config.read_text().replace('mode = "guaranteed"', 'mode = "first_order"'))
+    assert run_cli("estimate", log, "--config", changed, "--out", tmp_path / "result").exit_code == 0
+    done = run_cli("view", tmp_path / "result", "--log", log, "--config", changed, "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 0, done.output
+    found = Recording(tmp_path / "view.rrd")
+    assert "/claims/claim" not in found.paths
+    ((circle,), *_) = found.column("/sphere/measured/direction2/within", "LineStrips3D:strips")[1:]
+    np.testing.assert_allclose(np.arccos(np.array(circle)[:, 1]), BOUND, atol=1e-5)
+
+
+# --- the viewer -------------------------------------------------------------------------------------------------------
+
+
+def test_without_a_file_the_viewer_is_opened(simulated, tmp_path, monkeypatch):
+    rerun = pytest.importorskip("rerun")
+    monkeypatch.setenv("DISPLAY", ":99")
+
+    def spawn(*, recording, executable_path):
+        assert executable_path.endswith("rerun")
+        recording.save(tmp_path / "sent.rrd")
+
+    monkeypatch.setattr(rerun, "spawn", spawn)
+    done = run_cli("view", simulated[2])
+    assert done.exit_code == 0, done.output
+    assert {"/sphere/body/x", "/size", "/claims/claim"} <= Recording(tmp_path / "sent.rrd").paths
+
+
+def test_a_viewer_that_does_not_open(simulated, monkeypatch):
+    rerun = pytest.importorskip("rerun")
+    monkeypatch.setenv("DISPLAY", ":99")
+
+    def spawn(**_):
+        raise RuntimeError("no such program")
+
+    monkeypatch.setattr(rerun, "spawn", spawn)
+    done = run_cli("view", simulated[2])
+    assert done.exit_code == 1
+    assert "Rerun's viewer does not open: no such program; write a recording (--out)" in done.output
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have a display")
+def test_no_display(simulated, monkeypatch):
+    pytest.importorskip("rerun")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    done = run_cli("view", simulated[2])
+    assert done.exit_code == 1
+    assert "no display for Rerun's viewer: write a recording (--out)" in done.output
+
+
+# --- what is wrong is said --------------------------------------------------------------------------------------------
+
+
+def test_what_is_there_is_kept(simulated, tmp_path):
+    pytest.importorskip("rerun")
+    path = tmp_path / "view.rrd"
+    path.write_text("kept")
+    done = run_cli("view", simulated[2], "--out", path)
+    assert (done.exit_code, path.read_text()) == (1, "kept")
+    assert "view.rrd is there already; --force replaces it" in done.output
+    assert run_cli("view", simulated[2], "--out", path, "--force").exit_code == 0
+    assert "/size" in Recording(path).paths
+
+
+def test_a_log_of_other_results(simulated, tmp_path):
+    pytest.importorskip("rerun")
+    log, config, result = simulated
+    lines = log.read_text().splitlines(keepends=True)
+    (tmp_path / "short.csv").write_text("".join(lines[:10]))
+    done = run_cli("view", result, "--log", tmp_path / "short.csv", "--config", config, "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 1
+    assert "short.csv: it has no row at" in done.output
+    assert not (tmp_path / "view.rrd").exists()
+
+
+@pytest.mark.parametrize("option", ["--log", "--config"])
+def test_log_and_configuration_belong_together(simulated, option):
+    done = run_cli("view", simulated[2], option, simulated[0], "--out", "x.rrd")
+    assert done.exit_code == 2
+    assert "give both, or none" in done.output
+
+
+@pytest.mark.parametrize("version", [None, "0.40.1", "1", "of another project"])
+def test_rerun_is_missing_or_too_old(simulated, tmp_path, monkeypatch, version):
+    """Said before the work, with the remedy; PyPI has another project whose module has this name."""
+    module = None
+    if version is not None:
+        module = types.ModuleType("rerun")
+        module.__version__, module.__path__ = version, []
+        monkeypatch.setitem(sys.modules, "rerun.blueprint", types.ModuleType("rerun.blueprint"))
+    monkeypatch.setitem(sys.modules, "rerun", module)
+    if version == "1":
+        assert stream.sdk() is module
+        return
+    done = run_cli("view", simulated[2], "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 1
+    said = "a view needs Rerun: pip" if version is None else f"a view needs Rerun 0.41 or newer, not {version}: pip"
+    assert f"{said} install --upgrade 'elliptude[rerun]'" in " ".join(done.output.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rerun_is_turned_off(simulated, tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    monkeypatch.setenv("RERUN", "off")
+    done = run_cli("view", simulated[2], "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 1
+    assert "the variable RERUN of the environment turns Rerun off" in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_cannot_be_finished_is_removed(simulated, tmp_path, monkeypatch):
+    """As on a full disk, where the SDK's thread ends and says so when it is waited for."""
+    rerun = pytest.importorskip("rerun")
+
+    def flush(self, **_):
+        raise RuntimeError("no space left")
+
+    monkeypatch.setattr(rerun.RecordingStream, "flush", flush)
+    done = run_cli("view", simulated[2], "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 1
+    assert "view.rrd: not written: no space left" in " ".join(done.output.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_direction_is_shown_until_the_next_one_is_overdue():
+    times = np.arange(12.0)
+    measured = np.isin(times, [2, 4, 6, 11])  # usually each 2 s
+    found = directions.latest_rows(times, measured, np.arange(12))
+    assert found.tolist() == [-1, -1, 2, 2, 4, 4, 6, 6, 6, 6, -1, 11]
+    assert directions.latest_rows(times, measured, np.array([1, 3])).tolist() == [-1, 2]
+    assert directions.latest_rows(times, times == 5.0, np.array([4, 5, 6])).tolist() == [-1, 5, -1]
+    assert directions.latest_rows(times, times < 0.0, np.array([4, 5])).tolist() == [-1, -1]
+
+
+def test_directions_are_moved_away_from_their_references():
+    reference = np.array([[0.0, 0.0, 1.0]] * 3)
+    pointed = np.array([[np.sin(0.1), 0.0, np.cos(0.1)], [0.0, 0.0, 1.0], [0.0, np.sin(2.0), np.cos(2.0)]])
+    moved = directions.moved_away(pointed, reference, 5)
+    np.testing.assert_allclose(moved[0], [np.sin(0.5), 0.0, np.cos(0.5)], atol=1e-12)
+    np.testing.assert_allclose(moved[1], [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(moved[2], [0.0, 0.0, -1.0], atol=1e-12)  # half a turn at most
+    np.testing.assert_allclose(directions.moved_away(pointed, reference, 1), pointed, atol=1e-12)
+
+
+def test_the_largest_magnification_that_fits():
+    assert [magnification_to(0.75, np.array([angle])) for angle in (0.8, 0.375, 0.3, 1e-6)] == [1, 2, 2, 50_000]
+
+
+def test_measured_directions_of_a_missing_log(simulated, tmp_path):
+    _, config, result = simulated
+    from elliptude.configuration.configuration import read_configuration
+
+    run, _ = read_run(result)
+    with pytest.raises(FileError, match=r"missing\.csv"):
+        view.measured_directions(recording(tmp_path / "missing.csv"), read_configuration(config), run)
