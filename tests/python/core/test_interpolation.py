@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import elliptude as el
 import numpy as np
 import pytest
 import scipy.integrate
 import scipy.interpolate
 import scipy.spatial.transform
 from numpy.typing import NDArray
-
-import elliptude as el
 
 Array = NDArray[np.float64]
 
