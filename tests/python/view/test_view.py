@@ -2,20 +2,18 @@
 
 import dataclasses
 import sys
-import types
 
 import numpy as np
 import pytest
 from elliptude import cli, view
-from elliptude.io.files import FileError
-from elliptude.io.spool import recording
-from elliptude.report.run import magnification_to, read_run
-from elliptude.view import directions, stream
+from elliptude.report.run import read_run
 from scipy.spatial.transform import Rotation
 from test_run_figures import angled, full_run
 from test_runs import make_run
 from typer.testing import CliRunner
 
+rerun = pytest.importorskip("rerun")
+RrdReader = pytest.importorskip("rerun.chunk").RrdReader
 BOUND = np.deg2rad(7.0)
 """Of each direction of the simulated log."""
 
@@ -28,7 +26,7 @@ class Recording:
     """A file of Rerun's: columns by the paths of what they are of, and by their names."""
 
     def __init__(self, path):
-        rrd = pytest.importorskip("rerun.chunk").RrdReader(path)
+        rrd = RrdReader(path)
         (self.entry,) = rrd.recordings()
         self.blueprints = len(rrd.blueprints())
         self._batches = {}
@@ -57,20 +55,7 @@ class Recording:
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory):
-    """A log whose truth is known, its configuration, and its results in the guaranteed mode."""
-    folder = tmp_path_factory.mktemp("simulated")
-    assert run_cli("simulate", "orbit", "--directions", "three", "--out", folder / "log").exit_code == 0
-    with (folder / "log" / "estimate.toml").open("a") as file:
-        file.write('\n[estimator]\nmode = "guaranteed"\n')
-    log, config = folder / "log" / "measurements.csv", folder / "log" / "estimate.toml"
-    assert run_cli("estimate", log, "--config", config, "--out", folder / "result").exit_code == 0
-    return log, config, folder / "result"
-
-
-@pytest.fixture(scope="module")
 def written(simulated, tmp_path_factory):
-    pytest.importorskip("rerun")
     log, config, result = simulated
     path = tmp_path_factory.mktemp("view") / "view.rrd"
     done = run_cli("view", result, "--log", log, "--config", config, "--out", path)
@@ -272,7 +257,6 @@ def test_times_since_1970_are_dates(tmp_path):
 
 
 def test_python(simulated, tmp_path):
-    pytest.importorskip("rerun")
     log, config, result = simulated
     drawn = view.to_rerun(result, tmp_path / "view.rrd", log=log, config=config, axes="body")
     assert drawn == view.Drawn(rows=21, rows_of_curves=21, times_on_sphere=21, magnification=1)
@@ -283,7 +267,6 @@ def test_python(simulated, tmp_path):
 
 def test_the_modes_of_first_order(simulated, tmp_path):
     """Their start may come after rows of the log; their measurements are refused together."""
-    pytest.importorskip("rerun")
     log, config, _ = simulated
     changed = tmp_path / "config.toml"
     changed.write_text(config.read_text().replace('mode = "guaranteed"', 'mode = "first_order"'))
@@ -300,7 +283,6 @@ def test_the_modes_of_first_order(simulated, tmp_path):
 
 
 def test_without_a_file_the_viewer_is_opened(simulated, tmp_path, monkeypatch):
-    rerun = pytest.importorskip("rerun")
     monkeypatch.setenv("DISPLAY", ":99")
 
     def spawn(*, recording, executable_path):
@@ -314,7 +296,6 @@ def test_without_a_file_the_viewer_is_opened(simulated, tmp_path, monkeypatch):
 
 
 def test_a_viewer_that_does_not_open(simulated, monkeypatch):
-    rerun = pytest.importorskip("rerun")
     monkeypatch.setenv("DISPLAY", ":99")
 
     def spawn(**_):
@@ -328,7 +309,6 @@ def test_a_viewer_that_does_not_open(simulated, monkeypatch):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have a display")
 def test_no_display(simulated, monkeypatch):
-    pytest.importorskip("rerun")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     done = run_cli("view", simulated[2])
@@ -340,7 +320,6 @@ def test_no_display(simulated, monkeypatch):
 
 
 def test_what_is_there_is_kept(simulated, tmp_path):
-    pytest.importorskip("rerun")
     path = tmp_path / "view.rrd"
     path.write_text("kept")
     done = run_cli("view", simulated[2], "--out", path)
@@ -351,7 +330,6 @@ def test_what_is_there_is_kept(simulated, tmp_path):
 
 
 def test_a_log_of_other_results(simulated, tmp_path):
-    pytest.importorskip("rerun")
     log, config, result = simulated
     lines = log.read_text().splitlines(keepends=True)
     (tmp_path / "short.csv").write_text("".join(lines[:10]))
@@ -361,34 +339,7 @@ def test_a_log_of_other_results(simulated, tmp_path):
     assert not (tmp_path / "view.rrd").exists()
 
 
-@pytest.mark.parametrize("option", ["--log", "--config"])
-def test_log_and_configuration_belong_together(simulated, option):
-    done = run_cli("view", simulated[2], option, simulated[0], "--out", "x.rrd")
-    assert done.exit_code == 2
-    assert "give both, or none" in done.output
-
-
-@pytest.mark.parametrize("version", [None, "0.40.1", "1", "of another project"])
-def test_rerun_is_missing_or_too_old(simulated, tmp_path, monkeypatch, version):
-    """Said before the work, with the remedy; PyPI has another project whose module has this name."""
-    module = None
-    if version is not None:
-        module = types.ModuleType("rerun")
-        module.__version__, module.__path__ = version, []
-        monkeypatch.setitem(sys.modules, "rerun.blueprint", types.ModuleType("rerun.blueprint"))
-    monkeypatch.setitem(sys.modules, "rerun", module)
-    if version == "1":
-        assert stream.sdk() is module
-        return
-    done = run_cli("view", simulated[2], "--out", tmp_path / "view.rrd")
-    assert done.exit_code == 1
-    said = "a view needs Rerun: pip" if version is None else f"a view needs Rerun 0.41 or newer, not {version}: pip"
-    assert f"{said} install --upgrade 'elliptude[rerun]'" in " ".join(done.output.split())
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_rerun_is_turned_off(simulated, tmp_path, monkeypatch):
-    pytest.importorskip("rerun")
     monkeypatch.setenv("RERUN", "off")
     done = run_cli("view", simulated[2], "--out", tmp_path / "view.rrd")
     assert done.exit_code == 1
@@ -398,7 +349,6 @@ def test_rerun_is_turned_off(simulated, tmp_path, monkeypatch):
 
 def test_a_file_that_cannot_be_finished_is_removed(simulated, tmp_path, monkeypatch):
     """As on a full disk, where the SDK's thread ends and says so when it is waited for."""
-    rerun = pytest.importorskip("rerun")
 
     def flush(self, **_):
         raise RuntimeError("no space left")
@@ -408,39 +358,3 @@ def test_a_file_that_cannot_be_finished_is_removed(simulated, tmp_path, monkeypa
     assert done.exit_code == 1
     assert "view.rrd: not written: no space left" in " ".join(done.output.split())
     assert list(tmp_path.iterdir()) == []
-
-
-# --- parts ------------------------------------------------------------------------------------------------------------
-
-
-def test_a_direction_is_shown_until_the_next_one_is_overdue():
-    times = np.arange(12.0)
-    measured = np.isin(times, [2, 4, 6, 11])  # usually each 2 s
-    found = directions.latest_rows(times, measured, np.arange(12))
-    assert found.tolist() == [-1, -1, 2, 2, 4, 4, 6, 6, 6, 6, -1, 11]
-    assert directions.latest_rows(times, measured, np.array([1, 3])).tolist() == [-1, 2]
-    assert directions.latest_rows(times, times == 5.0, np.array([4, 5, 6])).tolist() == [-1, 5, -1]
-    assert directions.latest_rows(times, times < 0.0, np.array([4, 5])).tolist() == [-1, -1]
-
-
-def test_directions_are_moved_away_from_their_references():
-    reference = np.array([[0.0, 0.0, 1.0]] * 3)
-    pointed = np.array([[np.sin(0.1), 0.0, np.cos(0.1)], [0.0, 0.0, 1.0], [0.0, np.sin(2.0), np.cos(2.0)]])
-    moved = directions.moved_away(pointed, reference, 5)
-    np.testing.assert_allclose(moved[0], [np.sin(0.5), 0.0, np.cos(0.5)], atol=1e-12)
-    np.testing.assert_allclose(moved[1], [0.0, 0.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(moved[2], [0.0, 0.0, -1.0], atol=1e-12)  # half a turn at most
-    np.testing.assert_allclose(directions.moved_away(pointed, reference, 1), pointed, atol=1e-12)
-
-
-def test_the_largest_magnification_that_fits():
-    assert [magnification_to(0.75, np.array([angle])) for angle in (0.8, 0.375, 0.3, 1e-6)] == [1, 2, 2, 50_000]
-
-
-def test_measured_directions_of_a_missing_log(simulated, tmp_path):
-    _, config, result = simulated
-    from elliptude.configuration.configuration import read_configuration
-
-    run, _ = read_run(result)
-    with pytest.raises(FileError, match=r"missing\.csv"):
-        view.measured_directions(recording(tmp_path / "missing.csv"), read_configuration(config), run)
