@@ -132,7 +132,8 @@ def _send_measured(
         times, path = run.times[rows], rr.new_entity_path(["sphere", "measured", name])
         _send_strips(stream, f"{path}/within", times, *there(rims), stream.colours([colour]))
         points, lengths = there(shown[:, None])
-        is_out = np.array([name in left_out[row] for row in latest])[lengths > 0]
+        is_out = np.array([name in left_out[row] for row in latest]) | np.isnan(angles)  # or against its own bound
+        is_out = is_out[lengths > 0]
         stream.still(path, rr.Points3D.from_fields(radii=rr.Radius.ui_points(5.0), labels=[name], show_labels=[True]))
         colours = np.where(is_out[:, None], stream.colours([_LEFT_OUT_COLOUR]), stream.colours([colour]))
         columns = rr.Points3D.columns(positions=points, colors=colours)

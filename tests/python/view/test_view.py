@@ -213,12 +213,16 @@ def test_what_was_left_out_is_red(tmp_path):
     names = ("sun", "star")
     seen = np.linalg.inv(run.attitudes)[:, None, :, 0].repeat(2, axis=1)
     measured = view.MeasuredDirections(names, seen, np.tile([1.0, 0.0, 0.0], (4, 2, 1)), np.full((4, 2), 0.2))
+    measured.angles[2, 1] = np.nan  # against its own bound
     view.write_view(run, tmp_path / "view.rrd", "Run", measured=measured)
     found = Recording(tmp_path / "view.rrd")
     sun, star = ([one for (one,) in found.column(f"/sphere/measured/{name}", "Points3D:colors")] for name in names)
-    assert len(set(star)) == 1
     assert sun[0] == sun[2] == sun[3] != sun[1]
+    assert star[0] == star[1] == star[3] != star[2]
+    assert sun[1] == star[2]
     assert sun[1] >> 24 > 200
+    lengths = [len(one) for one in found.column("/sphere/measured/star/within", "LineStrips3D:strips")]
+    assert lengths == [1, 1, 0, 1]
 
 
 def test_a_long_run_is_thinned_and_keeps_its_extremes(tmp_path):
