@@ -306,7 +306,7 @@ TEST_CASE("a body's set holds exact motions over many stamps and long after the 
   Random random(4);
   const RealMatrix inertia = RealVector(1, 2, 2.5L).asDiagonal();
   for (const float orbit_rate : {0.0F, 0.0625F}) {
-    const Real n = orbit_rate;
+    const Real n = static_cast<Real>(orbit_rate);
     const RealTorque torque = [&](const RealMatrix& c, Real t) { return gradient_torque(inertia, n, c, t); };
     for (const std::int64_t since_epoch : {std::int64_t{0}, 100000 * second + 123456789}) {
       double worst = 0;
