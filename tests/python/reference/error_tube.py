@@ -346,20 +346,17 @@ def step_within(body: Body, series: MotionSeries, uncertainty: Uncertainty, tube
 
 
 def enlarged_set(second_order: Array) -> Array | None:
-    """(I - E)^-1 about {v + q(v) : |v| <= 1}, or none: the second way of theory 17.4, with q seen on the set itself."""
-    nu = quadratic_norm(second_order)
-    k = symmetrized(second_order, 3).reshape(6, -1)  # v'q(v) = v'K w
-    square = k @ k.T
-    lambda_ = math.sqrt(np.trace(square) / 6.0)
-    if nu >= 0.4:
+    """About {v + q(v) : |v| <= 1}, or none: the second way of theory 17.4, (17.19), with q seen on the set itself."""
+    symmetric = symmetrized(second_order, 3)
+    k = symmetric.reshape(6, -1)  # v'q(v) = v'K w
+    growth = k @ k.T
+    mean = np.trace(growth) / 6.0
+    whole = 1.0 + quadratic_norm(second_order - symmetric) ** 2
+    lambda_ = mean + math.sqrt(mean * (mean + whole))
+    metric = np.eye(6) - (growth / lambda_ if lambda_ > 0.0 else 0.0)
+    if np.linalg.eigvalsh(metric)[0] <= 0.0:
         return None
-    e = ((norm(k) ** 2 / lambda_ if lambda_ > 0.0 else 0.0) + lambda_ + nu**2) / (1.0 - 2.0 * nu)
-    metric = np.eye(6) * (1.0 - lambda_ - 2.0 * e * nu - nu**2)
-    if lambda_ > 0.0:
-        metric -= square / lambda_
-    if e >= 1.0 or np.linalg.eigvalsh(metric)[0] <= 0.0:
-        return None
-    return np.linalg.inv(metric)
+    return (whole + lambda_) * np.linalg.inv(metric)
 
 
 def moderate_growth(share: float, of_whole: float) -> float:
@@ -375,7 +372,7 @@ def shape(tube: Tube) -> Array:
     def share(whitened: float) -> float:
         return math.sqrt(whitened / 6.0) if whitened > 0.0 else 1.0
 
-    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger, if it is so in v and in u.
+    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger, if that adds at most 0.6 of it in v and u.
     widths = np.sum(tube.set**2, axis=0)
     rows = on_set.reshape(6, -1)
     seen = (inverse @ rows) @ (inverse @ rows).T
@@ -383,10 +380,8 @@ def shape(tube: Tube) -> Array:
     ball = (1.0 + size) * np.eye(6) + (1.0 + 1.0 / size) * seen if np.any(rows) else np.eye(6)
     if np.any(rows) and size > 0.002:
         larger = enlarged_set(np.tensordot(inverse, on_set, 1))
-        if (
-            larger is not None
-            and np.trace(larger) < np.trace(ball)
-            and widths @ np.diag(larger) < widths @ np.diag(ball)
+        if larger is not None and all(
+            weights @ (np.diag(larger) - 1.0) < 0.6 * weights @ (np.diag(ball) - 1.0) for weights in (np.ones(6), widths)
         ):
             ball = larger
     result = tube.set @ ball @ tube.set.T

@@ -132,6 +132,8 @@ inline constexpr int series_attitude = 32;
 /// The linear part of an error tube, and its rate over a step.
 inline constexpr int linear_part = 256;
 inline constexpr int linear_rate = 128;
+/// The ball that a quadratic map makes larger, relative to itself and to the trace of the inverse in it.
+inline constexpr int enlarged_ball = 32;
 /// A torque's expansion about an attitude, relative to its value and its derivative.
 inline constexpr int local_torque = 64;
 ///@}

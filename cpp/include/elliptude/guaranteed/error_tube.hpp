@@ -13,6 +13,7 @@
 /// second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and fourth order push u
 /// within an ellipsoid, and what is left is bounded in the norm of u.
 
+#include "elliptude/guaranteed/detail/enlarged_ball.hpp"
 #include "elliptude/guaranteed/detail/tube_bounds.hpp"
 
 namespace elliptude {
@@ -76,9 +77,6 @@ class ErrorTube {
   [[nodiscard]] const Scalar& rest() const noexcept { return rest_; }               ///< bound of ‖r‖
 
  private:
-  [[nodiscard]] static bool enlarged_ball(const detail::packed::Slices<Scalar>& forms, const Matrix6<Scalar>& moved,
-                                          Matrix6<Scalar>& ball) noexcept;
-
   Matrix6<Scalar> frame_;
   Matrix6<Scalar> set_;  // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
   detail::packed::Forms<Scalar> second_order_;
@@ -150,29 +148,6 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   return Status::ok;
 }
 
-/// The ball of v a little larger, for all that v + q(v) can be: where ‖v + q(v)‖² in the metric I − E is at most vᵀ(I − E)v + 2vᵀKw +
-/// 2‖E‖‖q‖ + ‖q‖², and 2vᵀKw ≤ vᵀ(KKᵀ/λ)v + λ.
-/// \param moved shape of the ellipsoid of q(v).
-/// \return whether there is one.
-template <typename Scalar, typename Potential>
-bool ErrorTube<Scalar, Potential>::enlarged_ball(const detail::packed::Slices<Scalar>& forms,
-                                                 const Matrix6<Scalar>& moved, Matrix6<Scalar>& ball) noexcept {
-  const Scalar one(1);
-  const Scalar norm = norm_of_gram(moved);
-  const Matrix6<Scalar> cubic = gram_of(detail::packed::symmetric_part(forms));  // KKᵀ
-  const Scalar lambda = scalar::sqrt(Scalar(cubic.trace() / Scalar(6)));
-  const Scalar square = norm * norm;
-  const Scalar spread = norm_of_gram(cubic);
-  const Scalar largest = lambda > Scalar(0) ? Scalar(spread * spread / lambda + lambda) : lambda;
-  const Scalar e = (largest + square) / (one - Scalar(2) * norm);  // ‖E‖
-  Matrix6<Scalar> metric = Matrix6<Scalar>::Zero();
-  if (lambda > Scalar(0)) {
-    metric = (-one / lambda) * cubic;
-  }
-  metric.diagonal().array() += one - lambda - Scalar(2) * e * norm - square;
-  return norm < scalar::constant<Scalar>(0.4L) && e < one && inverse_positive_definite(metric, ball) == Status::ok;
-}
-
 template <typename Scalar, typename Potential>
 Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Scalar one(1);
@@ -187,8 +162,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Vector6<Scalar> widths = set_.colwise().squaredNorm();
   const Scalar width = widths.sum();
 
-  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that is less: in v, and in u,
-  // where the widest axes count.
+  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that adds much less: in v, and in u,
+  // where the widest axes count. The ball becomes larger in all directions, and what is of second order later with it.
   const Scalar moved_trace = moved.trace();
   const Scalar moved_width = widths.dot(moved.diagonal());
   const Scalar share = detail::tube::moderate_growth(share_of(moved_trace), moved_width, width);
@@ -196,9 +171,10 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   Matrix6<Scalar> ball;
   bool is_enlarged = false;
   if (share > scalar::constant<Scalar>(0.002L) && moved_trace > Scalar(0)) {
-    is_enlarged = enlarged_ball(forms, moved, ball) &&
-                  ball.trace() < Scalar(6) * (one + share) + by_moved * moved_trace &&
-                  widths.dot(ball.diagonal()) < (one + share) * width + by_moved * moved_width;
+    const Scalar much_less = scalar::constant<Scalar>(0.6L);
+    is_enlarged = detail::enlarged_ball(forms, ball) &&
+                  ball.trace() - Scalar(6) < much_less * (Scalar(6) * share + by_moved * moved_trace) &&
+                  widths.dot(ball.diagonal()) - width < much_less * (share * width + by_moved * moved_width);
   }
   if (!is_enlarged) {
     ball = by_moved * moved;
