@@ -20,6 +20,8 @@ using Slices = detail::packed::Slices<double>;
 using RealVector6 = Vector6<long double>;
 using RealMatrix6 = Matrix6<long double>;
 
+constexpr double any_trace = 1e6;
+
 /// q(v)ᵢ = vᵀHᵢv
 using Quadratic = std::array<Matrix6<double>, 6>;
 
@@ -119,7 +121,7 @@ TEST_CASE("a map that makes each axis longer comes to the edge of its ball") {
       q[static_cast<std::size_t>(i)](i, i) = a;
     }
     Matrix6<double> ball;
-    REQUIRE(detail::enlarged_ball(slices_of(q), ball));
+    REQUIRE(detail::enlarged_ball(slices_of(q), any_trace, ball));
     const long double reached = form(ball, moved(q, RealVector6::Unit(2)));
     CHECK(reached <= 1);
     const double edge = (1 + a) / (std::sqrt(1 + a * a) + a);
@@ -134,7 +136,7 @@ TEST_CASE("a map that only turns comes to the edge of its ball") {
     q[0](0, 1) = q[0](1, 0) = 0.5 * a;
     q[1](0, 0) = -a;
     Matrix6<double> ball;
-    REQUIRE(detail::enlarged_ball(slices_of(q), ball));
+    REQUIRE(detail::enlarged_ball(slices_of(q), any_trace, ball));
     const long double reached = form(ball, moved(q, RealVector6::Unit(0)));
     CHECK(reached <= 1);
     CHECK(reached > 1 - 0.11 * a * a);
@@ -153,7 +155,7 @@ TEST_CASE("no point of any map is found outside") {
       q[i] = turning[i] + any[i];
     }
     Matrix6<double> ball;
-    if (!detail::enlarged_ball(slices_of(q), ball)) {
+    if (!detail::enlarged_ball(slices_of(q), any_trace, ball)) {
       ++refused;
       continue;
     }
@@ -176,15 +178,31 @@ TEST_CASE("a map that is too large, or no map, has no ball") {
   Matrix6<double> ball = before;
   Quadratic along_one = none();
   along_one[0](0, 0) = 10;
-  CHECK_FALSE(detail::enlarged_ball(slices_of(along_one), ball));
+  CHECK_FALSE(detail::enlarged_ball(slices_of(along_one), any_trace, ball));
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
     Slices forms = Slices::Zero();
     forms(0, 3) = bad;
-    CHECK_FALSE(detail::enlarged_ball(forms, ball));
+    CHECK_FALSE(detail::enlarged_ball(forms, any_trace, ball));
   }
   CHECK(ball == before);
-  REQUIRE(detail::enlarged_ball(Slices(Slices::Zero()), ball));
+  REQUIRE(detail::enlarged_ball(Slices(Slices::Zero()), any_trace, ball));
   CHECK((ball - Matrix6<double>::Identity()).norm() < 1e-12);
+}
+
+TEST_CASE("a ball is there if its trace is as little as wanted") {
+  Random random(7);
+  const Matrix6<double> before = random.positive_definite<6>(10);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Slices forms = slices_of(scaled(random_map(random), random.log_uniform(1e-4, 0.05)));
+    Matrix6<double> ball;
+    REQUIRE(detail::enlarged_ball(forms, any_trace, ball));
+    Matrix6<double> other = before;
+    CHECK(detail::enlarged_ball(forms, ball.trace() * (1 + 1e-12), other));
+    CHECK(other == ball);
+    other = before;
+    CHECK_FALSE(detail::enlarged_ball(forms, ball.trace() * (1 - 1e-12), other));
+    CHECK(other == before);
+  }
 }
 
 TEST_CASE("rounding of the ball is within its constant") {
@@ -193,12 +211,12 @@ TEST_CASE("rounding of the ball is within its constant") {
   for (int trial = 0; trial < 200; ++trial) {
     const Slices forms = slices_of(scaled(random_map(random), random.log_uniform(1e-4, 0.05)));
     Matrix6<double> ball;
-    if (!detail::enlarged_ball(forms, ball)) {
+    if (!detail::enlarged_ball(forms, any_trace, ball)) {
       continue;
     }
     const detail::packed::Slices<Tracked> exact = forms.unaryExpr([](double entry) { return Tracked::exactly(entry); });
     Matrix6<Tracked> tracked;
-    REQUIRE(detail::enlarged_ball(exact, tracked));
+    REQUIRE(detail::enlarged_ball(exact, Tracked(any_trace), tracked));
     const Matrix6<double> bounds = tracked.unaryExpr([](const Tracked& entry) { return entry.error; });
     // The least axis of the inverse is at least one; here it is made one, so that its trace is no larger.
     const Matrix6<double> inverse = ball / Eigen::SelfAdjointEigenSolver<Matrix6<double>>(ball).eigenvalues()(0);

@@ -172,8 +172,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   bool is_enlarged = false;
   if (share > scalar::constant<Scalar>(0.002L) && moved_trace > Scalar(0)) {
     const Scalar much_less = scalar::constant<Scalar>(0.6L);
-    is_enlarged = detail::enlarged_ball(forms, ball) &&
-                  ball.trace() - Scalar(6) < much_less * (Scalar(6) * share + by_moved * moved_trace) &&
+    const Scalar most = Scalar(6) + much_less * (Scalar(6) * share + by_moved * moved_trace);
+    is_enlarged = detail::enlarged_ball(forms, most, ball) &&
                   widths.dot(ball.diagonal()) - width < much_less * (share * width + by_moved * moved_width);
   }
   if (!is_enlarged) {
