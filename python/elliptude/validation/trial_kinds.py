@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from elliptude import _core
 from elliptude.simulation import simulated
 from elliptude.typing import FloatArray
 from elliptude.validation.adversary import INSIDE, SCENARIOS, Errors, Measured, Motion, Plant, Starts
@@ -347,6 +348,9 @@ def _any_bias(of: Plant, draws: np.random.Generator) -> Plant:
 
 # --- thin first sets --------------------------------------------------------------------------------------------------
 
+CHOLESKY = 84.0 * float(np.finfo(np.float64).eps)
+"""More than a Cholesky factorization of six rows loses of the diagonal (theory, section 17.8)."""
+
 
 @dataclass(frozen=True, eq=False)
 class ThinStarts(Starts):
@@ -399,9 +403,9 @@ def _thin_starts(
             shape = root @ root.T
             shape = 0.5 * (shape + shape.T)
             exact = exact_root(shape)
-            if exact is not None:
+            if exact is not None and _can_be_factored(shape):
                 break
-            ratio *= 1.1  # rounding made it indefinite
+            ratio *= 1.1  # rounding made it indefinite, or so nearly that a factorization in doubles stops
         shapes[trial], roots[trial] = shape, np.array(exact, np.float64)
         shares[trial] = max(0.0, 1.0 - 3e-15 / (lengths if in_six else lengths[:3]).min())
     return ThinStarts(
@@ -413,6 +417,22 @@ def _thin_starts(
         told_shapes=shapes,
         shares=shares,
     )
+
+
+def _can_be_factored(shape: FloatArray) -> bool:
+    """Whether a factorization in doubles must succeed, or the core's does.
+
+    Of a shape that is not near to an indefinite one the core is not asked: it must not refuse that.
+    """
+    if exact_root(shape - CHOLESKY * np.diag(np.diag(shape))) is not None:
+        return True
+    try:
+        _core.GuaranteedFilter(
+            _core.GuaranteedGyroFlow(1.0), _core.StateEllipsoid(np.eye(3), np.zeros(3), shape, "gibbs")
+        )
+    except ValueError:
+        return False
+    return True
 
 
 def _thin(of: Plant, starts: Starts, draws: np.random.Generator) -> Starts:

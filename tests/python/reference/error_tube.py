@@ -381,7 +381,8 @@ def shape(tube: Tube) -> Array:
     if np.any(rows) and size > 0.002:
         larger = enlarged_set(np.tensordot(inverse, on_set, 1))
         if larger is not None and all(
-            weights @ (np.diag(larger) - 1.0) < 0.6 * weights @ (np.diag(ball) - 1.0) for weights in (np.ones(6), widths)
+            weights @ (np.diag(larger) - 1.0) < 0.6 * weights @ (np.diag(ball) - 1.0)
+            for weights in (np.ones(6), widths)
         ):
             ball = larger
     result = tube.set @ ball @ tube.set.T

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 from elliptude import _core
-from elliptude.validation import adversary, judge, plants, trials
+from elliptude.validation import adversary, judge, plants, trial_kinds, trials
 from elliptude.validation.adversary import Case
 from elliptude.validation.questions import ANSWERS
 from elliptude.validation.trial_kinds import KINDS, Trial
@@ -223,6 +223,17 @@ def test_thin_sets_are_thin_and_hold_the_truth_at_their_edge(scenario):
         assert 0.99 < form <= 1
     assert min(thinnest) < 3e-8
     assert of.interval > 0
+
+
+def test_a_thin_set_that_the_filter_takes_for_flat_is_not_drawn():
+    """Of thin/wide 1e-8 about one in a thousand, whose trial could not begin."""
+    draws = np.random.default_rng(4)
+    of = KINDS["thin"].plant(plants.plant(Case("pendulum", "three", 7.0, "common", "thin")), draws)
+    starts = adversary.draw_starts(of, 1000, draws)
+    thin = trial_kinds._thin_starts(of, starts, np.full(1000, of.bound), np.full(1000, 1e-8), draws)
+    flow = elliptude.GuaranteedGyroFlow(1.0)
+    for shape in thin.shapes:
+        elliptude.GuaranteedFilter(flow, elliptude.StateEllipsoid(np.eye(3), np.zeros(3), shape, "gibbs"))
 
 
 def _gibbs(rotation):

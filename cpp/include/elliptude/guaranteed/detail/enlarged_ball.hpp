@@ -23,14 +23,16 @@ template <typename Scalar>
                                  Matrix6<Scalar>& ball) noexcept {
   const Scalar one(1);
   const packed::Slices<Scalar> symmetric = packed::symmetric_part(forms);
+  const packed::Slices<Scalar> turning = forms - symmetric;
   const Scalar mean = symmetric.squaredNorm() / Scalar(6);  // of the eigenvalues of KKᵀ
-  // The trace is at least six times the square of this, as both parts of q are at right angles to each other.
-  const Scalar least = scalar::sqrt(Scalar(one + forms.squaredNorm() / Scalar(6))) + scalar::sqrt(mean);
+  // σ² is no less than the largest square of a column, and the trace, whatever λ, than six times the square of this.
+  const Scalar column = turning.colwise().squaredNorm().maxCoeff();
+  const Scalar least = scalar::sqrt(Scalar(one + column + mean)) + scalar::sqrt(mean);
   if (!(Scalar(6) * least * least < most)) {
     return false;
   }
-  const Scalar turning = norm_of_gram(gram_of(packed::Slices<Scalar>(forms - symmetric)));  // σ
-  const Scalar whole = one + turning * turning;
+  const Scalar sigma = norm_of_gram(gram_of(turning));
+  const Scalar whole = one + sigma * sigma;
   // The best λ if all eigenvalues of KKᵀ are alike.
   const Scalar lambda = mean + scalar::sqrt(Scalar(mean * (mean + whole)));
   Matrix6<Scalar> metric = Matrix6<Scalar>::Zero();
