@@ -372,7 +372,8 @@ def shape(tube: Tube) -> Array:
     def share(whitened: float) -> float:
         return math.sqrt(whitened / 6.0) if whitened > 0.0 else 1.0
 
-    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger, if that adds at most 0.6 of it in v and u.
+    # (i) q in the ellipsoid of F'F, and a sum; (ii) the set itself a little larger, if that adds
+    # at most 0.6 as much, in v and in u.
     widths = np.sum(tube.set**2, axis=0)
     rows = on_set.reshape(6, -1)
     seen = (inverse @ rows) @ (inverse @ rows).T
