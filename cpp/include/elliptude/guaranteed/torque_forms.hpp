@@ -21,10 +21,13 @@ using Padded = Vector<Scalar, 4>;
 /// The matrix of x ↦ x × s.
 template <typename Derived>
 [[nodiscard]] Columns<typename Derived::Scalar> across(const Eigen::MatrixBase<Derived>& s) noexcept {
-  using Scalar = typename Derived::Scalar;
-  const Scalar zero(0);
-  Columns<Scalar> matrix;
-  matrix << zero, s(2), -s(1), -s(2), zero, s(0), s(1), -s(0), zero, zero, zero, zero;
+  Columns<typename Derived::Scalar> matrix = Columns<typename Derived::Scalar>::Zero();
+  matrix(0, 1) = s(2);
+  matrix(0, 2) = -s(1);
+  matrix(1, 0) = -s(2);
+  matrix(1, 2) = s(0);
+  matrix(2, 0) = s(1);
+  matrix(2, 1) = -s(0);
   return matrix;
 }
 

@@ -51,8 +51,13 @@ class LinearExpansion {
  private:
   static constexpr int order = 4;      // of Y within a step
   static constexpr int jacobians = 4;  // terms of the torque's Jacobian
-  // Three rows of Y, transposed: columns fill SIMD registers with two rows of zeros.
+  // Three rows of Y, transposed: columns fill SIMD registers with two rows of zeros, which take no part where there are none.
   using Block = Matrix<Scalar, 8, 3>;
+#ifdef EIGEN_VECTORIZE
+  static constexpr int used_rows = 8;
+#else
+  static constexpr int used_rows = 6;
+#endif
   using Columns = Matrix<Scalar, 6, 3>;
   using Blocks = std::array<Block, order + 1>;
 
@@ -63,6 +68,15 @@ class LinearExpansion {
   }
   [[nodiscard]] static Scalar column_norm(const Columns& columns) noexcept {
     return norm_of_gram(Matrix3<Scalar>(columns.transpose().lazyProduct(columns)));
+  }
+
+  /// sum += block matrix, a column at a time: without SIMD registers that takes a third of the instructions of `lazyProduct`.
+  static void add_product(const Block& block, const Matrix3<Scalar>& matrix, Block& sum) noexcept {
+    const auto used = block.template topRows<used_rows>();
+    for (int column = 0; column < 3; ++column) {
+      sum.col(column).template head<used_rows>() +=
+          matrix(0, column) * used.col(0) + (matrix(1, column) * used.col(1) + matrix(2, column) * used.col(2));
+    }
   }
 
   [[nodiscard]] static Block value_at(const Blocks& blocks, const Scalar& s) noexcept {
@@ -109,10 +123,10 @@ class LinearExpansion {
       next_top_ = bottom_[k];
       next_bottom_.setZero();
       for (std::size_t j = 0; j <= k; ++j) {
-        next_top_ += top_[k - j].lazyProduct(turning[j]);
-        next_bottom_ += bottom_[k - j].lazyProduct(gyroscopic[j]);
+        add_product(top_[k - j], turning[j], next_top_);
+        add_product(bottom_[k - j], gyroscopic[j], next_bottom_);
         if (j < jacobians) {
-          next_bottom_ += top_[k - j].lazyProduct(stiffness_[j]);
+          add_product(top_[k - j], stiffness_[j], next_bottom_);
         }
       }
       if (k < order) {
