@@ -38,6 +38,7 @@ reference directions, and bounds that come from motion.
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -60,6 +61,7 @@ from elliptude.configuration.estimator import (
     FirstMeasurementStart,
     GivenStart,
     HandHeldRule,
+    Question,
     RuleFile,
     StatedRule,
 )
@@ -131,6 +133,7 @@ class Configuration(Model):
                 "start.kind = 'first_measurement' is what the guaranteed mode does where start is left out; "
                 "flow.bias_deg_per_s bounds a gyro's bias"
             )
+        self._require_answers()
         if isinstance(self.flow, GyroFlow) and self.rate is not None:
             raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
         if not isinstance(self.start, FirstMeasurementStart):
@@ -297,6 +300,28 @@ class Configuration(Model):
     def with_best(self, best: BestEstimate) -> Self:
         """The same with another choice of the estimate beside the sets."""
         return self.model_copy(update={"estimator": self.estimator.model_copy(update={"best": best})})
+
+    def with_questions(self, questions: Sequence[Question]) -> Self:
+        """The same with other questions that each row of the guaranteed mode answers by itself.
+
+        Raises
+        ------
+        ValueError
+            If the estimator does not answer one of them.
+        """
+        asking = self.estimator.model_copy(update={"questions": tuple(questions)})
+        changed = self.model_copy(update={"estimator": asking})
+        changed._require_answers()
+        return changed
+
+    def _require_answers(self) -> None:
+        if self.estimator.questions and self.estimator.mode != "guaranteed":
+            raise ValueError("estimator.questions: needs mode = 'guaranteed'")
+        if "vector" in self.estimator.questions and not self.estimates_vector:
+            raise ValueError(
+                "estimator.questions: 'vector' asks for the gyro's bias, which is not estimated here but counts as an "
+                "error (flow.estimate_bias)"
+            )
 
     @property
     def proposed_from(self) -> str | None:
