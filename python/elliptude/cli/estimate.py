@@ -218,7 +218,7 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
             up = f"tilt within {tilt['mean']:.3g}, heading within {heading['mean']:.3g}; the set's " if tilt else ""
             typer.echo(f"  {up}half-widths about the reference axes {said} degrees (mean, {name.replace('_', ' ')})")
             if asked := answer_columns.in_words(part):
-                typer.echo(f"  asked by itself: {asked} degrees (mean, {name.replace('_', ' ')})")
+                typer.echo(f"  asked one by one: {asked} degrees (mean, {name.replace('_', ' ')})")
     if (of_up := summary["up_claim_share_of_rows"]) is not None and of_up["none"] < claims["none"]:
         known = 100.0 * (1.0 - of_up["none"])
         surely = "" if recording else f", unconditionally at {100.0 * of_up['unconditional']:.4g} %"

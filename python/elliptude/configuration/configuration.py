@@ -40,7 +40,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -301,14 +301,18 @@ class Configuration(Model):
         """The same with another choice of the estimate beside the sets."""
         return self.model_copy(update={"estimator": self.estimator.model_copy(update={"best": best})})
 
-    def with_questions(self, questions: Sequence[Question]) -> Self:
+    def with_questions(self, questions: Sequence[str]) -> Self:
         """The same with other questions that each row of the guaranteed mode answers by itself.
 
         Raises
         ------
         ValueError
-            If the estimator does not answer one of them.
+            If there is no such question, or the estimator does not answer it.
         """
+        known: tuple[Question, ...] = get_args(Question)
+        for name in questions:
+            if name not in known:
+                raise ValueError(f"questions: {name!r} is none of {', '.join(known)}")
         asking = self.estimator.model_copy(update={"questions": tuple(questions)})
         changed = self.model_copy(update={"estimator": asking})
         changed._require_answers()

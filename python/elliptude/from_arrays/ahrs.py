@@ -1,13 +1,14 @@
 """One call from arrays to attitudes with their bounds: `elliptude bounds` and `elliptude estimate`, without files."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import Question
 from elliptude.configuration.rules import Carried, rule_for
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
@@ -27,6 +28,8 @@ from elliptude.results import AhrsResult
 from elliptude.typing import FloatArray
 
 _NAME = "the arrays"
+# The gyro's bias counts as an error here, and is not estimated.
+_QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyr": units.ANGULAR_VELOCITY,
@@ -45,15 +48,19 @@ def ahrs(
     statements: str | os.PathLike[str],
     stated_units: Mapping[str, str],
     implausible: str,
+    questions: Sequence[str] = (),
 ) -> AhrsResult:
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
+    for question in questions:
+        if question not in _QUESTIONS:
+            raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
     tables["implausible"] = implausible
     heard = Heard()
     try:
-        configuration = _configuration(file, tables, statements)
+        configuration = _configuration(file, tables, statements).with_questions(questions)
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
         log = logs.joined(list(pieces))
         estimation = estimate(log, configuration)

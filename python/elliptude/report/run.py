@@ -380,15 +380,11 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
-    with_headings, with_up, with_yaw = (one[0] in names for one in (HEADINGS, UP, YAW))
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
-        + [HEADINGS] * with_headings
-        + [UP] * with_up
-        + [ROLL_PITCH, YAW] * with_yaw
-        + [one for one in (TURNS_REFERENCE, TURNS_BODY) if one[0] in names]
+        + [one for one in (HEADINGS, UP, ROLL_PITCH, YAW, TURNS_REFERENCE, TURNS_BODY) if one[0] in names]
         + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
@@ -420,11 +416,11 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         reference_error=math.radians(summary.truth_error_deg),
         prediction_used=columns.get("prediction_used"),
         tilt_bounds=columns.get("tilt_bound"),
-        headings=stacked(columns, HEADINGS) if with_headings else None,
-        ups=stacked(columns, UP) if with_up else None,
+        headings=stacked_if_there(columns, HEADINGS),
+        ups=stacked_if_there(columns, UP),
         up_bounds=columns.get("up_bound"),
         up_claims=up_claims,
-        roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if with_yaw else None,
+        roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in columns else None,
         turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
         turns_body=stacked_if_there(columns, TURNS_BODY),
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
