@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
@@ -76,6 +77,10 @@ def ahrs(
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
     dropped = dropped_columns(run)
+    columns: dict[str, NDArray[Any]] = {
+        name: values if isinstance(values, np.ndarray) else np.array(values)
+        for name, values in result.columns().items()
+    }
     return AhrsResult(
         times=result.times,
         quaternions=result.quaternions,
@@ -83,14 +88,14 @@ def ahrs(
         roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 0),
         least_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 1),
         most_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 2),
-        claims=_texts(result.claims),
+        claims=columns["claim"],
         tilt_bounds=_known(result.tilt_bounds),
         heading_from=_known(result.headings)[:, 0],
         heading_to=_known(result.headings)[:, 1],
         largest_angles=result.largest_angles,
         ups=_known(result.ups),
         up_bounds=_known(result.up_bounds),
-        up_claims=_texts(result.up_claims),
+        up_claims=columns["up_claim"],
         sets=run.sets,
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
@@ -102,10 +107,7 @@ def ahrs(
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),
         ),
-        columns={
-            name: values if isinstance(values, np.ndarray) else np.array(values)
-            for name, values in result.columns().items()
-        },
+        columns=columns,
     )
 
 
@@ -184,8 +186,3 @@ def _of_three(angles: FloatArray | None, end: int) -> FloatArray:
 def _known(values: FloatArray | None) -> FloatArray:
     assert values is not None  # an accelerometer shows up
     return values
-
-
-def _texts(words: Any) -> Any:
-    assert words is not None
-    return np.array(words)
