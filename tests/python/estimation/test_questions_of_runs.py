@@ -18,6 +18,7 @@ from elliptude.estimation.questions import columns as judging
 from elliptude.estimation.questions.answers import Answers
 from elliptude.io.tables import Result
 from elliptude.logs import Log
+from elliptude.report import figures, page
 from elliptude.report.run import read_run
 from elliptude.validation.questions import tilt_and_heading
 from scipy.spatial.transform import Rotation
@@ -293,6 +294,27 @@ def test_the_answers_are_those_of_a_program():
     assert own_sets > 20
 
 
+def test_torques_wheels_and_a_start_are_those_of_the_run():
+    log, draws = body_log(4, count=40), np.random.default_rng(0)
+    torques, wheels = 1e-3 * draws.standard_normal((2, 40, 3))
+    log = dataclasses.replace(log, control_torques=torques, wheel_momenta=wheels)
+    quaternion = Rotation.from_matrix(log.true_attitudes[0]).as_quat(scalar_first=True)
+    start = {"kind": "given", "attitude_qw_qx_qy_qz": quaternion.tolist(), "P_diagonal": [0.04] * 3 + [0.25] * 3}
+    fields = body(QUESTIONS, policy="drop_measurement").model_dump(mode="json", exclude_unset=True)
+    configuration = Configuration.model_validate(fields | {"start": start})
+    # The centers are compared row by row: a filter with other input would be elsewhere.
+    answers = estimation.estimate(log, configuration).answers
+    assert np.isfinite(answers.reference_turns).all()
+
+
+def test_a_second_filter_elsewhere_is_noticed():
+    configuration = body()
+    run = run_guaranteed(body_log(count=12), configuration)
+    other = dataclasses.replace(run.given, measured=run.given.measured | {"rate_bound": 2.0 * RATE_BOUND})
+    with pytest.raises(AssertionError, match="the second filter is not where the first one was"):
+        asking.answers_of(dataclasses.replace(run, given=other), configuration)
+
+
 def test_only_what_is_asked_is_answered():
     for question in QUESTIONS:
         answers = estimation.estimate(body_log(count=5), body((question,))).answers
@@ -341,6 +363,12 @@ def test_the_table_is_read_as_it_was_written(tmp_path, suffix):
         assert shown.is_asked
         np.testing.assert_array_equal(shown.half_widths, np.abs(intervals(turns)).max(axis=2))
         assert (np.abs(shown.errors) <= shown.half_widths).all()
+        assert "answer each axis by itself" in page._bands_note(dataclasses.replace(run, axes=axes))
+        drawn = figures._error_columns(result, axes, None, False)
+        np.testing.assert_allclose(drawn[0].bounds, np.rad2deg(shown.half_widths))
+        assert (drawn[1].bounds <= np.rad2deg(result.half_widths[:, 3:]) * (1.0 + 1e-9)).all()
+        assert (np.abs(drawn[1].errors) <= drawn[1].bounds).all()
+    assert "by itself" not in page._bands_note(dataclasses.replace(run, turns_reference=None))
 
 
 def command(*arguments):
