@@ -10,7 +10,7 @@ one item; those before them, if any, are a batch and broadcast as in NumPy.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -175,6 +175,7 @@ def ahrs(
     acc_unit: str = "m/s^2",
     mag_unit: str = "T",
     implausible: str = "refuse",
+    questions: Sequence[str] = (),
 ) -> AhrsResult:
     """Attitudes of an inertial sensor, with bounds that hold if what is stated about it does.
 
@@ -200,6 +201,8 @@ def ahrs(
     mag_unit : "T", "G", "mG", "uT" or "nT"
     implausible : "refuse" or "ignore"
         What to do if the sensors contradict one another, as with a wrong unit or axis.
+    questions : sequence of "reference_turns", "body_turns" and "attitude"
+        What to ask each row by itself, for more of `AhrsResult.columns`, as `elliptude estimate --questions` does.
 
     Returns
     -------
@@ -214,7 +217,7 @@ def ahrs(
     """
     call = _from_command_line("elliptude.from_arrays.ahrs", "ahrs")
     stated_units = {"gyr": gyr_unit, "acc": acc_unit, "mag": mag_unit}
-    result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible)
+    result: AhrsResult = call(time, gyr, acc, mag, statements, stated_units, implausible, questions)
     return result
 
 

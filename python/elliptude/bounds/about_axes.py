@@ -33,6 +33,8 @@ class AboutAxes:
     """How far errors reach, rad, NaN without a set, shape (n, 3)."""
     errors: FloatArray | None
     """Errors that are known, rad, NaN where they are not, shape (n, 3); None without any."""
+    is_asked: bool = False
+    """Whether half-widths are answers to questions of their own, and not those of the sets."""
 
 
 def about_axes(
@@ -43,6 +45,7 @@ def about_axes(
     half_widths_body: FloatArray,
     errors: FloatArray | None,
     *,
+    turns: FloatArray | None = None,
     frame: str | None = None,
     heading_from_start: bool = False,
 ) -> AboutAxes:
@@ -61,6 +64,9 @@ def about_axes(
         rad.
     errors : (n, 3) array, optional
         ζ, rad, body axes.
+    turns : (n, 6) array, optional
+        From and to which angle the turn about each of these axes is, rad, if that was asked by itself: half-widths are
+        then how far it may be to either side.
     frame : str, optional
         The reference frame: "ENU", "NED" and "NWU" have axes with names.
     heading_from_start : bool
@@ -70,15 +76,18 @@ def about_axes(
     -------
     AboutAxes
     """
+    asked = None if turns is None else np.abs(turns).reshape(-1, 3, 2).max(axis=-1)
     if axes == "body":
-        return AboutAxes(("x", "y", "z"), "about the body axes", half_widths_body, errors)
+        half_widths = half_widths_body if asked is None else asked
+        return AboutAxes(("x", "y", "z"), "about the body axes", half_widths, errors, asked is not None)
     names = _NAMES.get(frame or "", ("X", "Y", "Z"))
     if heading_from_start:
         names = ("X", "Y", names[2])
     phrase = "about the reference axes" if "Z" in names else f"about {names[0]}, {names[1]} and {names[2]}"
     turned = None if errors is None else np.asarray((attitudes @ errors[..., None])[..., 0])
     # The reference axes in the body's are the rows of Ĉ.
-    return AboutAxes(names, phrase, half_widths_along(attitudes, shapes, chart), turned)
+    half_widths = half_widths_along(attitudes, shapes, chart) if asked is None else asked
+    return AboutAxes(names, phrase, half_widths, turned, asked is not None)
 
 
 def half_widths_along(directions: FloatArray, shapes: FloatArray, chart: Chart) -> FloatArray:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_fraction, require_not_negative, vector_rows
 from elliptude.bounds.turns import (
+    lengths_of,
     quaternions_from_rates,
     rotation_vectors,
     rotations_from_quaternions,
@@ -258,7 +259,7 @@ class GyroBounds:
             piece = slice(anchor, max(following, anchor + 1) + 1)
             spans = stamps[piece] - stamps[anchor]
             with np.errstate(over="ignore", invalid="ignore"):
-                speeds = np.linalg.norm(rates[piece], axis=1)
+                speeds = lengths_of(rates[piece])
                 known_for, turned = since[piece], running_integral(spans, speeds)
                 errors = running_integral(spans, self.steady_error(speeds, known_for))
                 errors += self._noise_angle(spans, turned, spans)
@@ -272,7 +273,7 @@ class GyroBounds:
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
             # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
-            half = np.minimum(0.5 * (np.linalg.norm(turns, axis=1) + errors), np.pi)
+            half = np.minimum(0.5 * (lengths_of(turns) + errors), np.pi)
             rows = slice(anchor + 1, piece.stop)
             anchors[rows], angles[rows], angles_turned[rows] = anchor, errors[1:], turned[1:]
             mean_rates[rows] = turns[1:] / spans[1:, None]
@@ -366,7 +367,7 @@ def scale_effects(steps: FloatArray, attitudes: FloatArray, rates: FloatArray) -
     means = 0.5 * (rates[1:] + rates[:-1])
     halves = 0.5 * steps[:, None, None] * (attitudes[1:] + attitudes[:-1])
     in_steps = (halves[:, :, :, None] * means[:, None, None, :]).reshape(-1, 3, 9)
-    turns = steps * np.linalg.norm(means, axis=1)
+    turns = steps * lengths_of(means)
     effects = np.concatenate([np.zeros((1, 3, 9)), np.cumsum(in_steps, axis=0)])
     return effects, np.concatenate([[0.0], np.cumsum(turns**3 / 12.0)])
 

@@ -4,12 +4,13 @@ Before the row and after it such an error turns the carried frame in opposite wa
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds, scale_effects
-from elliptude.bounds.turns import running_sum
+from elliptude.bounds.turns import lengths_of, running_sum
 from elliptude.bounds.window_averages import Average, Piece, Window, weighted
 from elliptude.typing import FloatArray
 
@@ -45,7 +46,9 @@ def nuclear_norms(matrices: FloatArray) -> FloatArray:
     of_cofactors = first * first + second * second + third * third
     for cofactor in (b * i - c * h, c * g - a * i, a * h - b * g, b * f - c * e, c * d - a * f, a * e - b * d):
         of_cofactors += cofactor * cofactor
-    squares = sum(entry * entry for entry in (a, b, c, d, e, f, g, h, i))
+    squares = a * a
+    for entry in (b, c, d, e, f, g, h, i):
+        squares += entry * entry
     norms: FloatArray = np.sqrt(3.0 * squares)
     for _ in range(3):
         norms = np.sqrt(squares + 2.0 * np.sqrt(of_cofactors + 2.0 * determinants * norms))
@@ -74,16 +77,25 @@ class OneMatrix:
         self._effects, self._chords = scale_effects(steps, attitudes, piece.rates)
         self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known)
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
-        self._pushed_twice = running_sum(steps, self._pushed)
         # q: what the errors of the rate would turn if all had one direction.
         self._straight = self._scale * piece.turned + self._other * gyro.noise * piece.elapsed
-        lengths = np.linalg.norm(piece.carried, axis=1)
+        lengths = lengths_of(piece.carried)
         averaged = np.column_stack([self._biased, self._chords, self._straight, self._straight**2])
         self._once = running_sum(steps, lengths[:, None] * averaged)
-        self._twice = running_sum(steps, self._once)
         cells = np.floor(piece.since_known / cell)
         self._nodes = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1, [len(cells) - 1]])
+        self._attitudes_at_nodes, self._effects_at_nodes = piece.attitudes[self._nodes], self._effects[self._nodes]
         self._growth = self._growth_to_cells(math.ceil(reach / cell) + 2)
+
+    @cached_property
+    def _pushed_twice(self) -> FloatArray:
+        """The sums of `_pushed`, which triangular weights alone need."""
+        return running_sum(self._piece.steps, self._pushed)
+
+    @cached_property
+    def _twice(self) -> FloatArray:
+        """The sums of `_once`, likewise."""
+        return running_sum(self._piece.steps, self._once)
 
     def turns(self, window: Window, average: Average, indices: NDArray[np.intp], *, triangular: bool) -> FloatArray:
         """Bounds as `Average.turn` of what the gyro and the stamps do to means, (18.36).
@@ -105,17 +117,17 @@ class OneMatrix:
             The sensor's unit.
         """
         gyro, of, mean = self._gyro, window.take(indices), average.mean[indices]
-        rising, falling = weighted(self._once, self._twice, of, triangular=triangular)
+        rising, falling = weighted(self._once, self._twice if triangular else None, of)
         # A running bound is less before the row than at the row, and more after it.
         inward = average.rising[indices] - average.falling[indices]
         outward = (falling - rising).T
         biased, chords = self._biased[of.row] * inward + outward[0], self._chords[of.row] * inward + outward[1]
-        effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects[of.row], mean)
+        effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects.take(of.row, axis=0), mean)
         length, swept, spanned = average.length[indices], average.swept[indices], average.spanned[indices]
         noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, length + average.lost[indices]))
         second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
-        to_body = self._piece.attitudes[of.row].transpose(0, 2, 1)
+        to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
         turns: FloatArray = self._scale * (push + chords) + self._other * (noise + biased)
         return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
@@ -123,11 +135,14 @@ class OneMatrix:
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
         """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
         if not triangular:
-            means = (self._pushed[window.stop] - self._pushed[window.start]) / (window.before + window.after)[:, None]
+            start, stop = (self._pushed.take(rows, axis=0) for rows in (window.start, window.stop))
+            means = (stop - start) / (window.before + window.after)[:, None]
         else:
-            top, scale = self._pushed_twice[window.top], 2.0 / (window.before + window.after)
-            means = (self._pushed_twice[window.stop] - top) * (scale / window.after)[:, None]
-            means -= (top - self._pushed_twice[window.start]) * (scale / window.before)[:, None]
+            at = (window.start, window.top, window.stop)
+            start, top, stop = (self._pushed_twice.take(rows, axis=0) for rows in at)
+            scale = 2.0 / (window.before + window.after)
+            means = (stop - top) * (scale / window.after)[:, None]
+            means -= (top - start) * (scale / window.before)[:, None]
         return means.reshape(-1, 3, 9)
 
     def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
@@ -194,10 +209,14 @@ class OneMatrix:
     def _turn_between_nodes(self, away: int) -> FloatArray:
         """Bounds of the turn by the scale error from nodes to those so many further on, rad."""
         nodes = self._nodes
-        first, last = nodes[: len(nodes) - away], nodes[away:]
+        near, far = slice(0, len(nodes) - away), slice(away, None)
+        first, last = nodes[near], nodes[far]
         # In the body axes at the first node, so that nothing depends on where the piece begins.
-        effects = self._piece.attitudes[first].transpose(0, 2, 1) @ (self._effects[last] - self._effects[first])
-        by_rows = np.sqrt((nuclear_norms(effects.reshape(-1, 3, 3, 3).transpose(2, 3, 0, 1)) ** 2).sum(axis=1))
+        effects = self._attitudes_at_nodes[near].transpose(0, 2, 1) @ (
+            self._effects_at_nodes[far] - self._effects_at_nodes[near]
+        )
+        by_row = np.ascontiguousarray(effects.reshape(-1, 3, 3, 3).transpose(2, 3, 1, 0))
+        by_rows = lengths_of(nuclear_norms(by_row).T)
         # The largest of three numbers is within √2 standard deviations of their mean.
         squares = effects @ effects.transpose(0, 2, 1)
         middle = np.trace(squares, axis1=1, axis2=2) / 3.0
@@ -232,12 +251,12 @@ def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
     The component along e is at most the sum of singular values of M's combination e, which is a norm of e. Across the
     mean, where nearly all of it is, e is in a polygon; along the mean the norm is added by Pythagoras.
     """
-    lengths = np.linalg.norm(means, axis=1)
+    lengths = lengths_of(means)
     along = np.where(lengths[:, None] > 0.0, means / np.where(lengths > 0.0, lengths, 1.0)[:, None], [1.0, 0.0, 0.0])
     least = np.eye(3)[np.argmin(np.abs(along), axis=1)]
-    first = np.cross(along, least)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    axes = np.stack([first, np.cross(along, first), along], axis=1)
+    first = _cross(along, least)
+    first /= lengths_of(first)[:, None]
+    axes = np.stack([first, _cross(along, first), along], axis=1)
     # One axis after another, and the windows last: what follows goes through whole arrays.
     x, y, z = np.ascontiguousarray((axes @ effects).transpose(1, 2, 0)).reshape(3, 3, 3, -1)
     across = np.zeros(len(effects))
@@ -245,6 +264,12 @@ def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
         np.maximum(across, nuclear_norms(math.cos(angle) * x + math.sin(angle) * y), out=across)
     pushes: FloatArray = np.hypot(across / _POLYGON, nuclear_norms(z))
     return pushes
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """`numpy.cross` of vectors (n, 3) to the last bit, in a third of its time."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _crossed(effects: FloatArray, vectors: FloatArray) -> FloatArray:

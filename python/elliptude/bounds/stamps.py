@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.turns import lengths_of
 from elliptude.typing import FloatArray
 
 # Pairs of a row and a sample within the offset of its stamp that are looked at one by one.
@@ -53,7 +54,7 @@ def time_offset_angles(
     require_not_negative("angular_acceleration", angular_acceleration)
     stamps = increasing_times(times)
     rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
-    speeds = np.linalg.norm(rates, axis=1)
+    speeds = lengths_of(rates)
     directions = None if vectors is None else _unit(vector_rows("vectors", vectors, len(stamps)))
     if offset == 0.0:
         return np.zeros_like(stamps)
@@ -98,7 +99,7 @@ def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=1)[:, None]
+    lengths = lengths_of(vectors)[:, None]
     units: FloatArray = vectors / np.where(lengths > 0.0, lengths, 1.0)
     return units
 
@@ -114,7 +115,7 @@ def _range_maximum_across(
     for i in range(min(int((last - first).max()) + 1, _MOST_ACROSS)):
         # maximum, not fmax: a missing rate is not a small one.
         crossed = np.cross(rates[np.minimum(first + i, last)], directions)
-        largest = np.maximum(largest, np.linalg.norm(crossed, axis=1))
+        largest = np.maximum(largest, lengths_of(crossed))
     return largest
 
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import attitudes_from_rates, running_sum
+from elliptude.bounds.turns import attitudes_from_rates, lengths_of, running_sum
 from elliptude.typing import FloatArray
 
 _BLOCK_ROWS = 1 << 16
@@ -82,16 +83,15 @@ class Average:
     """What a mean of lengths may lose by rounding."""
 
 
-def weighted(once: FloatArray, twice: FloatArray, window: Window, *, triangular: bool) -> tuple[FloatArray, FloatArray]:
+def weighted(once: FloatArray, twice: FloatArray | None, window: Window) -> tuple[FloatArray, FloatArray]:
     """Weighted means over windows, the parts before the top and after it, from running sums and the sums of these.
 
     Parameters
     ----------
-    once, twice : (n, k) array
-        ``twice`` is used for a triangle alone.
+    once : (n, k) array
+    twice : (n, k) array, optional
+        For weights like a triangle; they are equal without it.
     window : Window
-    triangular : bool
-        Weights like a triangle; equal ones otherwise.
 
     Returns
     -------
@@ -99,13 +99,14 @@ def weighted(once: FloatArray, twice: FloatArray, window: Window, *, triangular:
     """
     before, after = window.before[:, None], window.after[:, None]
     span = before + after
-    at_top, at_start, at_stop = once[window.top], once[window.start], once[window.stop]
-    if not triangular:
+    # `take` copies whole rows, which an index of rows does not.
+    at_top, at_start, at_stop = (once.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
+    if twice is None:
         return (at_top - at_start) / span, (at_stop - at_top) / span
-    top = twice[window.top]
+    top, start, stop = (twice.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
     with np.errstate(invalid="ignore", divide="ignore"):
-        below = at_top - (top - twice[window.start]) / before
-        above = (twice[window.stop] - top) / after - at_top
+        below = at_top - (top - start) / before
+        above = (stop - top) / after - at_top
     return 2.0 * below / span, 2.0 * above / span
 
 
@@ -134,8 +135,8 @@ class Piece:
         steps = np.minimum(steps, maximum_step)
         self.steps, self.rates, self.since_known = steps, rates, times - bias_known
         self.elapsed = np.concatenate([[0.0], np.cumsum(steps)])
-        speeds = np.linalg.norm(rates, axis=1)
-        lengths = np.linalg.norm(vectors, axis=1)
+        speeds = lengths_of(rates)
+        lengths = lengths_of(vectors)
         self._steady = running_sum(steps, gyro.steady_error(speeds, self.since_known))
         self.turned = running_sum(steps, speeds)
         self.carried = np.einsum("nij,nj->ni", self.attitudes, vectors)
@@ -150,7 +151,11 @@ class Piece:
             ]
         )
         self._once = running_sum(steps, np.column_stack([self.carried, weights]))
-        self._twice = running_sum(steps, self._once)
+
+    @cached_property
+    def _twice(self) -> FloatArray:
+        """The sums of `_once`, which triangular weights alone need."""
+        return running_sum(self.steps, self._once)
 
     def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
         """The windows of the rows, as long as the recording allows."""
@@ -176,12 +181,12 @@ class Piece:
         count = window.stop - window.start
         # What the additions of a running sum, as many as the window has, may lose of a mean, if the sum ends at one.
         share = _EPSILON * (count + 20.0) / span
-        yield self._average(window, *weighted(self._once, self._twice, window, triangular=False), share)
+        yield self._average(window, *weighted(self._once, None, window), share)
         if triangular:
             half = np.minimum(window.before, window.after)
             halves = self.elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
             share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span
-            yield self._average(window, *weighted(self._once, self._twice, window, triangular=True), share)
+            yield self._average(window, *weighted(self._once, self._twice, window), share)
 
     def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
         both = rising + falling

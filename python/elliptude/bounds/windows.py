@@ -21,9 +21,13 @@ from elliptude.bounds.samples import (
     rounded_up,
 )
 from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.turns import lengths_of
 from elliptude.bounds.window_averages import Average, Piece, Place, Window, blocks
 from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
+
+# Windows that the effect of a gyro's matrix is worked out for at once: what is summed then stays near the processor.
+_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,17 +268,16 @@ def _over_windows(
                 radius = average.turn + others
                 if matrix is not None:
                     worth = np.flatnonzero(others + average.by_stamps < np.fmin(best.radii[wanted], radius))
-                    turns = matrix.turns(window, average, worth, triangular=i > 0)
-                    radius[worth] = np.fmin(radius[worth], turns + others[worth])
+                    for some in np.array_split(worth, -(-len(worth) // _AT_ONCE)) if len(worth) else ():
+                        turns = matrix.turns(window, average, some, triangular=i > 0)
+                        radius[some] = np.fmin(radius[some], turns + others[some])
                 best.take(wanted, window, average, radius)
         # From the common frame to the body axes of each row.
         best.means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], best.means[wanted])
     found = bounded_directions(best.means, best.radii, magnitude, magnitude_error, 1.0, 0.0)
     excess = np.maximum(best.excess, found.excess)
     angles = np.where(excess > 0.0, np.nan, found.angles)
-    return WindowBounds(
-        found.directions, angles, excess, best.durations, np.linalg.norm(best.means, axis=1), best.radii
-    )
+    return WindowBounds(found.directions, angles, excess, best.durations, lengths_of(best.means), best.radii)
 
 
 @dataclass(frozen=True)
@@ -312,7 +315,7 @@ class _Best:
 
     def take(self, wanted: NDArray[np.intp], window: Window, average: Average, radius: FloatArray) -> None:
         """Take means of some rows, each over its window."""
-        lengths = np.linalg.norm(average.mean, axis=1)
+        lengths = lengths_of(average.mean)
         # NaN where there is no window: no excess, and not better.
         rounded = rounded_up(radius, lengths, self._greatest)
         self.excess[wanted] = np.maximum(

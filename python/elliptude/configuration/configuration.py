@@ -38,8 +38,9 @@ reference directions, and bounds that come from motion.
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -60,6 +61,7 @@ from elliptude.configuration.estimator import (
     FirstMeasurementStart,
     GivenStart,
     HandHeldRule,
+    Question,
     RuleFile,
     StatedRule,
 )
@@ -131,6 +133,7 @@ class Configuration(Model):
                 "start.kind = 'first_measurement' is what the guaranteed mode does where start is left out; "
                 "flow.bias_deg_per_s bounds a gyro's bias"
             )
+        self._require_answers()
         if isinstance(self.flow, GyroFlow) and self.rate is not None:
             raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
         if not isinstance(self.start, FirstMeasurementStart):
@@ -297,6 +300,32 @@ class Configuration(Model):
     def with_best(self, best: BestEstimate) -> Self:
         """The same with another choice of the estimate beside the sets."""
         return self.model_copy(update={"estimator": self.estimator.model_copy(update={"best": best})})
+
+    def with_questions(self, questions: Sequence[str]) -> Self:
+        """The same with other questions that each row of the guaranteed mode answers by itself.
+
+        Raises
+        ------
+        ValueError
+            If there is no such question, or the estimator does not answer it.
+        """
+        known: tuple[Question, ...] = get_args(Question)
+        for name in questions:
+            if name not in known:
+                raise ValueError(f"questions: {name!r} is none of {', '.join(known)}")
+        asking = self.estimator.model_copy(update={"questions": tuple(questions)})
+        changed = self.model_copy(update={"estimator": asking})
+        changed._require_answers()
+        return changed
+
+    def _require_answers(self) -> None:
+        if self.estimator.questions and self.estimator.mode != "guaranteed":
+            raise ValueError("estimator.questions: needs mode = 'guaranteed'")
+        if "vector" in self.estimator.questions and not self.estimates_vector:
+            raise ValueError(
+                "estimator.questions: 'vector' asks for the gyro's bias, which is not estimated here but counts as an "
+                "error (flow.estimate_bias)"
+            )
 
     @property
     def proposed_from(self) -> str | None:

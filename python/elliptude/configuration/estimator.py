@@ -23,6 +23,8 @@ from elliptude.typing import FloatArray
 
 BestEstimate: TypeAlias = Literal["vqf", "center", "none"]
 """Whose estimate stands beside the sets of the guaranteed mode."""
+Question: TypeAlias = Literal["reference_turns", "body_turns", "vector", "attitude"]
+"""What may be asked by itself after each row of the guaranteed mode; the vector is angular velocity or gyro bias."""
 
 
 class Estimator(Model):
@@ -39,6 +41,8 @@ class Estimator(Model):
     regain_after: Annotated[int, Field(ge=1)] = 10
     # The estimate beside the set. If left out: VQF's where it is installed and fits the sensors, else the center.
     best: BestEstimate | None = None
+    # Questions that each row answers by itself, beside tilt, heading and up: columns of the table of results.
+    questions: tuple[Question, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -46,7 +50,9 @@ class Estimator(Model):
         if not isinstance(table, dict):
             return table
         guaranteed = table.get("mode") == "guaranteed"
-        others = ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after", "best")
+        others = (
+            ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after", "best", "questions")
+        )
         for key in others:
             if key in table:
                 raise ValueError(

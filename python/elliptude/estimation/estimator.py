@@ -21,6 +21,7 @@ from elliptude.estimation.best import Best, best_estimate
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun, run_guaranteed
+from elliptude.estimation.questions.answers import Answers, answers_of
 from elliptude.estimation.summary import Summary
 from elliptude.io import tables
 from elliptude.io.background import ahead
@@ -49,6 +50,8 @@ class Estimation:
     """Gaps of the gyro, in the modes of first order."""
     best: Best | None = None
     """The estimate beside the sets, in the guaranteed mode."""
+    answers: Answers | None = None
+    """What the configuration asks of each row by itself, in the guaranteed mode."""
 
 
 def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> Estimation:
@@ -82,6 +85,7 @@ def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = ru
         guaranteed=estimator.guaranteed,
         bridged=estimator.bridged,
         best=estimator.best,
+        answers=estimator.answers,
     )
 
 
@@ -105,6 +109,8 @@ class PieceEstimator:
         self.guaranteed: GuaranteedRun | None = None
         """As in `Estimation`, after the last row."""
         self.best: Best | None = None
+        """As in `Estimation`, after the last row."""
+        self.answers: Answers | None = None
         """As in `Estimation`, after the last row."""
         self.bridged = Bridged(configuration)
         """Gaps of the gyro so far, in the modes of first order."""
@@ -144,7 +150,8 @@ class PieceEstimator:
         with _placed(log):
             self.guaranteed = self._run_guaranteed(log, self._configuration)
         self.best = best_estimate(self.guaranteed, self._configuration)
-        result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best)
+        self.answers = answers_of(self.guaranteed, self._configuration)
+        result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best, self.answers)
         self.elapsed += time.perf_counter() - begin
         self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
         return result
@@ -328,4 +335,5 @@ def summarize(estimation: Estimation, configuration: Configuration) -> dict[str,
         guaranteed=estimation.guaranteed,
         bridged=estimation.bridged,
         best=estimation.best,
+        answers=estimation.answers,
     )

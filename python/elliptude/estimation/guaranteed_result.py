@@ -15,6 +15,8 @@ from elliptude.estimation import gaps
 from elliptude.estimation.best import Best
 from elliptude.estimation.containment import compare
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
+from elliptude.estimation.questions import columns as answer_columns
+from elliptude.estimation.questions.answers import Answers
 from elliptude.estimation.vertical import Vertical
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.io import tables
@@ -25,7 +27,9 @@ from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray
 
 
-def result_of(run: GuaranteedRun, configuration: Configuration, best: Best | None = None) -> Result:
+def result_of(
+    run: GuaranteedRun, configuration: Configuration, best: Best | None = None, answers: Answers | None = None
+) -> Result:
     """The table of results, compared with the truth in the log.
 
     Parameters
@@ -34,6 +38,8 @@ def result_of(run: GuaranteedRun, configuration: Configuration, best: Best | Non
     configuration : Configuration
     best : Best, optional
         The estimate beside the sets.
+    answers : Answers, optional
+        What was asked of each row by itself.
 
     Returns
     -------
@@ -83,6 +89,13 @@ def result_of(run: GuaranteedRun, configuration: Configuration, best: Best | Non
         dropped=names_of_chosen(names, there & dropped),
         **_of_questions(run),
         **best_estimates.columns_of(best),
+        **answer_columns.columns_of(
+            answers,
+            guaranteed,
+            true_attitudes,
+            true_vectors if configuration.compares_vector else None,
+            configuration.truth_error,
+        ),
     )
 
 
@@ -119,8 +132,9 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
     return rule.rest.rows(log.times, log.rates, log.directions[:, configuration.directions.index(accelerometer)])
 
 
-def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any]:
+def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers | None = None) -> dict[str, Any]:
     """Figures that only this mode adds to the summary: claims, sizes, what was left out; degrees."""
+    vector = "gyro_bias" if isinstance(configuration.flow, GyroFlow) else "angular_velocity"
     half_widths = np.rad2deg(run.sets.extents().half_widths_reference)
     has_set = np.isfinite(half_widths[:, 0])
     parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
@@ -141,7 +155,7 @@ def summarize(run: GuaranteedRun, configuration: Configuration) -> dict[str, Any
             "tilt_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.tilt_bounds[chosen])),
             "heading_bound_deg": None if bounds is None else _centers(np.rad2deg(bounds.heading[chosen])),
             "up_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.angles[rows])),
-        }
+        } | answer_columns.sizes_of(answers, chosen, vector)
 
     return {
         "policy": configuration.estimator.policy,

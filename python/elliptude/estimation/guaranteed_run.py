@@ -337,6 +337,25 @@ def turns_of(
     return Turns(anchors, turns.rates * spans[:, None], turns.angles + _ROUNDING * (steps + turns.turned))
 
 
+def filter_of(
+    given: FilterInput, start: elliptude.StateEllipsoid | None, configuration: Configuration
+) -> elliptude.GuaranteedFilter:
+    """The guaranteed filter at the first row, before its measurements; arguments as of `run_filter`."""
+    settings = configuration.estimator
+    return elliptude.GuaranteedFilter(
+        given.flow,
+        start,
+        time=float(given.times[0]),
+        criterion=settings.criterion,
+        weight=settings.weight(),
+        policy=settings.policy,
+        most_wrong=settings.most_wrong,
+        regain_after=settings.regain_after,
+        vector_bound=given.vector_bound,
+        estimate_vector=given.estimates_vector,
+    )
+
+
 def run_filter(
     given: FilterInput,
     start: elliptude.StateEllipsoid | None,
@@ -364,19 +383,7 @@ def run_filter(
     InconsistentMeasurement, ValueError
         As `GuaranteedFilter.run`.
     """
-    settings = configuration.estimator
-    attitude_filter = elliptude.GuaranteedFilter(
-        given.flow,
-        start,
-        time=float(given.times[0]),
-        criterion=settings.criterion,
-        weight=settings.weight(),
-        policy=settings.policy,
-        most_wrong=settings.most_wrong,
-        regain_after=settings.regain_after,
-        vector_bound=given.vector_bound,
-        estimate_vector=given.estimates_vector,
-    )
+    attitude_filter = filter_of(given, start, configuration)
     arguments: dict[str, Any] = given.measured | {"sensors": given.sensors or None, "vertical": vertical}
     if given.turns is None:
         return attitude_filter.run(given.times, **(arguments | given.motion))

@@ -5,8 +5,9 @@ the largest attitude error are over all rows with a set and a known truth, as in
 """
 
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,13 @@ from scipy.spatial.transform import Rotation
 import elliptude
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import Question
 from elliptude.estimation import best as best_estimates
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.best import Best
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
+from elliptude.estimation.questions.answers import Answers
 from elliptude.io import column_files, tables
 from elliptude.io.tables import Result
 from elliptude.logs.plausibility import Heard
@@ -45,6 +48,7 @@ class Summary:
         self._inside_unconditional = _Share()
         self._largest_form = -np.inf
         self._best = _Mean()
+        self._answers = {question: _Answered() for question in get_args(Question)}
 
     @property
     def inside_share(self) -> float | None:
@@ -62,6 +66,8 @@ class Summary:
         self._refused += sum(bool(names) for names in result.refused)
         self._half_widths += np.rad2deg(result.half_widths[rows]).sum(axis=0)
         self._largest.add(np.rad2deg(result.largest_angles), rows, settled)
+        for question, (answers, forms) in _answers_by_question(result).items():
+            self._answers[question].add(answers, forms, result.claims)
         if result.errors is None or result.forms is None:
             return
         self._is_compared = True
@@ -87,6 +93,7 @@ class Summary:
         bridged: Bridged | None = None,
         heard: Heard | None = None,
         best: Best | None = None,
+        answers: Answers | None = None,
     ) -> dict[str, Any]:
         """The figures for ``summary.json``; None for what is not known.
 
@@ -105,6 +112,8 @@ class Summary:
             What a check of the log found.
         best : Best, optional
             The estimate beside the sets, in the guaranteed mode.
+        answers : Answers, optional
+            What each row was asked by itself, in the guaranteed mode.
 
         Returns
         -------
@@ -151,7 +160,11 @@ class Summary:
         if bridged is not None:
             summary["gaps"] = bridged.summarize()
         if guaranteed is not None:
-            summary |= guaranteed_result.summarize(guaranteed, configuration)
+            summary |= guaranteed_result.summarize(guaranteed, configuration, answers)
+            if answers is not None:
+                summary["questions"] = {
+                    name: self._answers[name].to_dict() for name in configuration.estimator.questions
+                }
             summary["best"] = best_estimates.summarize(best)
             if best is not None and self._is_compared:
                 summary["best"]["attitude_error_deg"] = {"mean": self._best.mean(), "max": self._best.maximum()}
@@ -179,6 +192,16 @@ def _best_errors(result: Result) -> FloatArray:
         )
         angles[known] = (best.inv() * center * Rotation.from_rotvec(turns[known])).magnitude()
     return angles
+
+
+def _answers_by_question(result: Result) -> dict[Question, tuple[FloatArray | None, FloatArray | None]]:
+    """The columns of a question's answers, and the forms of the truth in them; None for what is not there."""
+    return {
+        "reference_turns": (result.turns_reference, result.turns_reference_forms),
+        "body_turns": (result.turns_body, result.turns_body_forms),
+        "vector": (result.vector_ranges, result.vector_forms),
+        "attitude": (result.own_quaternions, result.own_forms),
+    }
 
 
 class _Mean:
@@ -235,3 +258,31 @@ class _Share:
 
     def value(self) -> float | None:
         return self._inside / self.known if self.known else None
+
+
+class _Answered:
+    """How many rows answer a question, and how often the truth is in the answer."""
+
+    def __init__(self) -> None:
+        self._rows = 0
+        self._inside, self._unconditional = _Share(), _Share()
+        self._largest = _Mean()
+
+    def add(self, answers: FloatArray | None, forms: FloatArray | None, claims: Sequence[str] | None) -> None:
+        if answers is not None:
+            self._rows += int(np.isfinite(answers[:, 0]).sum())
+        if forms is not None:
+            self._inside.add(forms)
+            self._largest.add(forms)
+            if claims is not None:
+                self._unconditional.add(forms[np.array(claims) == "unconditional"])
+
+    def to_dict(self) -> dict[str, float | None]:
+        return {
+            "rows": self._rows,
+            "compared_rows": self._inside.known,
+            "inside_share_of_rows": self._inside.value(),
+            "compared_unconditional_rows": self._unconditional.known,
+            "inside_share_of_unconditional_rows": self._unconditional.value(),
+            "largest_form": self._largest.maximum(),
+        }

@@ -1,13 +1,15 @@
 """One call from arrays to attitudes with their bounds: `elliptude bounds` and `elliptude estimate`, without files."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import Question
 from elliptude.configuration.rules import Carried, rule_for
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
@@ -27,6 +29,8 @@ from elliptude.results import AhrsResult
 from elliptude.typing import FloatArray
 
 _NAME = "the arrays"
+# The gyro's bias counts as an error here, and is not estimated.
+_QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyr": units.ANGULAR_VELOCITY,
@@ -45,15 +49,19 @@ def ahrs(
     statements: str | os.PathLike[str],
     stated_units: Mapping[str, str],
     implausible: str,
+    questions: Sequence[str] = (),
 ) -> AhrsResult:
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
+    for question in questions:
+        if question not in _QUESTIONS:
+            raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
     tables["implausible"] = implausible
     heard = Heard()
     try:
-        configuration = _configuration(file, tables, statements)
+        configuration = _configuration(file, tables, statements).with_questions(questions)
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
         log = logs.joined(list(pieces))
         estimation = estimate(log, configuration)
@@ -69,6 +77,10 @@ def ahrs(
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
     dropped = dropped_columns(run)
+    columns: dict[str, NDArray[Any]] = {
+        name: values if isinstance(values, np.ndarray) else np.array(values)
+        for name, values in result.columns().items()
+    }
     return AhrsResult(
         times=result.times,
         quaternions=result.quaternions,
@@ -76,14 +88,14 @@ def ahrs(
         roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 0),
         least_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 1),
         most_roll_pitch_yaw=_of_three(result.roll_pitch_yaw, 2),
-        claims=_texts(result.claims),
+        claims=columns["claim"],
         tilt_bounds=_known(result.tilt_bounds),
         heading_from=_known(result.headings)[:, 0],
         heading_to=_known(result.headings)[:, 1],
         largest_angles=result.largest_angles,
         ups=_known(result.ups),
         up_bounds=_known(result.up_bounds),
-        up_claims=_texts(result.up_claims),
+        up_claims=columns["up_claim"],
         sets=run.sets,
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
@@ -95,10 +107,7 @@ def ahrs(
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),
         ),
-        columns={
-            name: values if isinstance(values, np.ndarray) else np.array(values)
-            for name, values in result.columns().items()
-        },
+        columns=columns,
     )
 
 
@@ -177,8 +186,3 @@ def _of_three(angles: FloatArray | None, end: int) -> FloatArray:
 def _known(values: FloatArray | None) -> FloatArray:
     assert values is not None  # an accelerometer shows up
     return values
-
-
-def _texts(words: Any) -> Any:
-    assert words is not None
-    return np.array(words)

@@ -1,9 +1,9 @@
 """The table of measurements and the table of results: what their columns are (``docs/tables.md``)."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,15 @@ ROLL_PITCH, YAW = (
     for angles in (("roll", "pitch"), ("yaw",))
 )
 ATTITUDE_ERRORS = ("error_rx", "error_ry", "error_rz")
+TURNS_REFERENCE, TURNS_BODY = (
+    tuple(f"turn_{axes}{axis}_{end}" for axis in "xyz" for end in ("from", "to")) for axes in "eb"
+)
+OWN_QUATERNION = ("own_qw", "own_qx", "own_qy", "own_qz")
+OWN_SHAPE = tuple(f"own_{name}" for name in ATTITUDE_SHAPE)
+_ANSWER_FORMS = ("turn_e_form", "turn_b_form", "vector_form", "own_form")
 _BEST = ("best_bound", "best_tilt_bound", "best_put_back")
-_NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST)
+_ANSWERS = (TURNS_REFERENCE, TURNS_BODY, OWN_QUATERNION, OWN_SHAPE)
+_NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST, *_ANSWER_FORMS)
 _TEXTS_OF_QUESTIONS = ("claim", "dropped", "chart", "up_claim", "best_tilt_claim", "best_from")
 
 
@@ -195,6 +202,28 @@ class Result:
     roll_pitch_yaw: FloatArray | None = None
     """Roll, pitch and yaw of the third reference axis as `ups` has it, and of the attitude: each angle, and between
     which ones the truth is, rad, shape (N, 9), in the order of the columns; None where up is not known."""
+    turns_reference: FloatArray | None = None
+    """Between which angles the turn about each reference axis from the estimate to the truth is, rad, shape (N, 6).
+
+    These and the following answer questions of their own, and are None if these were not asked.
+    """
+    turns_body: FloatArray | None = None
+    """The same about each body axis, shape (N, 6)."""
+    vector_ranges: FloatArray | None = None
+    """Between what each component of the angular velocity or the gyro bias is, rad/s, body axes, shape (N, 6)."""
+    own_quaternions: FloatArray | None = None
+    """(qw, qx, qy, qz) of the center of the attitude's own set, shape (N, 4)."""
+    own_shapes: FloatArray | None = None
+    """P of γ = 2 tan(θ/2) n about that center, rad², shape (N, 3, 3)."""
+    turns_reference_forms: FloatArray | None = None
+    """At most 1 where the turns of the truth about the reference axes are within theirs, NaN where the truth is not
+    known, shape (N,); this and the next three are None without a truth."""
+    turns_body_forms: FloatArray | None = None
+    """The same about the body axes, shape (N,)."""
+    vector_forms: FloatArray | None = None
+    """The same of the angular velocity or the gyro bias, shape (N,)."""
+    own_forms: FloatArray | None = None
+    """γᵀ P⁻¹ γ of the truth in the attitude's own set, shape (N,)."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -244,6 +273,7 @@ class Result:
             ("best_bound", self.best_bounds),
             ("best_tilt_bound", self.best_tilt_bounds),
             ("best_put_back", self.best_put_back),
+            *zip(_ANSWER_FORMS, self._answer_forms(), strict=True),
         ):
             _add(columns, (name,), None if values is None else values[:, None])
         _add(columns, HEADINGS, self.headings)
@@ -251,7 +281,15 @@ class Result:
         _add(columns, BEST_QUATERNION, self.best_quaternions)
         _add(columns, BEST_HEADINGS, self.best_headings)
         _add(columns, ROLL_PITCH + YAW, self.roll_pitch_yaw)
+        _add(columns, TURNS_REFERENCE, self.turns_reference)
+        _add(columns, TURNS_BODY, self.turns_body)
+        _add(columns, vector_ranges(self.vector), self.vector_ranges)
+        _add(columns, OWN_QUATERNION, self.own_quaternions)
+        _add(columns, OWN_SHAPE, None if self.own_shapes is None else self.own_shapes[:, *np.triu_indices(3)])
         return columns
+
+    def _answer_forms(self) -> tuple[FloatArray | None, ...]:
+        return (self.turns_reference_forms, self.turns_body_forms, self.vector_forms, self.own_forms)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
@@ -280,7 +318,7 @@ class Result:
         # Without a set, which such a table says, there is no estimate, and a bias may be none.
         guaranteed = "claim" in names
         further: list[tuple[str, ...]] = [(name,) for name in _NUMBERS_OF_QUESTIONS if name in names]
-        together = (HEADINGS, UP, BEST_QUATERNION, BEST_HEADINGS, ROLL_PITCH, YAW)
+        together = (HEADINGS, UP, BEST_QUATERNION, BEST_HEADINGS, ROLL_PITCH, YAW, *_ANSWERS, vector_ranges(vector))
         further += [several for several in together if several[0] in names]
         columns = read_columns(
             path,
@@ -323,7 +361,26 @@ class Result:
             best_from=tuple(columns["best_from"]) if "best_from" in names else None,
             best_put_back=columns.get("best_put_back"),
             roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in names else None,
+            turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
+            turns_body=stacked_if_there(columns, TURNS_BODY),
+            vector_ranges=stacked_if_there(columns, vector_ranges(vector)),
+            own_quaternions=stacked_if_there(columns, OWN_QUATERNION),
+            own_shapes=symmetric(columns, OWN_SHAPE) if OWN_SHAPE[0] in names else None,
+            turns_reference_forms=columns.get("turn_e_form"),
+            turns_body_forms=columns.get("turn_b_form"),
+            vector_forms=columns.get("vector_form"),
+            own_forms=columns.get("own_form"),
         )
+
+
+def vector_ranges(vector: VectorName) -> tuple[str, ...]:
+    """The columns of what each component of the angular velocity or the gyro bias is between."""
+    return tuple(f"{name}_{end}" for name in _VECTORS[vector] for end in ("from", "to"))
+
+
+def stacked_if_there(columns: Mapping[str, Any], names: tuple[str, ...]) -> FloatArray | None:
+    """The columns as one array, shape (N, len(names)); None if the table does not have them."""
+    return stacked(columns, names) if names[0] in columns else None
 
 
 def quaternions_from_attitudes(attitudes: FloatArray) -> FloatArray:

@@ -42,7 +42,12 @@ class ErrorAngles(NamedTuple):
     """And at most this; the middle of both is from −π to π."""
 
 
-def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None = None) -> ErrorAngles:
+def error_angles(
+    offsets: FloatArray,
+    shapes: FloatArray,
+    up: FloatArray | None = None,
+    principal: tuple[FloatArray, FloatArray] | None = None,
+) -> ErrorAngles:
     """How far attitudes are off at most and at least if the truth is in their sets.
 
     Parameters
@@ -53,6 +58,8 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
         P of the Gibbs vector, rad², positive semidefinite; NaN where there is no set.
     up : (n, 3) array, optional
         Unit vectors up in the body axes of the centers, Ĉᵀe.
+    principal : (n, 3) and (n, 3, 3) array, optional
+        Eigenvalues of the shapes and their eigenvectors as columns, if these are known.
 
     Returns
     -------
@@ -65,7 +72,8 @@ def error_angles(offsets: FloatArray, shapes: FloatArray, up: FloatArray | None 
         known &= np.isfinite(up).all(axis=1)
     if not known.any():
         return angles
-    squares, axes = _half_axes(shapes[known])
+    values, vectors = np.linalg.eigh(shapes[known]) if principal is None else (part[known] for part in principal)
+    squares, axes = _half_axes(values, vectors)
     # Everything in the axes of the shapes from here on.
     q = np.concatenate([offsets[known, :1], _turned(axes, offsets[known, 1:, None])[..., 0]], axis=1)
     total = largest_share(_times(np.broadcast_to(np.eye(3), (len(q), 3, 3)), q), squares)
@@ -115,7 +123,11 @@ def largest_share(basis: FloatArray, squares: FloatArray) -> FloatArray:
         # m = 1/(1 + e^-x), 1/(1-m) = 1 + e^x.
         growth = np.exp(x)
         weights = [1.0 + growth, *(of_axes / (of_axes + growth / (1.0 + growth)))]
-        return _largest_eigenvalue([sum(w * b for w, b in zip(weights, of, strict=True)) for of in products])
+        entries = [weights[0] * of[0] for of in products]
+        for entry, of in zip(entries, products, strict=True):
+            for weight, product in zip(weights[1:], of[1:], strict=True):
+                entry += weight * product
+        return _largest_eigenvalue(entries)
 
     low, high = np.full(len(basis), -_RANGE), np.full(len(basis), _RANGE)
     left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -170,9 +182,8 @@ def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) ->
     return middle, np.arctan2(root, 0.5 * (k11 + k22))
 
 
-def _half_axes(shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """aᵢ² (n, 3), enlarged by what rounding may do, and right-handed axes (n, 3, 3) as columns."""
-    values, axes = np.linalg.eigh(shapes)
+def _half_axes(values: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """aᵢ² (n, 3), enlarged by what rounding may do, and right-handed axes (n, 3, 3) as columns; by eigenvectors."""
     # Right-handed, because cross products follow.
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
     largest = np.maximum(values[:, -1:], np.finfo(np.float64).tiny)
@@ -214,9 +225,10 @@ def _largest_eigenvalue(entries: list[FloatArray]) -> FloatArray:
         return np.asarray(0.5 * (a + c) + np.hypot(0.5 * (a - c), b))
     a, d, b, f, e, c = entries
     mean = (a + b + c) / 3.0
-    spread = np.sqrt((((a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2) + 2.0 * (d * d + e * e + f * f)) / 6.0)
+    a, b, c = a - mean, b - mean, c - mean
+    spread = np.sqrt(((a * a + b * b + c * c) + 2.0 * (d * d + e * e + f * f)) / 6.0)
     scale = np.where(spread > 0.0, spread, 1.0)
-    a, b, c, d, e, f = ((a - mean) / scale, (b - mean) / scale, (c - mean) / scale, d / scale, e / scale, f / scale)
+    a, b, c, d, e, f = (entry / scale for entry in (a, b, c, d, e, f))
     cosine = 0.5 * (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)) + _SHARE
     return np.asarray(mean + 2.0 * spread * np.cos(np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0))
 
@@ -229,6 +241,8 @@ def _angle_of_sine(share: FloatArray) -> FloatArray:
 def _least_angles(basis: FloatArray, squares: FloatArray, outside: NDArray[np.bool_]) -> FloatArray:
     """The angle of cos²(θ/2), the largest share, downwards; 0 but in the rows outside."""
     angles = np.zeros(len(basis))
+    if not outside.any():
+        return angles
     share = largest_share(basis[outside], squares[outside])
     angles[outside] = np.maximum(2.0 * np.arccos(np.sqrt(share)) - ANGLE_ROUNDING, 0.0)
     return angles

@@ -1,6 +1,7 @@
 """How far another filter's attitude can be off at each row, where it is proved wrong, and where beyond a limit."""
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -21,8 +22,8 @@ QUESTIONS = ("total", "tilt", "heading")
 _UNCONDITIONAL, _NONE = CLAIMS.index("unconditional"), CLAIMS.index("none")
 # How far a quaternion may be from length 1.
 _LENGTH_TOLERANCE = 0.01
-# Rows whose matrices are in memory at once.
-_AT_ONCE = 100_000
+# Rows that are worked out at once: what is computed then stays near the processor.
+_AT_ONCE = 8192
 # How far two vectors that are the same may be apart by rounding.
 _SAME_VECTOR = 8.0 * float(np.finfo(np.float64).eps)
 
@@ -43,6 +44,14 @@ class Sets:
     """Of the tilt and heading of the centers, which say more than the sets; arrays of shape (n,)."""
     vertical: FloatArray | None = None
     """The vertical in reference axes that these are of, shape (3,)."""
+
+    @cached_property
+    def principal(self) -> tuple[FloatArray, FloatArray]:
+        """Eigenvalues of the shapes, increasing, (n, 3), and eigenvectors as columns, (n, 3, 3); NaN without a set."""
+        values, vectors = np.full(self.shapes.shape[:2], np.nan), np.full(self.shapes.shape, np.nan)
+        known = np.isfinite(self.shapes).all(axis=(1, 2))
+        values[known], vectors[known] = np.linalg.eigh(self.shapes[known])
+        return values, vectors
 
     @classmethod
     def of(cls, log: GuaranteedLog, vertical: ArrayLike | None = None) -> Self:
@@ -227,7 +236,8 @@ def monitor(
     for rows in np.array_split(np.flatnonzero(both), 1 + int(both.sum()) // _AT_ONCE):
         offsets = product(centers[rows] * [1.0, -1.0, -1.0, -1.0], estimated[rows])
         center_up = None if vertical is None else rotation_from_quaternion(centers[rows]).swapaxes(1, 2) @ vertical
-        found = error_angles(offsets, sets.shapes[rows], center_up)
+        values, vectors = sets.principal
+        found = error_angles(offsets, sets.shapes[rows], center_up, (values[rows], vectors[rows]))
         if center_up is not None and sets.bounds is not None:
             found = _narrowed(found, offsets, center_up, _bounds_about(sets, vertical, rows))
         for whole, some in zip(numbers, found, strict=True):

@@ -38,7 +38,7 @@ def put_back(sets: Sets, attitudes: AttitudeLike) -> tuple[FloatArray, NDArray[n
     offsets = product(centers[rows] * [1.0, -1.0, -1.0, -1.0], quaternions[rows])
     scalars, vectors = offsets[:, 0], offsets[:, 1:]
     # γ = 2v/w is inside if w is at least this long; a half turn, w = 0, never is.
-    values, axes = np.linalg.eigh(sets.shapes[rows])
+    values, axes = (part[rows] for part in sets.principal)
     along = np.einsum("nji,nj->ni", axes, vectors)
     reach = 2.0 * np.linalg.norm(along / np.sqrt(np.maximum(values, _FLAT * values[:, -1:])), axis=1)
     outside = reach > np.abs(scalars)

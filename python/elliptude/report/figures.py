@@ -142,6 +142,7 @@ def _error_columns(result: Result, axes: ErrorAxes, frame: str | None, heading_f
         result.chart,
         result.half_widths[:, :3],
         _known_errors(result, slice(0, 3)),
+        turns=result.turns_reference if axes == "reference" else result.turns_body,
         frame=frame,
         heading_from_start=heading_from_start,
     )
@@ -150,9 +151,17 @@ def _error_columns(result: Result, axes: ErrorAxes, frame: str | None, heading_f
     if np.isfinite(result.half_widths[:, 3:]).any():
         name, unit = ("gyro bias error", "beta") if result.vector == "bias" else ("angular velocity error", "omega")
         labels = tuple(rf"$\delta\{unit}_{axis}$ (deg/s)" for axis in "xyz")
-        bounds, errors = result.half_widths[:, 3:], _known_errors(result, slice(3, 6))
+        bounds, errors = _vector_bounds(result), _known_errors(result, slice(3, 6))
         found.append(_error_column(name, "body axes", labels, bounds, errors))
     return found
+
+
+def _vector_bounds(result: Result) -> FloatArray:
+    """How far the vector may be off: as it was asked by itself, or as the set says, rad/s, shape (N, 3)."""
+    if result.vector_ranges is None:
+        return result.half_widths[:, 3:]
+    ranges = result.vector_ranges.reshape(-1, 3, 2)
+    return np.asarray(np.abs(ranges - result.vectors[..., None]).max(axis=-1))
 
 
 def _known_errors(result: Result, part: slice) -> FloatArray | None:

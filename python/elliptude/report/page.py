@@ -9,12 +9,13 @@ import os
 from dataclasses import replace
 from html import escape
 from importlib import resources
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
+from elliptude.bounds.about_axes import ErrorAxes
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import PIECES, plots_over_time
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
@@ -49,8 +50,8 @@ def summarize(run: Run, label: str) -> dict[str, Any]:
         Angles in degrees, times in seconds.
     """
     known, count = run.known, len(run.times)
-    reference = replace(run, axes="reference").about_axes()
-    widths, largest = np.rad2deg(run.half_widths[known]), np.rad2deg(run.largest_angles[known])
+    reference, body = (replace(run, axes=axes).about_axes() for axes in get_args(ErrorAxes))
+    widths, largest = np.rad2deg(body.half_widths[known]), np.rad2deg(run.largest_angles[known])
     about_reference = np.rad2deg(reference.half_widths[known])
     compared, escaped = run.compared, run.escaped & run.compared
     spells = run.refusal_spells()
@@ -239,6 +240,8 @@ def _bands_note(run: Run) -> str:
     note = f"The turn from the estimate to the truth {phrase}, as a rotation vector. "
     if run.axes == "reference" and run.heading_from_start:
         note += f"X and Y are horizontal, by the heading that counts from the first row; {names[2]} is vertical. "
+    if run.about_axes().is_asked:
+        note += "The bands answer each axis by itself, and are narrower than the set, which answers all at once. "
     return note
 
 

@@ -39,9 +39,12 @@ from elliptude.io.tables import (
     HEADINGS,
     QUATERNION,
     ROLL_PITCH,
+    TURNS_BODY,
+    TURNS_REFERENCE,
     UP,
     YAW,
     attitudes_from_quaternions,
+    stacked_if_there,
 )
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.body_axes import turns
@@ -146,6 +149,10 @@ class Run:
     """What that rests on, in the words of ``claims``."""
     roll_pitch_yaw: FloatArray | None = None
     """Roll, pitch and yaw, each with the angles between which the truth is, rad, shape (N, 9)."""
+    turns_reference: FloatArray | None = None
+    """From and to which angle the turn about each reference axis is, rad, shape (N, 6); None if it was not asked."""
+    turns_body: FloatArray | None = None
+    """The same about each body axis, shape (N, 6)."""
     listed: DroppedMeasurements | None = None
     """Every measurement that was left out by itself; None without a list."""
     void: tuple[str, ...] = ()
@@ -204,6 +211,7 @@ class Run:
             self.chart,
             self.half_widths,
             self.errors,
+            turns=self.turns_reference if self.axes == "reference" else self.turns_body,
             frame=self.frame,
             heading_from_start=self.heading_from_start,
         )
@@ -372,14 +380,11 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
-    with_headings, with_up, with_yaw = (one[0] in names for one in (HEADINGS, UP, YAW))
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
         + [ATTITUDE_ERRORS] * with_errors
-        + [HEADINGS] * with_headings
-        + [UP] * with_up
-        + [ROLL_PITCH, YAW] * with_yaw
+        + [one for one in (HEADINGS, UP, ROLL_PITCH, YAW, TURNS_REFERENCE, TURNS_BODY) if one[0] in names]
         + [(name,) for name in further],
         texts=("used", "refused", *texts),
     )
@@ -411,11 +416,13 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         reference_error=math.radians(summary.truth_error_deg),
         prediction_used=columns.get("prediction_used"),
         tilt_bounds=columns.get("tilt_bound"),
-        headings=stacked(columns, HEADINGS) if with_headings else None,
-        ups=stacked(columns, UP) if with_up else None,
+        headings=stacked_if_there(columns, HEADINGS),
+        ups=stacked_if_there(columns, UP),
         up_bounds=columns.get("up_bound"),
         up_claims=up_claims,
-        roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if with_yaw else None,
+        roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in columns else None,
+        turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
+        turns_body=stacked_if_there(columns, TURNS_BODY),
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
         void=summary.void,
         heading_from_start=summary.heading_from_start,

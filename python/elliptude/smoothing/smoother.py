@@ -57,16 +57,18 @@ def smooth(log: Log, configuration: Configuration) -> Estimation:
 
 
 def require_guaranteed(configuration: Configuration) -> None:
-    """Refuse a configuration of another mode.
+    """Refuse a configuration of another mode, or with questions, which both passes do not answer together.
 
     Raises
     ------
     ValueError
-        If it is.
+        If it is one.
     """
     mode = configuration.estimator.mode
     if mode != "guaranteed":
         raise ValueError(f"smoothing needs estimator.mode = 'guaranteed', not {mode!r}")
+    if configuration.estimator.questions:
+        raise ValueError("estimator.questions are asked of one pass forward, not of two: leave them out, or smoothing")
 
 
 def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:

@@ -233,7 +233,7 @@ def second_order_of(matrix, piece, row, duration, *, triangular):
     """The bound of second order of one window, with all that goes into it."""
     window = piece.window(np.array([row]), duration, "middle")
     average = list(piece.averages(window, triangular=True))[int(triangular)]
-    rising, falling = weighted(matrix._once, matrix._twice, window, triangular=triangular)
+    rising, falling = weighted(matrix._once, matrix._twice if triangular else None, window)
     return window, matrix._second_order_bounds(window, average, np.array([0]), rising + falling)[0]
 
 

@@ -137,6 +137,23 @@ def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
     np.testing.assert_allclose(by_hand.attitudes[:250], np.tile(np.eye(3), (250, 1, 1)), atol=0.02)
 
 
+def test_questions_are_more_columns(recording, by_hand):
+    times, rates, forces, fields, attitudes = recording
+    found = el.ahrs(times, rates, forces, fields, mag_unit="uT", questions=["body_turns", "attitude"])
+    for name, column in by_hand.columns.items():
+        np.testing.assert_array_equal(found.columns[name], column, err_msg=name)
+    new = set(found.columns) - set(by_hand.columns)
+    assert {"turn_bx_from", "turn_bz_to", "own_qw", "own_P33"} <= new
+    assert not any(name.startswith(("turn_e", "bias_x_")) for name in new)
+    gibbs = 2.0 * el.cayley_inverse(found.attitudes.swapaxes(1, 2) @ attitudes)
+    for axis, name in enumerate("xyz"):
+        turned = 2.0 * np.arctan(0.5 * gibbs[:, axis])
+        assert (found.columns[f"turn_b{name}_from"] <= turned).all()
+        assert (turned <= found.columns[f"turn_b{name}_to"]).all()
+    with pytest.raises(ValueError, match=r"questions: 'vector' is none of reference_turns, body_turns, attitude"):
+        el.ahrs(times, rates, forces, fields, mag_unit="uT", questions=["vector"])
+
+
 def test_units_and_kinds_of_arrays_do_not_matter(recording, by_hand):
     times, rates, forces, fields, _ = recording
     other = el.ahrs(
