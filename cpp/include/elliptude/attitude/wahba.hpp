@@ -379,13 +379,11 @@ template <typename Reference, typename Body, typename Weights>
                                  const Eigen::MatrixBase<Weights>& weights, WahbaMethod method,
                                  WahbaSolution<typename Reference::Scalar>& solution) noexcept {
   using Scalar = typename Reference::Scalar;
-  WahbaSolution<Scalar> result;
   if (method == WahbaMethod::foam && reference.rows() == 3 && body.rows() == 3 && reference.cols() == body.cols() &&
       weights.size() == reference.cols()) {
     const detail::DirectionColumns<Reference, Body, Weights> columns{reference.derived(), body.derived(),
                                                                      weights.derived()};
-    if (detail::quick_foam<Scalar>(columns, reference.cols(), result)) {
-      solution = result;
+    if (detail::quick_foam<Scalar>(columns, reference.cols(), solution)) {
       return Status::ok;
     }
   }
@@ -393,6 +391,7 @@ template <typename Reference, typename Body, typename Weights>
   if (const Status status = attitude_profile(reference, body, weights, profile); status != Status::ok) {
     return status;
   }
+  WahbaSolution<Scalar> result;
   if (const Status status = attitude_of_profile(profile, method, result.attitude, result.condition);
       status != Status::ok) {
     return status;

@@ -214,8 +214,9 @@ template <typename Scalar, typename Directions>
   return scalar::constant<Scalar>(0.5L) * sum(squares);
 }
 
-/// Solves Wahba's problem. What it writes where its answer does not hold has no meaning, and is no reason to fail.
-/// \param solution a `WahbaSolution`.
+/// Solves Wahba's problem.
+/// \param solution a `WahbaSolution`; one of numbers changes only if the answer holds, and of packs those lanes have no meaning where it does
+/// not.
 /// \return where the answer holds: the numbers have usual sizes, and the condition is moderate.
 template <typename Scalar, typename Directions, typename Solution>
 [[nodiscard]] Truth<Scalar> quick_foam(const Directions& directions, Eigen::Index count, Solution& solution) noexcept {
@@ -224,13 +225,19 @@ template <typename Scalar, typename Directions, typename Solution>
   const Columns<Scalar>& l = profile.l;
   const Columns<Scalar> k = cofactors(l);
   const QuickRoot<Scalar> root = quick_root<Scalar>(sum_of_squares(l), dot(l[0], k[0]), sum_of_squares(k));
+  const Truth<Scalar> holds = profile.usual && root.settled;
+  if constexpr (std::is_same_v<Truth<Scalar>, bool>) {
+    if (!holds) {
+      return false;
+    }
+  }
   const Columns<Scalar> c = quick_attitude(l, k, root);
   solution.condition = quick_condition(c, l, root.lambda);
   solution.cost = quick_cost(directions, count, profile, c);
   for (int j = 0; j < 3; ++j) {
     solution.attitude.col(j) = c[static_cast<std::size_t>(j)].vector();
   }
-  return profile.usual && root.settled;
+  return holds;
 }
 
 }  // namespace elliptude::detail
