@@ -156,7 +156,7 @@ template <typename Scalar>
   return {inner * p[0] + outer * q[0], inner * p[1] + outer * q[1], inner * p[2] + outer * q[2]};
 }
 
-/// cos(⅔ arccos c) of two numbers c from 0 to 1, within 4e-9: the polynomial of degree eight that is nearest to it.
+/// cos(⅔ arccos c) of two numbers c from 0 to 1, within 1e-10: the polynomial of degree ten that is nearest to it.
 template <typename Scalar>
 [[nodiscard]] EIGEN_ALWAYS_INLINE Eigen::Array<Scalar, 2, 1> cosines_of_two_thirds(
     const Eigen::Array<Scalar, 2, 1>& c) noexcept {
@@ -167,10 +167,12 @@ template <typename Scalar>
   const Pair c2 = c * c;
   const Pair c4 = c2 * c2;
   const Pair low =
-      line(0.500000003733184245L, 0.57734966139841111L) + c2 * line(-0.111094492767438346L, 0.053279350849813718L);
-  const Pair high = line(-0.0319254121449798519L, 0.0196003209395859883L) +
-                    c2 * line(-0.0102375083307082449L, 0.00365411956894458809L);
-  return low + c4 * (high + c4 * scalar::constant<Scalar>(-0.000626045323463153556L));
+      line(0.500000000081081761L, 0.577350249499929925L) + c2 * line(-0.111110309747589829L, 0.0534454428329556135L);
+  const Pair middle = line(-0.032813031093264125L, 0.0223199087402349947L) +
+                      c2 * line(-0.0152799864586514633L, 0.00937812832321461991L);
+  const Pair high = line(-0.00448529251464878517L, 0.00140248640659392743L) +
+                    c2 * scalar::constant<Scalar>(-0.000207596114160589143L);
+  return low + c4 * (middle + c4 * high);
 }
 
 /// The largest over the smallest of λ − σ, with the eigenvalues σ of A = CᵀL in closed form: those of CᵀL − ⅓λI have the same squares
