@@ -60,6 +60,8 @@ class Items {
   [[nodiscard]] Index count() const noexcept { return count_of(leading_); }
 
   [[nodiscard]] const double* operator[](Index i) const noexcept { return data_ + i * stride_; }
+  /// Numbers from one item to the next; none where all items of a batch are the same.
+  [[nodiscard]] Index stride() const noexcept { return stride_; }
   [[nodiscard]] double number(Index i) const noexcept { return *(*this)[i]; }
   template <int Size>
   [[nodiscard]] Vector<double, Size> vector(Index i) const noexcept {

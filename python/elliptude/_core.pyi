@@ -276,6 +276,8 @@ def wahba(
     body: ArrayLike,
     weights: ArrayLike | None = None,
     method: Literal["svd", "foam", "davenport", "qr"] = "svd",
+    *,
+    threads: int | None = None,
 ) -> WahbaSolution: ...
 def wahba_set(
     reference: ArrayLike,

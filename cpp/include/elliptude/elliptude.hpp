@@ -58,6 +58,7 @@
 #if defined(__GNUC__)  // and Clang: their vectors
 #include "elliptude/ensemble/pack.hpp"
 #include "elliptude/ensemble/ensemble.hpp"
+#include "elliptude/ensemble/wahba.hpp"
 #endif
 
 #include "elliptude/first_order/flow.hpp"

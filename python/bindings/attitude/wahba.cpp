@@ -2,7 +2,9 @@
 #include <elliptude/attitude/wahba_set.hpp>
 
 #include "arrays.hpp"
+#include "dynamics/ensemble_kernel.hpp"
 #include "module.hpp"
+#include "threads.hpp"
 
 namespace elliptude::python {
 
@@ -67,50 +69,103 @@ using Directions = Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic>>;
   return weights;
 }
 
-[[nodiscard]] py::object solve(const py::object& reference, const py::object& body, const py::object& weights,
-                               const std::string& method) {
-  const WahbaMethod chosen = method_of(method);
-  Items bodies = directions_argument(body, "body", any_length);
-  const Index m = bodies.item()[0];
-  Items references = directions_argument(reference, "reference", m);
-  Items factors = weights_argument(weights, m);
-  const Shape leading = broadcast({&references, &bodies, &factors});
-  Results attitude(leading, {3, 3});
-  Results cost(leading, {});
-  Results condition(leading, {});
-  {
-    const py::gil_scoped_release release;
-    const Index count = count_of(leading);
-    for (Index i = 0; i < count; ++i) {
-      const Directions e(references[i], 3, m);
-      const Directions b(bodies[i], 3, m);
-      const Eigen::Map<const Eigen::VectorXd> w(factors[i], m);
+/// Problems, broadcast, and where their solutions go.
+struct WahbaCall {
+  Items& references;
+  Items& bodies;
+  Items& weights;
+  Index m;
+  Results attitude;
+  Results cost;
+  Results condition;
+
+  /// \param failed the first problem without a solution, unless all have one.
+  [[nodiscard]] Status solve_alone(WahbaMethod method, Index first, Index size, Index& failed) noexcept {
+    for (Index i = first; i < first + size; ++i) {
       WahbaSolution<double> solution;
-      const Status status = solve_wahba(e, b, w, chosen, solution);
-      if (status == Status::improper_profile) {
-        Matrix3<double> profile;
-        raise_unless_ok(attitude_profile(e, b, w, profile), bodies.label(i));
-        value_error(bodies.label(i) +
-                    ": method 'qr' needs an attitude profile L with det L > 0 that is not singular, but "
-                    "det L is " +
-                    text(profile.determinant()) + "; use 'svd' or 'davenport'");
-      }
-      if (status == Status::attitude_undetermined) {
-        value_error(bodies.label(i) +
-                    " does not determine the attitude: the directions are collinear, or contradict each "
-                    "other (condition beyond the limit " +
-                    text(wahba_condition_limit<double>()) + ")");
-      }
-      if (status != Status::ok) {
-        raise(status, bodies.label(i));
+      if (const Status status = solve_wahba(Directions(references[i], 3, m), Directions(bodies[i], 3, m),
+                                            Eigen::Map<const Eigen::VectorXd>(weights[i], m), method, solution);
+          status != Status::ok) {
+        failed = i;
+        return status;
       }
       attitude.set(i, solution.attitude);
       cost.set(i, solution.cost);
       condition.set(i, solution.condition);
     }
+    return Status::ok;
+  }
+
+  /// Several problems in one register.
+  [[nodiscard]] Status solve_together(elliptude_kernels::SolveWahba kernel, Index first, Index size,
+                                      Index& failed) noexcept {
+    const elliptude_kernels::Outcome outcome = kernel(
+        {references[first], bodies[first], weights[first], references.stride(), bodies.stride(), weights.stride(), m},
+        static_cast<std::size_t>(size), {attitude[first], cost[first], condition[first]});
+    failed = first + static_cast<Index>(outcome.body);
+    return static_cast<Status>(outcome.status);
+  }
+};
+
+/// \throws ValueError, what is wrong with problem i.
+[[noreturn]] void raise_wahba(const WahbaCall& call, Index i, Status status) {
+  const std::string label = call.bodies.label(i);
+  if (status == Status::improper_profile) {
+    Matrix3<double> profile;
+    raise_unless_ok(attitude_profile(Directions(call.references[i], 3, call.m), Directions(call.bodies[i], 3, call.m),
+                                     Eigen::Map<const Eigen::VectorXd>(call.weights[i], call.m), profile),
+                    label);
+    value_error(label + ": method 'qr' needs an attitude profile L with det L > 0 that is not singular, but det L is " +
+                text(profile.determinant()) + "; use 'svd' or 'davenport'");
+  }
+  if (status == Status::attitude_undetermined) {
+    value_error(
+        label +
+        " does not determine the attitude: the directions are collinear, or contradict each other (condition beyond "
+        "the limit " +
+        text(wahba_condition_limit<double>()) + ")");
+  }
+  raise(status, label);
+}
+
+[[nodiscard]] py::object solve(const py::object& reference, const py::object& body, const py::object& weights,
+                               const std::string& method, const py::object& threads) {
+  const WahbaMethod chosen = method_of(method);
+  // The core looks at each number; only after it has refused one is looked for what to say.
+  Items bodies(body, "body", {any_length, 3}, Items::Require::anything);
+  const Index m = bodies.item()[0];
+  Items references(reference, "reference", {m, 3}, Items::Require::anything);
+  Items factors(weights.is_none() ? py::object(to_array(Eigen::VectorXd(Eigen::VectorXd::Ones(m)))) : weights,
+                "weights", {m}, Items::Require::anything);
+  const Shape leading = broadcast({&references, &bodies, &factors});
+  const Index count = count_of(leading);
+  const elliptude_kernels::SolveWahba kernel =
+      chosen == WahbaMethod::foam ? elliptude_kernels::widest().solve_wahba : nullptr;
+  // A thread is worth its start for half a millisecond of work.
+  const Index taken = thread_count(threads, static_cast<double>(count * m) / (kernel != nullptr ? 1 << 16 : 1 << 12));
+  WahbaCall call{references, bodies, factors, m, Results(leading, {3, 3}), Results(leading, {}), Results(leading, {})};
+  FirstFailure failure;
+  {
+    const py::gil_scoped_release release;
+    constexpr Index block = 256;
+    in_blocks(count, block, taken, [&](Index first, Index size) {
+      Index at = first;
+      const Status status =
+          kernel != nullptr ? call.solve_together(kernel, first, size, at) : call.solve_alone(chosen, first, size, at);
+      if (status != Status::ok) {
+        failure.note(at, status);
+      }
+      return status == Status::ok;
+    });
+  }
+  if (failure.status() != Status::ok) {
+    static_cast<void>(directions_argument(body, "body", any_length));
+    static_cast<void>(directions_argument(reference, "reference", m));
+    static_cast<void>(weights_argument(weights, m));
+    raise_wahba(call, failure.item(), failure.status());
   }
   return py::module_::import("elliptude.results")
-      .attr("WahbaSolution")(attitude.object(), cost.object(), condition.object());
+      .attr("WahbaSolution")(call.attitude.object(), call.cost.object(), call.condition.object());
 }
 
 [[nodiscard]] py::tuple complete(const py::object& reference, const py::object& body) {
@@ -269,13 +324,15 @@ template <typename Chart>
 
 void define_wahba(py::module_& module) {
   module.def("wahba", &solve, py::arg("reference"), py::arg("body"), py::arg("weights") = py::none(),
-             py::arg("method") = "svd", R"(wahba(reference, body, weights=None, method='svd')
+             py::arg("method") = "svd", py::kw_only(), py::arg("threads") = py::none(),
+             R"(wahba(reference, body, weights=None, method='svd', *, threads=None)
 --
 
 The attitude C that minimises ½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² (paper, §2.1, eq. wahba).
 
 Directions are rows. They need not be of unit length: only their direction counts. The leading shapes of all arguments
-broadcast.
+broadcast: many problems are solved in one call, on several threads, and with 'foam' several go through one SIMD register. The numbers
+depend on neither, and not on how many problems there are.
 
 Parameters
 ----------
@@ -289,6 +346,8 @@ method : {'svd', 'foam', 'davenport', 'qr'}, optional
     'svd' is Markley's; 'foam' his fast one, which falls back on 'svd' where the condition may be above a thousand, and whose
     ``condition`` is right to half of the digits; 'davenport' the q-method; 'qr' the paper's Theorem 1 (eq. soln), which applies only if
     L = Σ wᵢ eᵢ b̃ᵢᵀ has det L > 0. All find the same attitude where they apply.
+threads : int, optional
+    As many as there are processors and as the work is worth, unless given.
 
 Returns
 -------

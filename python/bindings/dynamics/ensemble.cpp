@@ -4,8 +4,6 @@
 #include <chrono>
 #include <elliptude/dynamics/linearization.hpp>
 #include <exception>
-#include <limits>
-#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -13,30 +11,39 @@
 #include "dynamics/integrator.hpp"
 #include "module.hpp"
 #include "signals.hpp"
+#include "threads.hpp"
 
 namespace elliptude_kernels {
 
-Move widest() noexcept {
+Kernels widest() noexcept {
 #if defined(__GNUC__) && defined(__x86_64__)
   static const bool has_avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq");
   static const bool has_avx2 = __builtin_cpu_supports("avx2");
   if (has_avx512) {
-    return &move_avx512;
+    return {&move_avx512, &solve_wahba_avx512};
   }
   if (has_avx2) {
-    return &move_avx2;
+    return {&move_avx2, &solve_wahba_avx2};
   }
 #endif
 #if defined(__GNUC__)
-  return &move_baseline;
+  return {&move_baseline, &solve_wahba_baseline};
 #else
-  return nullptr;
+  return {nullptr, nullptr};
 #endif
 }
 
 }  // namespace elliptude_kernels
 
 namespace elliptude::python {
+
+Index thread_count(const py::object& threads, double worth) {
+  if (!threads.is_none()) {
+    return positive_count(threads, "threads");
+  }
+  const double processors = std::max(1.0, 1.0 * std::thread::hardware_concurrency());
+  return static_cast<Index>(std::clamp(worth, 1.0, processors));
+}
 
 namespace {
 
@@ -71,25 +78,6 @@ struct Moved {
   [[nodiscard]] RigidBodyState<double> state(Index i) noexcept {
     return {Eigen::Map<const RowMajor3>(attitudes[i]), Eigen::Map<const Vector3<double>>(rates[i])};
   }
-};
-
-/// The first body that failed, whichever thread saw it.
-class FirstFailure {
- public:
-  void note(Index body, Status status) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (body < body_) {
-      body_ = body;
-      status_ = status;
-    }
-  }
-  [[nodiscard]] Index body() const noexcept { return body_; }
-  [[nodiscard]] Status status() const noexcept { return status_; }
-
- private:
-  std::mutex mutex_;
-  Index body_ = std::numeric_limits<Index>::max();
-  Status status_ = Status::ok;
 };
 
 /// Moves all bodies, in groups that threads take one after another. What a body gets depends neither on its group, nor on the
@@ -184,7 +172,7 @@ class Run {
   long steps_;
   Moved& moved_;
   bool linearized_;
-  elliptude_kernels::Move move_ = elliptude_kernels::widest();
+  elliptude_kernels::Move move_ = elliptude_kernels::widest().move;
   std::atomic<Index> next_{0};
   std::atomic<bool> stopped_{false};
   std::atomic<int> others_at_work_{0};
@@ -232,12 +220,10 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
   // A thread is worth its start for half a millisecond of work.
   constexpr double least_steps = 1 << 14;
   const double worth = static_cast<double>(start.count()) * static_cast<double>(step_count) / least_steps;
-  const double processors = std::max(1.0, 1.0 * std::thread::hardware_concurrency());
-  const Index thread_count =
-      threads.is_none() ? static_cast<Index>(std::clamp(worth, 1.0, processors)) : positive_count(threads, "threads");
+  const Index taken = thread_count(threads, worth);
   Moved moved(start, linearized);
   Settings settings{};
-  if (self.is_exact || elliptude_kernels::widest() == nullptr || !(*self.potential).describe(settings)) {
+  if (self.is_exact || elliptude_kernels::widest().move == nullptr || !(*self.potential).describe(settings)) {
     move_alone(self, start, step_count, moved, linearized);
     return moved;
   }
@@ -247,10 +233,10 @@ void move_alone(const Integrator& self, const InitialStates& start, long steps, 
   Run run(self, settings, start, step_count, moved, linearized);
   {
     const py::gil_scoped_release release;
-    run.on(thread_count);
+    run.on(taken);
   }
   if (run.failure().status() != Status::ok) {
-    const Index body = run.failure().body();
+    const Index body = run.failure().item();
     raise_integration(run.failure().status(), Failure(), self, moved.state(body), start.where(body));
   }
   return moved;

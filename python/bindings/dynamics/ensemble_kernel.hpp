@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Many bodies moved at a time, by code for the processor's instruction set. Plain numbers go in and out: each set compiles the
+/// Many bodies moved at a time, and many of Wahba's problems solved, by code for the processor's instruction set. Plain numbers go in and out: each set compiles the
 /// library and Eigen in namespaces of its own, so that no function compiled for one can be linked into code for another.
 
 #include <cstddef>
@@ -50,16 +50,46 @@ constexpr std::size_t most = 64;
 /// Moves up to `most` bodies.
 using Move = Outcome (*)(const Settings&, long steps, const Bodies&, std::size_t count, const Stop&) noexcept;
 
+/// Wahba's problems of as many directions each: where the first one's numbers are, and how many numbers there are from one problem to the
+/// next.
+struct WahbaInput {
+  const double* reference;
+  const double* body;
+  const double* weights;
+  std::ptrdiff_t reference_stride;
+  std::ptrdiff_t body_stride;
+  std::ptrdiff_t weights_stride;
+  std::ptrdiff_t directions;
+};
+
+/// For each problem, out; an attitude by rows.
+struct WahbaOutput {
+  double* attitude;  ///< 9 numbers each
+  double* cost;
+  double* condition;
+};
+
+/// Solves problems by `WahbaMethod::foam`, up to the first that has no solution.
+using SolveWahba = Outcome (*)(const WahbaInput&, std::size_t count, const WahbaOutput&) noexcept;
+
+struct Kernels {
+  Move move;
+  SolveWahba solve_wahba;
+};
+
 Outcome move_baseline(const Settings& settings, long steps, const Bodies& bodies, std::size_t count,
                       const Stop& stop) noexcept;
+Outcome solve_wahba_baseline(const WahbaInput& input, std::size_t count, const WahbaOutput& output) noexcept;
 #if defined(__x86_64__)
 Outcome move_avx2(const Settings& settings, long steps, const Bodies& bodies, std::size_t count,
                   const Stop& stop) noexcept;
+Outcome solve_wahba_avx2(const WahbaInput& input, std::size_t count, const WahbaOutput& output) noexcept;
 Outcome move_avx512(const Settings& settings, long steps, const Bodies& bodies, std::size_t count,
                     const Stop& stop) noexcept;
+Outcome solve_wahba_avx512(const WahbaInput& input, std::size_t count, const WahbaOutput& output) noexcept;
 #endif
 
-/// For the widest registers that this processor has; null where the compiler has no vectors.
-[[nodiscard]] Move widest() noexcept;
+/// Those for the widest registers that this processor has; null where the compiler has no vectors.
+[[nodiscard]] Kernels widest() noexcept;
 
 }  // namespace elliptude_kernels

@@ -1,4 +1,5 @@
-#define ELLIPTUDE_KERNEL move_avx512
+#define ELLIPTUDE_MOVE move_avx512
+#define ELLIPTUDE_SOLVE_WAHBA solve_wahba_avx512
 #define ELLIPTUDE_WIDTH 8
 #define elliptude elliptude_avx512
 #define Eigen Eigen_avx512

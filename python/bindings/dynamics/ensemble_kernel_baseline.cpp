@@ -1,4 +1,5 @@
-#define ELLIPTUDE_KERNEL move_baseline
+#define ELLIPTUDE_MOVE move_baseline
+#define ELLIPTUDE_SOLVE_WAHBA solve_wahba_baseline
 #define ELLIPTUDE_WIDTH 2
 #define elliptude elliptude_baseline
 #define Eigen Eigen_baseline

@@ -1,10 +1,11 @@
 /// \file
-/// A kernel of ensemble_kernel.hpp for the instruction set that this is compiled for. Before it is included: ELLIPTUDE_KERNEL, the
-/// function's name; ELLIPTUDE_WIDTH, how many numbers a register holds; names of their own for `elliptude` and `Eigen`.
+/// The kernels of ensemble_kernel.hpp for the instruction set that this is compiled for. Before it is included: ELLIPTUDE_MOVE and
+/// ELLIPTUDE_SOLVE_WAHBA, the functions' names; ELLIPTUDE_WIDTH, how many numbers a register holds; names of their own for `elliptude` and `Eigen`.
 
 #define EIGEN_DONT_VECTORIZE  // the packs are what is vectorised
 #include <array>
 #include <elliptude/ensemble/ensemble.hpp>
+#include <elliptude/ensemble/wahba.hpp>
 
 #include "dynamics/ensemble_kernel.hpp"
 
@@ -53,8 +54,8 @@ template <template <typename> class Potential>
 
 }  // namespace
 
-Outcome ELLIPTUDE_KERNEL(const Settings& settings, long steps, const Bodies& bodies, std::size_t count,
-                         const Stop& stop) noexcept {
+Outcome ELLIPTUDE_MOVE(const Settings& settings, long steps, const Bodies& bodies, std::size_t count,
+                       const Stop& stop) noexcept {
   RigidBody<double> body;
   if (const Status status = RigidBody<double>::make(matrix(settings.inertia), body); status != Status::ok) {
     return {static_cast<int>(status), 0};
@@ -81,6 +82,28 @@ Outcome ELLIPTUDE_KERNEL(const Settings& settings, long steps, const Bodies& bod
     }
   }
   return move(body, FreeBody<double>(), settings, steps, bodies, count, stop);
+}
+
+Outcome ELLIPTUDE_SOLVE_WAHBA(const WahbaInput& input, std::size_t count, const WahbaOutput& output) noexcept {
+  std::array<WahbaSolution<double>, most> solutions;
+  WahbaProblems<double> problems{input.reference,   input.body,           input.weights,   input.reference_stride,
+                                 input.body_stride, input.weights_stride, input.directions};
+  for (std::size_t begin = 0; begin < count; begin += most) {
+    const std::size_t size = count - begin < most ? count - begin : most;
+    const EnsembleStatus done = solve_wahba_problems<ELLIPTUDE_WIDTH>(problems, size, solutions.data());
+    for (std::size_t i = 0; i < done.member; ++i) {
+      Eigen::Map<RowMajor3>(output.attitude + 9 * (begin + i)) = solutions[i].attitude;
+      output.cost[begin + i] = solutions[i].cost;
+      output.condition[begin + i] = solutions[i].condition;
+    }
+    if (done.status != Status::ok) {
+      return {static_cast<int>(done.status), begin + done.member};
+    }
+    problems.reference += static_cast<std::ptrdiff_t>(size) * problems.reference_stride;
+    problems.body += static_cast<std::ptrdiff_t>(size) * problems.body_stride;
+    problems.weights += static_cast<std::ptrdiff_t>(size) * problems.weights_stride;
+  }
+  return {static_cast<int>(Status::ok), count};
 }
 
 }  // namespace elliptude_kernels

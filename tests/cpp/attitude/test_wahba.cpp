@@ -201,6 +201,119 @@ TEST_CASE_TEMPLATE("FOAM is as right as the decomposition up to a condition of a
   CHECK(worst < 5);
 }
 
+namespace {
+
+/// Random directions of any length, each way of being hard in turn: no noise to much noise, nearly collinear ones, and nearly
+/// coplanar ones of which the body's are mirrored, so that det L < 0.
+Problem varied(Random& random, int kind) {
+  const auto count = static_cast<Eigen::Index>(2 + random.uniform(0, 19));
+  Problem p{Directions(3, count), Directions(3, count), Eigen::VectorXd(count)};
+  const Matrix3<double> attitude = random.rotation();
+  const Vector3<double> axis = random.unit_vector<3>();
+  const double noise = std::array<double, 6>{0, 1e-6, 1e-2, 0.1, 0.01, 0.03}[static_cast<std::size_t>(kind)];
+  const double close = kind == 4 ? random.log_uniform(1e-3, 1) : 1;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    Vector3<double> e = (kind == 4 ? axis : Vector3<double>::Zero()) + close * random.normal_matrix<3>();
+    Vector3<double> seen = e;
+    if (kind == 5) {
+      e -= 0.95 * e.dot(axis) * axis;
+      seen = e - 2 * e.dot(axis) * axis;
+    }
+    p.reference.col(i) = random.log_uniform(0.01, 100) * e;
+    p.body.col(i) = random.log_uniform(0.01, 100) *
+                    (attitude.transpose() * seen + noise * close * seen.norm() * random.normal_matrix<3>());
+    p.weights(i) = random.log_uniform(0.01, 100);
+  }
+  return p;
+}
+
+template <typename Scalar>
+using ColumnsOf = detail::DirectionColumns<Matrix<Scalar, 3, Eigen::Dynamic>, Matrix<Scalar, 3, Eigen::Dynamic>,
+                                           Vector<Scalar, Eigen::Dynamic>>;
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("where the quick way answers it is as right as the decomposition", Scalar, float, double) {
+  Random random(73);
+  const double epsilon = static_cast<double>(std::numeric_limits<Scalar>::epsilon());
+  for (int kind = 0; kind < 6; ++kind) {
+    double worst = 0;
+    int solved = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const Problem p = varied(random, kind);
+      const Matrix<Scalar, 3, Eigen::Dynamic> reference = p.reference.cast<Scalar>();
+      const Matrix<Scalar, 3, Eigen::Dynamic> body = p.body.cast<Scalar>();
+      const Vector<Scalar, Eigen::Dynamic> weights = p.weights.cast<Scalar>();
+      WahbaSolution<Scalar> found;
+      if (!detail::quick_foam<Scalar>(ColumnsOf<Scalar>{reference, body, weights}, reference.cols(), found)) {
+        continue;
+      }
+      ++solved;
+      WahbaSolution<long double> exact;
+      REQUIRE(solve_wahba(reference.template cast<long double>(), body.template cast<long double>(),
+                          weights.template cast<long double>(), WahbaMethod::svd, exact) == Status::ok);
+      const auto condition = static_cast<double>(exact.condition);
+      const auto error = static_cast<double>((found.attitude.template cast<long double>() - exact.attitude).norm());
+      worst = std::fmax(worst, error / (condition * epsilon));
+      const double defect = static_cast<double>(
+          (found.attitude.transpose() * found.attitude - Matrix3<Scalar>::Identity()).cwiseAbs().maxCoeff());
+      REQUIRE(defect <= 6 * epsilon);
+      // Each residual is right to rounding of one, and so is its square where it is small.
+      const double total = p.weights.sum();
+      const auto cost = static_cast<double>(exact.cost);
+      REQUIRE(std::abs(static_cast<double>(found.cost) - cost) <=
+              4 * epsilon * (std::sqrt(cost * total) + epsilon * total * condition * condition));
+      REQUIRE(static_cast<double>(found.condition) ==
+              doctest::Approx(condition).epsilon(std::sqrt(epsilon) * condition));
+    }
+    MESSAGE("kind " << kind << ": largest error over condition and epsilon " << worst << ", of " << solved);
+    CHECK(solved > (kind == 4 ? 500 : 1500));
+    CHECK(worst < 3);
+  }
+}
+
+TEST_CASE_TEMPLATE("Halley's steps end at the largest root from above", Scalar, float, double) {
+  Random random(74);
+  int settled = 0;
+  for (int i = 0; i < 20000; ++i) {
+    // Singular values, the last of either sign, of weights whose sum is one: their sum is at most one.
+    const double first = random.uniform(0.3, 1);
+    const double second = first * random.uniform(0.01, 1);
+    const double third = second * random.uniform(-1, 1);
+    const double exact = 1 - random.log_uniform(1e-9, 0.5);
+    const Vector3<double> s = exact / (first + second + third) * Vector3<double>(first, second, third);
+    const double determinant = s.prod();
+    const double adjugate = std::pow(s(0) * s(1), 2) + std::pow(s(1) * s(2), 2) + std::pow(s(2) * s(0), 2);
+    const detail::QuickRoot<Scalar> root = detail::quick_root<Scalar>(
+        static_cast<Scalar>(s.squaredNorm()), static_cast<Scalar>(determinant), static_cast<Scalar>(adjugate));
+    if (!root.settled) {
+      continue;
+    }
+    ++settled;
+    const double zeta = (s(0) + s(1)) * (s(1) + s(2)) * (s(2) + s(0));
+    REQUIRE(zeta > 0.99 / 256 * std::pow(exact, 3));
+    // From above but for rounding; and near enough that the square of its share in the scale is rounding.
+    const double epsilon = static_cast<double>(std::numeric_limits<Scalar>::epsilon());
+    const double error = static_cast<double>(root.lambda) - exact;
+    REQUIRE(error >= -4 * epsilon / zeta);
+    REQUIRE(error <= 0.55 * std::sqrt(epsilon) * zeta / (exact * exact) + 4 * epsilon / zeta);
+  }
+  MESSAGE("settled " << settled);
+  CHECK(settled > 5000);
+}
+
+TEST_CASE("the polynomial for the cosine of two thirds of an angle errs by less than 1e-10") {
+  double worst = 0;
+  for (int i = 0; i <= 10000; ++i) {
+    const double c = 1e-4 * i;
+    const Eigen::Array2d found = detail::cosines_of_two_thirds<double>(Eigen::Array2d(c, 1 - c));
+    worst = std::fmax(worst, std::fmax(std::abs(found(0) - std::cos(2.0 / 3.0 * std::acos(c))),
+                                       std::abs(found(1) - std::cos(2.0 / 3.0 * std::acos(1 - c)))));
+  }
+  CHECK(worst < 1e-10);
+  CHECK(worst > 1e-11);  // or this test shows nothing
+}
+
 TEST_CASE("directions without error give back the attitude and no cost") {
   Random random(63);
   for (int i = 0; i < 100; ++i) {
@@ -363,15 +476,44 @@ TEST_CASE("the length of a direction does not count however long or short") {
   const Problem p = noisy(random, 3, 0.1);
   WahbaSolution<double> unit;
   REQUIRE(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, unit) == Status::ok);
-  for (const double length : {1e-300, 1e-160, 1e160, 1e300}) {
-    WahbaSolution<double> other;
-    CAPTURE(length);
-    REQUIRE(solve_wahba(length * p.reference, p.body, p.weights, WahbaMethod::svd, other) == Status::ok);
-    CHECK((other.attitude - unit.attitude).norm() <= 1e-13);
-    CHECK(std::abs(other.cost - unit.cost) <= 1e-13);
-    REQUIRE(solve_wahba(p.reference, length * p.body, p.weights, WahbaMethod::svd, other) == Status::ok);
-    CHECK((other.attitude - unit.attitude).norm() <= 1e-13);
-    CHECK(std::abs(other.cost - unit.cost) <= 1e-13);
+  for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::foam}) {
+    for (const double length : {1e-300, 1e-160, 1e-80, 1e-70, 1e70, 1e80, 1e160, 1e300}) {
+      WahbaSolution<double> other;
+      CAPTURE(length);
+      const auto check = [&](const Directions& reference, const Directions& body) {
+        REQUIRE(solve_wahba(reference, body, p.weights, method, other) == Status::ok);
+        CHECK((other.attitude - unit.attitude).norm() <= 1e-13);
+        CHECK(std::abs(other.cost - unit.cost) <= 1e-13);
+        CHECK(other.condition == doctest::Approx(unit.condition).epsilon(1e-7));
+      };
+      check(length * p.reference, p.body);
+      check(p.reference, length * p.body);
+      check(length * p.reference, length * p.body);
+      check(length * p.reference, p.body / length);
+      Directions one = p.reference;  // one direction alone
+      one.col(1) *= length;
+      check(one, p.body);
+    }
+  }
+}
+
+TEST_CASE("foam takes weights of any size that the decomposition takes") {
+  Random random(75);
+  const Problem p = noisy(random, 4, 0.1);
+  for (const double size : {1e-290, 1e-200, 1e-140, 1e-120, 1e120, 1e140, 1e200, 1e300}) {
+    for (const bool all : {true, false}) {
+      Eigen::VectorXd weights = p.weights;
+      weights.tail(all ? 4 : 1) *= size;
+      WahbaSolution<double> usual;
+      WahbaSolution<double> quick;
+      CAPTURE(size);
+      const Status status = solve_wahba(p.reference, p.body, weights, WahbaMethod::svd, usual);
+      REQUIRE(solve_wahba(p.reference, p.body, weights, WahbaMethod::foam, quick) == status);
+      if (status == Status::ok) {
+        CHECK((quick.attitude - usual.attitude).norm() <= 1e-14 * usual.condition);
+        CHECK(quick.cost == doctest::Approx(usual.cost).epsilon(1e-12));
+      }
+    }
   }
 }
 
@@ -380,7 +522,9 @@ TEST_CASE("input that is no Wahba problem is refused by name and the output stay
   const Problem good = noisy(random, 3, 0.01);
   WahbaSolution<double> solution{Matrix3<double>::Identity(), 7, 8};
   const auto status = [&](const Problem& p) {
-    return solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, solution);
+    const Status found = solve_wahba(p.reference, p.body, p.weights, WahbaMethod::svd, solution);
+    CHECK(solve_wahba(p.reference, p.body, p.weights, WahbaMethod::foam, solution) == found);
+    return found;
   };
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
     Problem p = good;

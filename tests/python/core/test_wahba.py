@@ -102,3 +102,92 @@ def test_batches_are_the_loop():
     completed = elliptude.add_cross_product(e[0, :2], b[:, :2])
     assert completed[0].shape == completed[1].shape == (5, 3, 3)
     np.testing.assert_array_equal(completed[1][2], elliptude.add_cross_product(e[0, :2], b[2, :2])[1])
+
+
+def many(count, m, noise, seed=3):
+    rng = np.random.default_rng(seed)
+    e = rng.standard_normal((count, m, 3)) * rng.uniform(0.1, 10.0, (count, m, 1))
+    attitudes = Rotation.random(count, rng=rng).as_matrix()
+    b = e @ attitudes + noise * np.linalg.norm(e, axis=2, keepdims=True) * rng.standard_normal(e.shape)
+    return e, b, rng.uniform(0.1, 2.0, (count, m))
+
+
+@pytest.mark.parametrize("method", ["svd", "foam", "davenport"])
+def test_any_number_of_threads_gives_the_same_numbers(method):
+    e, b, weights = many(2501, 3, 0.05)
+    one = elliptude.wahba(e, b, weights, method, threads=1)
+    for threads in (2, 3, 7):
+        for found, expected in zip(elliptude.wahba(e, b, weights, method, threads=threads), one, strict=True):
+            np.testing.assert_array_equal(found, expected)
+    for k in (0, 3, 255, 256, 2500):  # alone, and beside other neighbours
+        for found, expected in zip(elliptude.wahba(e[k], b[k], weights[k], method), one, strict=True):
+            np.testing.assert_array_equal(found, expected[k])
+    for found, expected in zip(elliptude.wahba(e[1:], b[1:], weights[1:], method), one, strict=True):
+        np.testing.assert_array_equal(found, expected[1:])
+
+
+@pytest.mark.parametrize(("m", "noise"), [(2, 0.0), (2, 1e-3), (3, 0.0), (3, 0.1), (3, 0.5), (5, 1e-6), (20, 0.3)])
+def test_many_problems_by_foam_against_numpy(m, noise):
+    e, b, weights = many(2000, m, noise)
+    solution = elliptude.wahba(e, b, weights, "foam")
+    unit_e, unit_b = (d / np.linalg.norm(d, axis=2, keepdims=True) for d in (e, b))
+    u, values, v = np.linalg.svd((weights[:, :, None] * unit_e).swapaxes(1, 2) @ unit_b)
+    sign = np.linalg.det(u @ v)
+    u[:, :, 2] *= sign[:, None]
+    values[:, 2] *= sign
+    expected = u @ v
+    condition = (values[:, 0] + values[:, 1]) / (values[:, 1] + values[:, 2])
+    assert condition.max() > 2.0
+    error = np.linalg.norm(solution.attitude - expected, axis=(1, 2))
+    assert (error <= 1.5e-14 * condition).all()  # most of it is that of LAPACK
+    np.testing.assert_allclose(solution.condition / condition - 1.0, 0.0, atol=1e-7 * condition.max())
+    cost = 0.5 * (weights * ((unit_e - unit_b @ expected.swapaxes(1, 2)) ** 2).sum(axis=2)).sum(axis=1)
+    total = weights.sum(axis=1)  # each residual is right to rounding of one
+    assert (np.abs(solution.cost - cost) <= 4e-15 * np.sqrt(cost * total) + 1e-29 * total * condition**2).all()
+
+
+def test_shared_references_and_weights():
+    e, b, weights = many(1000, 4, 0.01)
+    b = e[0] @ Rotation.random(1000, rng=np.random.default_rng(4)).as_matrix() + 0.01 * b
+    own = elliptude.wahba(np.broadcast_to(e[0], b.shape), b, np.broadcast_to(weights[0], (1000, 4)), "foam", threads=2)
+    shared = elliptude.wahba(e[0], b, weights[0], "foam", threads=2)
+    for one, other in zip(own, shared, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("method", ["svd", "foam"])
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda e, b, w: b.__setitem__((700, 1, 2), np.nan), r"body must be finite, but body\[700, 1, 2\] is nan"),
+        (lambda e, b, w: e.__setitem__((700, 1, 2), np.inf), r"reference must be finite, but reference\[700, 1, 2\]"),
+        (lambda e, b, w: e.__setitem__((700, 2), 0.0), r"reference\[700, 2\] must be a direction, but its length is 0"),
+        (lambda e, b, w: w.__setitem__((700, 0), -1.0), r"weights must not be negative, but weights\[700, 0\] is -1"),
+        (lambda e, b, w: w.__setitem__(700, 0.0), r"weights\[700\] must not be all zero"),
+        (lambda e, b, w: w.__setitem__((700, 1), np.nan), r"weights must be finite, but weights\[700, 1\] is nan"),
+        (lambda e, b, w: b.__setitem__(700, b[700, 0]), r"body\[700\] does not determine the attitude"),
+    ],
+)
+def test_the_first_problem_without_a_solution_is_named(method, spoil, words):
+    e, b, weights = many(1000, 3, 0.01)
+    for k in (900, 950):
+        b[k] = b[k, 0]
+        e[k] = e[k, 0]
+    if "determine" in words:
+        e[700] = e[700, 0]
+    spoil(e, b, weights)
+    for threads in (1, 3):
+        with pytest.raises(ValueError, match=words):
+            elliptude.wahba(e, b, weights, method, threads=threads)
+
+
+def test_threads_are_a_number():
+    with pytest.raises(ValueError, match="threads must be at least 1, but is 0"):
+        elliptude.wahba(np.eye(3), np.eye(3), threads=0)
+    with pytest.raises(TypeError, match="threads must be an integer"):
+        elliptude.wahba(np.eye(3), np.eye(3), threads=1.5)
+
+
+def test_a_batch_may_be_empty():
+    solution = elliptude.wahba(np.eye(3), np.empty((0, 3, 3)), method="foam", threads=2)
+    assert solution.attitude.shape == (0, 3, 3)
