@@ -67,6 +67,9 @@ class GuaranteedGyroFlow {
     return Status::ok;
   }
 
+  [[nodiscard]] const GyroUncertainty<Scalar>& uncertainty() const noexcept { return uncertainty_; }
+  [[nodiscard]] IntervalRate interval_rate() const noexcept { return interval_rate_; }
+
   /// With ω̂ = ω̃ − β̂ and F = exp(S(hω̂)) the linear part is γ⁺ = Fᵀγ − h J_r(hω̂) δβ (theory, section 17.6).
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if the set
   /// may reach half turns within the interval.
