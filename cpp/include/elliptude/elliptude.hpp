@@ -84,5 +84,6 @@
 #include "elliptude/smoothing/mirror.hpp"
 #include "elliptude/smoothing/common_set.hpp"
 #include "elliptude/smoothing/both_directions.hpp"
+#include "elliptude/smoothing/backward_pass.hpp"
 #include "elliptude/smoothing/fixed_lag.hpp"
 // clang-format on
