@@ -55,6 +55,32 @@ TEST_CASE("both directions: a smaller set that reaches farther is not shown, but
   CHECK_FALSE(both.uses_future);
 }
 
+TEST_CASE("both directions: the vector by itself is no wider than it was") {
+  // The future says how attitude and vector go together: across that the common set is thin, and along it wider in the vector.
+  const GibbsEllipsoid<GyroState<double>> past{{Matrix3d::Identity(), Vector3d::Zero()},
+                                               1e-6 * Matrix6<double>::Identity()};
+  Matrix6<double> together = Matrix6<double>::Identity();
+  together.topRightCorner<3, 3>() = -0.3 * Matrix3d::Identity();
+  const Vector6<double> squares = (Vector6<double>() << Vector3d::Constant(1e-12), Vector3d::Constant(1e-3)).finished();
+  const GibbsEllipsoid<GyroState<double>> future{
+      {Matrix3d::Identity(), Vector3d::Zero()},
+      Matrix6<double>(together * Matrix6<double>(squares.asDiagonal()) * together.transpose())};
+  BothDirections<GyroState<double>> both;
+  REQUIRE(both_directions<GyroState<double>>({past, Claim::unconditional}, {future, Claim::unconditional}, {}, both) ==
+          Status::ok);
+  CHECK(both.uses_future);
+  CHECK(largest(both.smoothed.set.shape, 0) < 0.5 * largest(past.shape, 0));
+  CHECK(largest(both.smoothed.set.shape, 3) > largest(past.shape, 3));
+  CHECK(both.vector.shape == Matrix3d(past.shape.bottomRightCorner<3, 3>()));
+  // Where that is narrower, it is that of the common set.
+  GibbsEllipsoid<GyroState<double>> narrow = past;
+  narrow.shape *= 0.25;
+  REQUIRE(both_directions<GyroState<double>>({past, Claim::unconditional}, {narrow, Claim::unconditional}, {}, both) ==
+          Status::ok);
+  CHECK(both.vector.shape == Matrix3d(both.smoothed.set.shape.bottomRightCorner<3, 3>()));
+  CHECK(both.vector.shape(0, 0) < 0.3e-6);
+}
+
 TEST_CASE("both directions: sets that have nothing in common, and whether that proves anything") {
   const GibbsEllipsoid<GyroState<double>> past{{Matrix3d::Identity(), Vector3d::Zero()},
                                                1e-4 * Matrix6<double>::Identity()};

@@ -171,7 +171,6 @@ struct Found {
   double worst = 0;
   int smaller = 0;
   int sets = 0;
-  int never_wider = 0;
   double gain = 0;  ///< of the logarithm of the volume, in all
 };
 
@@ -192,10 +191,13 @@ void look_back(Lag& lag, const std::vector<State>& truths, const std::vector<Cla
       CHECK(set.claim < known[row].claim);
       continue;
     }
+    const double vector = Eigen::SelfAdjointEigenSolver<Matrix3d>(set.vector.shape).eigenvalues()(2);
     const bool no_wider = largest(set.set.shape, 0) <= (1 + 1e-12) * largest(known[row].set.shape, 0) &&
-                          largest(set.set.shape, 3) <= (1 + 1e-12) * largest(known[row].set.shape, 3) &&
+                          vector <= (1 + 1e-12) * largest(known[row].set.shape, 3) &&
                           log_size(set.set) <= log_size(known[row].set) + 1e-12;
-    found.never_wider += no_wider ? 1 : 0;
+    double of_vector = 2;
+    REQUIRE(quadratic_form(set.vector, vector_part(truths[row]), of_vector) == Status::ok);
+    found.worst = std::fmax(found.worst, of_vector);
     CHECK(no_wider);
     CHECK(set.uses_future == (set.set.shape != known[row].set.shape));
     found.smaller += set.uses_future ? 1 : 0;

@@ -46,14 +46,16 @@ struct Moment {
 template <typename State>
 struct SmoothedSet {
   StateScalar<State> time{0};
-  GibbsEllipsoid<State> set;  ///< meaningless without a claim
+  GibbsEllipsoid<State> set;  ///< meaningless without a claim, as is the vector
+  /// The vector by itself: never wider than the filter's was then, where the claim is the same, as the set may be there.
+  Ellipsoid<StateScalar<State>, 3> vector;
   Claim claim = Claim::none;  ///< what the set rests on
   bool uses_future = false;   ///< whether it is another than the filter had then
 };
 
 /// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow carries the set to
 /// the beginning of an interval, where it is combined with what the filter knew then, and goes on. Where the claim is that of the filter
-/// then, the smoothed set is no wider by the criterion, in its largest angle, and in the vector; where it is stronger, it may be.
+/// then, the smoothed set is no larger by the criterion and no wider in its largest angle, nor is the vector; where it is stronger, they may.
 template <typename FilterType>
 class BackwardPass {
  public:
@@ -66,6 +68,7 @@ class BackwardPass {
   BackwardPass(const Filter& filter, const Moment<Filter>& last) noexcept
       : filter_(filter), time_(last.time), interval_(last.interval) {
     both_.smoothed = last.known;
+    both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
     both_.smallest = last.known;
   }
 
@@ -97,7 +100,7 @@ class BackwardPass {
   [[nodiscard]] SmoothedSet<State> smoothed() const noexcept {
     const Claim claim = both_.smoothed.claim;
     const bool is_weakened = has_contradicted_ && claim == Claim::unconditional;
-    return {time_, both_.smoothed.set, is_weakened ? Claim::conditional : claim, both_.uses_future};
+    return {time_, both_.smoothed.set, both_.vector, is_weakened ? Claim::conditional : claim, both_.uses_future};
   }
 
   /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: none of the sets is

@@ -19,9 +19,11 @@ struct ClaimedSet {
 /// What both directions of time leave possible at one moment.
 template <typename State>
 struct BothDirections {
-  /// The smoothed set: where the claim is that of the past's, no wider by the criterion, in its largest angle, and in the vector.
+  /// The smoothed set: where the claim is that of the past's, no larger by the criterion, and no wider in its largest angle.
   ClaimedSet<State> smoothed;
-  /// The smallest by the criterion, which may be wider in one of the others: what a pass backward goes on with.
+  /// The vector by itself, on the same claim: by the narrower of the past's set and of the smallest. The smallest set may be wider there.
+  Ellipsoid<StateScalar<State>, 3> vector;
+  /// The smallest by the criterion, which may be wider in its largest angle: what a pass backward goes on with.
   ClaimedSet<State> smallest;
   bool uses_future = false;  ///< whether the smoothed set is another than the past's
   /// Whether both hold on the stated bounds alone, and have nothing in common: a statement is wrong. Both sets are then the past's.
@@ -30,20 +32,14 @@ struct BothDirections {
 
 namespace detail {
 
-/// Whether a set reaches no farther than another, in attitude and in the vector.
-template <typename State>
-[[nodiscard]] bool is_no_wider(const GibbsEllipsoid<State>& one, const GibbsEllipsoid<State>& other) noexcept {
-  using Scalar = StateScalar<State>;
-  for (const int first : {0, 3}) {
-    SymmetricEigen<Scalar, 3> of_one;
-    SymmetricEigen<Scalar, 3> of_other;
-    if (symmetric_eigen(Matrix3<Scalar>(one.shape.template block<3, 3>(first, first)), of_one) != Status::ok ||
-        symmetric_eigen(Matrix3<Scalar>(other.shape.template block<3, 3>(first, first)), of_other) != Status::ok ||
-        !(of_one.values(0) <= of_other.values(0))) {
-      return false;
-    }
-  }
-  return true;
+/// Whether the three coordinates from `First` on reach no farther in one shape than in another.
+template <int First, typename Scalar>
+[[nodiscard]] bool is_no_wider(const Matrix6<Scalar>& one, const Matrix6<Scalar>& other) noexcept {
+  SymmetricEigen<Scalar, 3> of_one;
+  SymmetricEigen<Scalar, 3> of_other;
+  return symmetric_eigen(Matrix3<Scalar>(one.template block<3, 3>(First, First)), of_one) == Status::ok &&
+         symmetric_eigen(Matrix3<Scalar>(other.template block<3, 3>(First, First)), of_other) == Status::ok &&
+         of_one.values(0) <= of_other.values(0);
 }
 
 }  // namespace detail
@@ -56,23 +52,28 @@ template <typename State>
 [[nodiscard]] Status both_directions(const ClaimedSet<State>& past, const ClaimedSet<State>& future,
                                      const CommonSetSettings<StateScalar<State>>& settings,
                                      BothDirections<State>& result) noexcept {
+  const auto vector_by = [](const GibbsEllipsoid<State>& set) -> Ellipsoid<StateScalar<State>, 3> {
+    return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
+  };
   BothDirections<State> found;
-  found.smoothed = past;
-  found.smallest = past;
-  if (future.claim < past.claim) {
-    found.smoothed = future;
-    found.smallest = future;
-    found.uses_future = true;
-  } else if (future.claim == past.claim && past.claim != Claim::none) {
+  found.uses_future = future.claim < past.claim;
+  found.smoothed = found.uses_future ? future : past;
+  found.smallest = found.smoothed;
+  found.vector = vector_by(found.smoothed.set);
+  if (future.claim == past.claim && past.claim != Claim::none) {
     GibbsEllipsoid<State> common;
     const Status status = common_set(past.set, future.set, settings, common);
+    if (status != Status::ok && status != Status::empty_intersection) {
+      return status;
+    }
     if (status == Status::empty_intersection) {
       found.contradict = past.claim == Claim::unconditional;
-    } else if (status != Status::ok) {
-      return status;
-    } else {
+    } else if (common.shape != past.set.shape) {
       found.smallest.set = common;
-      if (common.shape != past.set.shape && detail::is_no_wider(common, past.set)) {
+      if (detail::is_no_wider<3>(common.shape, past.set.shape)) {
+        found.vector = vector_by(common);
+      }
+      if (detail::is_no_wider<0>(common.shape, past.set.shape)) {
         found.smoothed.set = common;
         found.uses_future = true;
       }

@@ -11,7 +11,8 @@ namespace elliptude {
 /// A set in the coordinates [γ; δ] about another center, in which it is an ellipsoid but for a stretch: with ĝ the Gibbs vector of the
 /// turn to that center γ⁺ = −2ĝ + σ B γ, B = I − S(ĝ) + ĝĝᵀ and |1/σ − 1| ≤ e = ½ √(ĝᵀPĝ). The result contains the set without
 /// remainder. (theory, eq. 20.4)
-/// \return `unbounded` if e is above 0.9: about that center the set may be near half turns; `not_finite`.
+/// \return `unbounded` if e is above 0.9, as about that center the set may be near half turns, or if it is so wide that rounding does that;
+/// `not_finite`.
 template <typename State>
 [[nodiscard]] Status seen_from(const State& center, const GibbsEllipsoid<State>& set,
                                Ellipsoid<StateScalar<State>, 6>& seen) noexcept {
@@ -33,12 +34,16 @@ template <typename State>
   }
   const Matrix3<Scalar> b = Matrix3<Scalar>::Identity() - hat(g) + g.lazyProduct(g.transpose());
   const Matrix6<Scalar> shape = covered_congruence(b, set.shape);
-  // The computed ĝ is that of a center near the one that is meant, which moves γ⁺ by that turn times 1 + ¼‖γ⁺‖², and a little more;
-  // rounding of B acts on γ.
+  // The computed ĝ is that of a center near the one that is meant, which moves γ⁺ by that turn times 1 + ¼‖γ⁺‖², and a little more while
+  // the turn times ‖γ⁺‖ is small; rounding of B acts on γ.
   const Scalar stretch = Scalar(1) / (Scalar(1) - e);
   const Scalar square_reach =
       Scalar(4) * g.squaredNorm() + stretch * stretch * shape.template topLeftCorner<3, 3>().trace();
-  const Scalar attitude_slip = rounding::share<Scalar>(rounding::turn_between) * (Scalar(1) + square_reach);
+  const Scalar slip = rounding::share<Scalar>(rounding::turn_between);
+  if (!(slip * scalar::sqrt(square_reach) <= scalar::constant<Scalar>(0.5L))) {
+    return Status::unbounded;
+  }
+  const Scalar attitude_slip = slip * (Scalar(1) + square_reach);
   const Vector3<Scalar> offset = vector_part(set.center) - vector_part(center);
   const Scalar vector_slip = rounding::share<Scalar>(1) * (vector_part(set.center).norm() + vector_part(center).norm());
   Ellipsoid<Scalar, 6> result;
