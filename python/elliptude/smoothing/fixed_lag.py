@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ class SmoothedSet:
     vector: FloatArray | None
     """Center of the angular velocity or the bias by itself, rad/s."""
     vector_shape: FloatArray | None
-    """Its ellipsoid, which is no wider than the filter's was then, where the claim is the same; the set may be there."""
+    """Its ellipsoid: where the claim is the same, no wider than the filter's was then, as the set may be there."""
     claim: str
     """What it rests on, as `GuaranteedFilter.claim`."""
     uses_future: bool
@@ -55,10 +56,10 @@ class _Moment:
 class FixedLagSmoother:
     """A guaranteed filter and its last moments: what was possible then, with what was measured since.
 
-    A moment is what the filter knew before a prediction. From the present set the mirrored flow goes backward, moment by
-    moment, and each time the set is combined with what the filter knew then. The truth is in it as it is in the filter's
-    sets. Where its claim is that of the filter then, it is no larger by the criterion, and no wider in its largest
-    angle, nor is the vector by itself. Where the claim is stronger, they may be.
+    A moment is what the filter knew before a prediction. From the present set the mirrored flow goes backward, moment
+    by moment, and each time the set is combined with what the filter knew then. The truth is in it as it is in the
+    filter's sets. Where its claim is that of the filter then, it is no larger by the criterion, and no wider in its
+    largest angle, nor is the vector by itself. Where the claim is stronger, they may be.
 
     Parameters
     ----------
@@ -157,13 +158,13 @@ class FixedLagSmoother:
         moments = list(self._moments)[::-1]
         shown = smallest = of_vector = moments[0].known
         contradicted = self._has_contradicted
-        for later, earlier in zip(moments[:age], moments[1 : age + 1], strict=True):
+        for later, earlier in pairwise(moments[: age + 1]):
             future = self._backward(later, smallest)
             (shown, smallest, of_vector), contradicts = self._both(earlier.known, future)
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
-                    f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some bound "
-                    "is wrong",
+                    f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "
+                    "bound is wrong",
                     np.nan,
                     earlier.time,
                     "",
@@ -227,10 +228,7 @@ class FixedLagSmoother:
         return _Known(None, _NONE) if found is None else _Known(_mirrored(found), known.claim)
 
     def _both(self, past: _Known, future: _Known) -> tuple[tuple[_Known, _Known, _Known], bool]:
-        """What is shown, the smallest, and what says most of the vector; and whether both prove that a statement is wrong.
-
-        Theory, section 20.4.
-        """
+        """What is shown, the smallest, what says most of the vector, and whether both contradict one another."""
         if future.claim < past.claim:
             return (future, future, future), False
         if future.claim > past.claim or past.ellipsoid is None or future.ellipsoid is None:

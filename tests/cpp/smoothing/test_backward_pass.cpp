@@ -77,6 +77,79 @@ TEST_CASE("backward pass: every motion that agrees with all measurements is in t
   CHECK(worst > 0.3);
 }
 
+TEST_CASE("backward pass: intervals of different lengths, and a bias that drifts while a rate is held") {
+  // All is known at the end, and the gyro has no noise: what is left is how far the bias drifts.
+  using Flow = GyroScene::Flow;
+  using Filter = GyroScene::Filter;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.drift = 1e-4 * Matrix3d::Identity();
+  Flow flow;
+  REQUIRE(Flow::make(uncertainty, Flow::IntervalRate::first_sample, flow) == Status::ok);
+  double worst = 0;
+  for (const double sign : {-1.0, 1.0}) {
+    Filter filter;
+    REQUIRE(Filter::make(flow, {}, 0, filter) == Status::ok);
+    GyroState<double> truth{Matrix3d::Identity(), Vector3d(0.01, 0.02, -0.01)};
+    const GibbsEllipsoid<GyroState<double>> wide{truth, Matrix6<double>::Identity()};
+    REQUIRE(filter.start(wide) == Status::ok);
+    std::vector<Moment<Filter>> moments{Moment<Filter>::of(filter, {})};
+    std::vector<GyroState<double>> truths{truth};
+    double time = 0;
+    for (const double duration : {0.2, 0.1, 0.3, 0.05}) {
+      PredictedInterval<Filter> interval;
+      interval.duration = duration;
+      interval.input.angular_velocity = Vector3d(0.3, 0, 0) + truth.gyro_bias;
+      truth.attitude = truth.attitude * exp(Vector3d(duration * Vector3d(0.3, 0, 0)));
+      truth.gyro_bias.x() += sign * 0.999999 * 1e-2 * duration;
+      time += duration;
+      REQUIRE(filter.predict(time, interval.input) == Status::ok);
+      moments.push_back(Moment<Filter>::of(filter, interval));
+      truths.push_back(truth);
+    }
+    // By a star tracker and a bias that is given.
+    const GibbsEllipsoid<GyroState<double>> sharp{truth, 1e-14 * Matrix6<double>::Identity()};
+    REQUIRE(filter.start(sharp) == Status::ok);
+    moments.back().known.set = filter.ellipsoid();
+    BackwardPass<Filter> pass(filter, moments.back());
+    for (std::size_t k = moments.size() - 1; k-- > 0;) {
+      REQUIRE(pass.to(moments[k]) == Status::ok);
+      CHECK(pass.smoothed().uses_future);
+      const double form = form_of(pass.smoothed().set, truths[k]);
+      CHECK(form <= 1);
+      worst = std::fmax(worst, form);
+      CHECK(largest(pass.smoothed().set.shape, 0) < 0.01 * 0.01);
+    }
+  }
+  CHECK(worst > 0.1);
+}
+
+TEST_CASE("backward pass: once it is proved that a statement is wrong, no earlier set is unconditional") {
+  using Filter = GyroScene::Filter;
+  const Filter filter = GyroScene::filter(Policy::drop_measurement);
+  const auto moment = [](double time, double about_x) {
+    Moment<Filter> known;
+    known.time = time;
+    known.interval.duration = 1;
+    known.interval.input.angular_velocity.setZero();
+    known.known = {{{exp(Vector3d(about_x, 0, 0)), Vector3d::Zero()}, 1e-6 * Matrix6<double>::Identity()},
+                   Claim::unconditional};
+    return known;
+  };
+  BackwardPass<Filter> pass(filter, moment(3, 0.1));
+  REQUIRE(pass.to(moment(2, 0)) == Status::ok);
+  CHECK(pass.has_contradicted());
+  CHECK(pass.smoothed().claim == Claim::conditional);
+  REQUIRE(pass.to(moment(1, 0)) == Status::ok);
+  CHECK(pass.has_contradicted());
+  CHECK(pass.smoothed().claim == Claim::conditional);
+  CHECK(pass.smoothed().time == 1);
+  const Filter raises = GyroScene::filter(Policy::raise);
+  BackwardPass<Filter> other(raises, moment(3, 0.1));
+  CHECK(other.to(moment(2, 0)) == Status::empty_intersection);
+  CHECK(other.smoothed().time == 3);
+  CHECK(other.smoothed().claim == Claim::unconditional);
+}
+
 TEST_CASE("backward pass: compared with a filter that is given the measurements in the other order") {
   // That is how elliptude.smoothing does it. Both sets hold the truth, and neither is always the smaller.
   double pass_gain = 0;

@@ -116,7 +116,7 @@ TEST_CASE("seen_from: rounding in float, of sets as small as rounding") {
   double worst_vector = 0;
   for (int k = 0; k < 300; ++k) {
     const double width = 1e-6;
-    const double vector_width = 1e-5;
+    const double vector_width = 3e-6;
     GibbsEllipsoid<RigidBodyState<float>> set;
     set.center.attitude = renormalized(Eigen::Matrix3f(random.rotation().cast<float>()));
     set.center.angular_velocity = (100 * random.unit_vector<3>()).cast<float>();

@@ -224,6 +224,41 @@ TEST_CASE("fixed lag: a past and a future that contradict one another") {
   }
 }
 
+TEST_CASE("fixed lag: what rests on a dropped measurement") {
+  // A wrong direction is left out at the present: the present set is conditional, and tells earlier moments nothing that is unconditional.
+  GyroScene scene(26);
+  FixedLag<GyroScene::Filter, 4> lag;
+  REQUIRE(FixedLag<GyroScene::Filter, 4>::make(GyroScene::filter(Policy::drop_measurement), lag) == Status::ok);
+  REQUIRE(lag.predict(GyroScene::step, scene.move()) == Status::ok);
+  update(lag, scene.directions(), 2);
+  REQUIRE(lag.predict(2 * GyroScene::step, scene.move()) == Status::ok);
+  update(lag, scene.directions(0.5), 1);
+  REQUIRE(lag.filter().claim() == Claim::conditional);
+  SmoothedSet<GyroState<double>> set;
+  REQUIRE(lag.smoothed(0, set) == Status::ok);
+  CHECK(set.claim == Claim::conditional);
+  REQUIRE(lag.smoothed(1, set) == Status::ok);
+  CHECK(set.claim == Claim::unconditional);
+  CHECK_FALSE(set.uses_future);
+  // Before there was a set, nothing rests on less than what comes from that moment.
+  REQUIRE(lag.smoothed(2, set) == Status::ok);
+  CHECK(set.claim == Claim::unconditional);
+  FixedLag<GyroScene::Filter, 4> other;
+  REQUIRE(FixedLag<GyroScene::Filter, 4>::make(GyroScene::filter(Policy::drop_measurement), other) == Status::ok);
+  REQUIRE(other.predict(GyroScene::step, scene.move()) == Status::ok);
+  // Three directions at once, one of them wrong.
+  const auto two = scene.directions();
+  const std::array<Direction<double>, 4> four{two[0], two[1],
+                                              measured(scene.truth.attitude, scene.references[0], 0.01, scene.random),
+                                              measured(scene.truth.attitude, scene.references[2], 0.5, scene.random)};
+  GuaranteedUpdate<double> report;
+  REQUIRE(other.update(Measurements<double>{four.data(), 4, nullptr, nullptr}, report) == Status::ok);
+  REQUIRE(other.filter().claim() == Claim::conditional);
+  REQUIRE(other.smoothed(1, set) == Status::ok);
+  CHECK(set.claim == Claim::conditional);
+  CHECK(set.uses_future);
+}
+
 TEST_CASE("fixed lag: the pass ends where a caller stops it, and may be asked again") {
   BodyScene scene(25);
   BodyScene::Flow flow = scene.filter(0, 0.005).flow();

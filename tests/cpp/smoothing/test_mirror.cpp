@@ -257,6 +257,13 @@ TEST_CASE("mirror: a bias that drifts after the sample that is held") {
   const double by_increment = worst_form(turn);
   CHECK(by_increment <= 1);
   CHECK(by_increment > 0.3);
+  GyroUncertainty<double> drifting;
+  drifting.drift = Matrix3d::Identity();
+  HeldGyro gyro;
+  REQUIRE(HeldGyro::make(drifting, Mode::first_sample, gyro) == Status::ok);
+  const HeldGyro::Input shown{Vector3d::UnitX(), 0.25, true};
+  CHECK(Mirror<HeldGyro>::input(gyro, 0.5, shown).increment == doctest::Approx(0.5));
+  CHECK(Mirror<HeldGyro>::input(gyro, 0.5, {Vector3d::UnitX(), -1, true}).increment == -1);
   turn = Turn();
   turn.mode = Mode::mean;
   turn.drift = 1e-2;

@@ -1,4 +1,4 @@
-"""Fixed lag: the truth is inside, no set is wider than the filter's, and sets are about as small as those of a whole window."""
+"""Fixed lag: the truth is inside, no set is wider than the filter's, and none much wider than a whole window's."""
 
 import dataclasses
 
@@ -12,8 +12,9 @@ from elliptude.smoothing import FixedLagSmoother
 from reference import so3
 from smoothing_inputs import gyro_configuration, gyro_log
 
+
 def streamed(log, configuration, lag):
-    """A run over a log, its filter's input row by row through a smoother, and what the smoother says of each row at last."""
+    """A smoothed run over a log, a smoother that was given its rows, and what the smoother's filter knew at each."""
     run = smoothing.smoothed_run(log, configuration)
     given = run.forward.given
     settings = configuration.estimator

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from elliptude import cli, estimation, smoothing
 from elliptude.configuration import Configuration
-from elliptude.logs import Log, log_of
+from elliptude.logs import log_of
 from elliptude.results import CLAIMS
 from elliptude.simulation import scenarios
 from elliptude.simulation import simulated as simulation
 from elliptude.simulation.configured import configuration_tables
-from inputs import turning_body
 from reference import so3
 from scipy.spatial.transform import Rotation
-from smoothing_inputs import REFERENCES, gyro_configuration, gyro_log
+from smoothing_inputs import gyro_configuration, gyro_log
 from typer.testing import CliRunner
 
 G = 9.80665
@@ -82,6 +81,7 @@ def test_scenarios(name, noise):
 
 
 # --- gyro -------------------------------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("criterion", ["volume", "trace"])
 @pytest.mark.parametrize("seed", range(2))
