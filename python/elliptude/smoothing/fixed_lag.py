@@ -80,6 +80,7 @@ class FixedLagSmoother:
         mirrored_flow(filter.flow, 0.0)
         self._filter = filter
         self._moments: deque[_Moment] = deque(maxlen=lag + 1)
+        self._has_contradicted: bool = False
         self._begin()
 
     @property

@@ -98,9 +98,10 @@ def _mirrored_flow(
     run: GuaranteedRun, configuration: Configuration
 ) -> elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow:
     flow = run.given.flow
-    is_body = isinstance(flow, elliptude.GuaranteedRigidBodyFlow)
-    if is_body or flow.interval_rate != "first_sample" or not run.given.estimates_vector:
+    if isinstance(flow, elliptude.GuaranteedRigidBodyFlow):
         return mirrored_flow(flow, 0.0)
+    if flow.interval_rate != "first_sample" or not run.given.estimates_vector:
+        return flow
     steps = np.diff(run.given.times)[np.isfinite(run.given.motion["gyro"][:-1, 0])]
     assert run.rows.gyro is not None
     held = float(steps.max(initial=0.0)) + gaps.filled_in_between(run.log, run.rows.gyro.longest_interval)
