@@ -123,6 +123,37 @@ TEST_CASE("backward pass: intervals of different lengths, and a bias that drifts
   CHECK(worst > 0.1);
 }
 
+TEST_CASE("backward pass: one interval is a prediction of the mirrored flow over it") {
+  using Flow = GyroScene::Flow;
+  using Filter = GyroScene::Filter;
+  for (const bool estimates_vector : {true, false}) {
+    const Filter filter = GyroScene::filter(Policy::raise, estimates_vector);
+    Filter known = filter;
+    const GibbsEllipsoid<GyroState<double>> set{{exp(Vector3d(0.1, 0.2, 0.3)), Vector3d(0.001, 0, 0)},
+                                                1e-6 * Matrix6<double>::Identity()};
+    REQUIRE(known.start(set) == Status::ok);
+    Moment<Filter> last = Moment<Filter>::of(known, {});
+    last.time = 3;
+    last.interval.duration = 2;
+    last.interval.input = {Vector3d(0.1, 0, 0), 0.002, true};
+    BackwardPass<Filter> pass(filter, last);
+    Moment<Filter> nothing;
+    nothing.time = 1;
+    REQUIRE(pass.to(nothing) == Status::ok);
+    // A bias that is left to its bound is in it at every time, whatever the drift.
+    const double held = estimates_vector ? 2 : 0;
+    Flow flow;
+    REQUIRE(Mirror<Flow>::flow(filter.flow(), held, flow) == Status::ok);
+    Filter back;
+    REQUIRE(Filter::make(flow, filter.settings(), -3, back) == Status::ok);
+    REQUIRE(back.bound_vector(mirrored(filter.vector_bound())) == Status::ok);
+    REQUIRE(back.start(mirrored(known.ellipsoid())) == Status::ok);
+    REQUIRE(back.predict(-1, Mirror<Flow>::input(filter.flow(), held, last.interval.input)) == Status::ok);
+    CHECK(pass.smoothed().set.shape == mirrored(back.ellipsoid()).shape);
+    CHECK(pass.smoothed().set.center.attitude == back.ellipsoid().center.attitude);
+  }
+}
+
 TEST_CASE("backward pass: once it is proved that a statement is wrong, no earlier set is unconditional") {
   using Filter = GyroScene::Filter;
   const Filter filter = GyroScene::filter(Policy::drop_measurement);
