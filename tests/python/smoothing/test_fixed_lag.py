@@ -174,6 +174,32 @@ def test_a_past_and_a_future_that_contradict_one_another():
     assert smoother.smoothed(0).claim == CLAIMS[2]
 
 
+def test_what_rests_on_a_dropped_measurement():
+    flow = el.GuaranteedGyroFlow(0.001)
+    smoother = FixedLagSmoother(el.GuaranteedFilter(flow, vector_bound=0.01, policy="drop_measurement"), 2)
+    smoother.predict(1.0, gyro=np.zeros(3))
+    references = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.6, 0.8, 0.0]])
+    seen = references.copy()
+    seen[3] = [0.0, 0.6, 0.8]
+    assert smoother.update(seen, references, 0.02).dropped
+    assert smoother.filter.claim == "conditional"
+    found = smoother.smoothed(1)
+    assert found.claim == "conditional"
+    assert found.uses_future
+
+
+def test_a_smaller_set_that_reaches_farther_is_not_shown():
+    """Thin about one axis, it is wider about the others: an ellipsoid of the least volume."""
+    start = el.StateEllipsoid(np.eye(3), np.zeros(3), np.diag([0.01] * 3 + [1e-10] * 3), chart="gibbs")
+    smoother = FixedLagSmoother(el.GuaranteedFilter(el.GuaranteedGyroFlow(1e-6), start), 2)
+    smoother.predict(1.0, gyro=np.zeros(3))
+    smoother.update(attitude=np.eye(3), attitude_bound=np.diag([1e-6, 0.2, 0.2]))
+    assert smoother.filter.ellipsoid.extent().largest_angle > start.extent().largest_angle
+    found = smoother.smoothed(1)
+    assert not found.uses_future
+    np.testing.assert_array_equal(found.ellipsoid.shape, start.shape)
+
+
 def test_what_is_refused():
     flow = el.GuaranteedGyroFlow(0.01)
     with pytest.raises(ValueError, match="at least one moment"):
