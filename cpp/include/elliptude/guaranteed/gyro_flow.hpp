@@ -39,7 +39,7 @@ class GuaranteedGyroFlow {
     mean,          ///< its mean over the interval, from a gyro that integrates
   };
   struct Input {
-    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
     /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than the
     /// duration times the noise; negative for none.
     Scalar increment = Scalar(-1);

@@ -12,7 +12,9 @@ namespace elliptude {
 /// A set, and what it rests on; `Claim::none` if there is none, and the set is then meaningless.
 template <typename State>
 struct ClaimedSet {
-  GibbsEllipsoid<State> set;
+  using Scalar = StateScalar<State>;
+
+  GibbsEllipsoid<State> set{{Matrix3<Scalar>::Identity(), Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Zero()};
   Claim claim = Claim::none;
 };
 
@@ -22,7 +24,7 @@ struct BothDirections {
   /// The smoothed set: where the claim is that of the past's, no larger by the criterion, and no wider in its largest angle.
   ClaimedSet<State> smoothed;
   /// The vector by itself, on the same claim: by the narrower of the past's set and of the smallest. The smallest set may be wider there.
-  Ellipsoid<StateScalar<State>, 3> vector;
+  Ellipsoid<StateScalar<State>, 3> vector{Vector3<StateScalar<State>>::Zero(), Matrix3<StateScalar<State>>::Zero()};
   /// The smallest by the criterion, which may be wider in its largest angle: what a pass backward goes on with.
   ClaimedSet<State> smallest;
   bool uses_future = false;  ///< whether the smoothed set is another than the past's
