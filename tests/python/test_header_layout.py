@@ -8,7 +8,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "cpp" / "include" / "elliptude"
-FOLDERS = ["base", "linear", "sets", "attitude", "measurement", "dynamics", "ensemble", "first_order", "guaranteed"]
+FOLDERS = [
+    *("base", "linear", "sets", "attitude", "measurement", "dynamics", "ensemble", "first_order", "guaranteed"),
+    "smoothing",
+]
 WHOLE = "elliptude.hpp"  # includes everything, and nothing in the core includes it
 
 

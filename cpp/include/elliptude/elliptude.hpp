@@ -81,4 +81,10 @@
 #include "elliptude/guaranteed/update_constraints.hpp"
 #include "elliptude/guaranteed/filter.hpp"
 #include "elliptude/guaranteed/direction_filter.hpp"
+
+#include "elliptude/smoothing/mirror.hpp"
+#include "elliptude/smoothing/common_set.hpp"
+#include "elliptude/smoothing/both_directions.hpp"
+#include "elliptude/smoothing/backward_pass.hpp"
+#include "elliptude/smoothing/fixed_lag.hpp"
 // clang-format on

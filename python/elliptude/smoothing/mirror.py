@@ -99,6 +99,36 @@ def _mirrored_flow(
 ) -> elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow:
     flow = run.given.flow
     if isinstance(flow, elliptude.GuaranteedRigidBodyFlow):
+        return mirrored_flow(flow, 0.0)
+    if flow.interval_rate != "first_sample" or not run.given.estimates_vector:
+        return flow
+    steps = np.diff(run.given.times)[np.isfinite(run.given.motion["gyro"][:-1, 0])]
+    assert run.rows.gyro is not None
+    held = float(steps.max(initial=0.0)) + gaps.filled_in_between(run.log, run.rows.gyro.longest_interval)
+    return mirrored_flow(flow, held)
+
+
+def mirrored_flow(
+    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow, held: float
+) -> elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow:
+    """A flow backward in time, (20.1) to (20.3).
+
+    Parameters
+    ----------
+    flow : GuaranteedRigidBodyFlow or GuaranteedGyroFlow
+    held : float
+        The longest time for which a gyro's rate is held, in seconds; zero if its bias is not estimated.
+
+    Returns
+    -------
+    GuaranteedRigidBodyFlow or GuaranteedGyroFlow
+
+    Raises
+    ------
+    ValueError
+        If nothing is stated of a potential.
+    """
+    if isinstance(flow, elliptude.GuaranteedRigidBodyFlow):
         return elliptude.GuaranteedRigidBodyFlow(
             flow.body,
             mirrored_potential(flow.potential),
@@ -107,14 +137,10 @@ def _mirrored_flow(
             inertia_error=flow.inertia_error,
             most_steps=flow.most_steps,
         )
-    if flow.interval_rate != "first_sample" or not run.given.estimates_vector:
+    if late_bias(flow, held) == 0.0:
         return flow
-    # The sample is now of a step's end, by when the bias has drifted: that much more noise.
-    steps = np.diff(run.given.times)[np.isfinite(run.given.motion["gyro"][:-1, 0])]
-    assert run.rows.gyro is not None
-    held = float(steps.max(initial=0.0)) + gaps.filled_in_between(run.log, run.rows.gyro.longest_interval)
     return elliptude.GuaranteedGyroFlow(
-        _radius(flow.noise) + 1.000001 * held * _radius(flow.drift),
+        _radius(flow.noise) + late_bias(flow, held),
         flow.drift,
         scale=flow.scale,
         angular_acceleration=flow.angular_acceleration,
@@ -122,6 +148,11 @@ def _mirrored_flow(
         longest_interval=flow.longest_interval,
         largest_rate=flow.largest_rate,
     )
+
+
+def late_bias(flow: elliptude.GuaranteedGyroFlow, held: float) -> float:
+    """How far a bias drifts while a rate is held: backward, the sample is of a step's end, and this is noise."""
+    return 1.000001 * held * _radius(flow.drift) if flow.interval_rate == "first_sample" else 0.0
 
 
 def _radius(shape: FloatArray) -> float:

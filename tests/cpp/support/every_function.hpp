@@ -452,8 +452,81 @@ void use_guaranteed_body(const Seeds<Scalar>& seeds, const RigidBody<Scalar>& bo
     tally.add(filter.time());
     tally.add(filter.settings().criterion.kind == settings.criterion.kind);
     tally.add(filter.flow().body().inertia());
+    tally.add(filter.flow().longest_step());
     tally.add(filter.ellipsoid().shape);
+    FixedLag<Filter, 2> lag;
+    tally.add(FixedLag<Filter, 2>::make(filter, lag));
+    tally.add(lag.predict(Scalar(2) * seeds.step, input));
+    tally.add(lag.update(linear, update));
+    SmoothedSet<RigidBodyState<Scalar>> smoothed;
+    tally.add(lag.smoothed(1, smoothed));
+    tally.add(smoothed.set.shape);
   }
+}
+
+/// Smoothing, of a gyro; that of a body is beside its filter.
+template <typename Scalar>
+void use_smoothing(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
+  using State = GyroState<Scalar>;
+  using Flow = GuaranteedGyroFlow<Scalar>;
+  using Filter = GuaranteedFilter<Flow>;
+  const Matrix3<Scalar> small = scalar::constant<Scalar>(1e-4L) * Matrix3<Scalar>::Identity();
+  GyroUncertainty<Scalar> uncertainty;
+  uncertainty.noise = small;
+  uncertainty.drift = small;
+  Flow made;
+  Filter filter;
+  tally.add(Flow::make(uncertainty, Flow::IntervalRate::first_sample, made));
+  tally.add(Filter::make(made, {}, Scalar(0), filter));
+  tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), small}));
+  tally.add(filter.start(GibbsEllipsoid<State>{{exp(seeds.zeta), Vector3<Scalar>::Zero()},
+                                               scalar::constant<Scalar>(1e-4L) * Matrix6<Scalar>::Identity()}));
+  FixedLag<Filter, 3> lag;
+  tally.add(FixedLag<Filter, 3>::make(filter, lag));
+  tally.add(filter.has_vector_bound());
+  tally.add(filter.vector_bound().shape);
+  const Scalar start = lag.time();
+  tally.add(lag.predict(start + seeds.step, {seeds.rate, seeds.step}));
+  tally.add(lag.predict_turn(start + Scalar(2) * seeds.step, seeds.zeta, seeds.step));
+  const MeasuredAttitude<Scalar> star{
+      filter.ellipsoid().center.attitude * exp(Vector3<Scalar>(seeds.step * seeds.rate)) * exp(seeds.zeta),
+      scalar::constant<Scalar>(1e-3L) * Matrix3<Scalar>::Identity()};
+  GuaranteedUpdate<Scalar> update;
+  UpdateConstraints<State> constraints;
+  tally.add(lag.update(Measurements<Scalar>{nullptr, 0, nullptr, &star}, update));
+  tally.add(lag.update(Measurements<Scalar>{nullptr, 0, nullptr, &star}, update, constraints));
+  SmoothedSet<State> smoothed;
+  tally.add(lag.smoothed(lag.moments() - 1, smoothed));
+  tally.add(smoothed.set.shape);
+  tally.add(smoothed.vector.shape);
+  tally.add(smoothed.claim == Claim::unconditional);
+  tally.add(!lag.has_contradicted());
+  tally.add(lag.filter().time());
+  const GibbsEllipsoid<State> back = mirrored(mirrored(smoothed.set));
+  Ellipsoid<Scalar, 6> seen;
+  tally.add(seen_from(lag.filter().ellipsoid().center, back, seen));
+  tally.add(seen.center);
+  GibbsEllipsoid<State> common;
+  tally.add(common_set(back, smoothed.set, {}, common));
+  CommonSetSettings<Scalar> settings;
+  settings.is_product = true;
+  BothDirections<State> both;
+  tally.add(both_directions<State>({back, Claim::conditional}, {common, Claim::conditional}, settings, both));
+  tally.add(both.smoothed.set.shape);
+  const Moment<Filter> last = Moment<Filter>::of(lag.filter(), {});
+  BackwardPass<Filter> pass(lag.filter(), last);
+  tally.add(pass.to(last));
+  tally.add(pass.smoothed().time);
+  tally.add(!pass.has_contradicted());
+  tally.add(mirrored(filter.vector_bound()).center);
+  Flow flow;
+  tally.add(Mirror<Flow>::flow(filter.flow(), seeds.step, flow));
+  tally.add(flow.uncertainty().noise);
+  tally.add(flow.interval_rate() == filter.flow().interval_rate());
+  tally.add(Mirror<Flow>::input(filter.flow(), seeds.step, {seeds.rate, seeds.step}).increment);
+  lag.forget();
+  tally.add(lag.predict_interval(lag.time() + seeds.step, seeds.step, {seeds.rate, seeds.step}));
+  tally.add(lag.predict_turn_interval(lag.time() + seeds.step, seeds.step, seeds.zeta, seeds.step));
 }
 
 /// Caps, and the filter of one direction.
@@ -472,6 +545,16 @@ void use_directions(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(filter.cap().center);
 }
 
+/// Not inlined: GCC would see that a filter that knows nothing yet is copied with what it does not know.
+template <typename Scalar, typename Filter>
+[[gnu::noinline]] void use_stamps(const Seeds<Scalar>& seeds, const Filter& filter, Tally<Scalar>& tally) noexcept {
+  StampedFilter<Filter> stamped(filter, 0, 0);
+  tally.add(stamped.predict(10000000, {seeds.rate, Scalar(-1)}));
+  tally.add(stamped.predict_turn(20000000, seeds.zeta, seeds.step));
+  tally.add(stamped.stamp() == 20000000 && stamped.epoch() == 0);
+  tally.add(stamped.filter().time());
+}
+
 template <typename Scalar>
 void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   RigidBody<Scalar> body;
@@ -487,6 +570,11 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(LinearPotential<Scalar>::make(seeds.zeta, direction, linear));
   QuadraticPotential<Scalar> quadratic;
   tally.add(QuadraticPotential<Scalar>::make(body.inertia(), direction, quadratic));
+  const BackwardTorque<Scalar, QuadraticPotential<Scalar>> backward(quadratic);
+  tally.add(backward.energy(body.inertia(), seeds.step));
+  tally.add(backward.torque(body.inertia(), seeds.step));
+  tally.add(backward.torque_jacobian(body.inertia(), seeds.step));
+  tally.add(backward.backward().matrix());
   using Stated = StatedTorque<Scalar, QuadraticPotential<Scalar>>;
   Stated stated;
   tally.add(Stated::make(quadratic, {quadratic.torque_curvature_bound(), Scalar(1), Scalar(0)}, stated));
@@ -509,11 +597,7 @@ void use_guaranteed(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
     settings.keeps_constraints = true;
     tally.add(GuaranteedFilter<Flow>::make(flow, settings, Scalar(0), filter));
     tally.add(filter.bound_vector({Vector3<Scalar>::Zero(), small}));
-    StampedFilter<GuaranteedFilter<Flow>> stamped(filter, 0, 0);
-    tally.add(stamped.predict(10000000, {seeds.rate, Scalar(-1)}));
-    tally.add(stamped.predict_turn(20000000, seeds.zeta, seeds.step));
-    tally.add(stamped.stamp() == 20000000 && stamped.epoch() == 0);
-    tally.add(stamped.filter().time());
+    use_stamps(seeds, filter, tally);
     tally.add(filter.predict(seeds.step, {seeds.rate, Scalar(-1)}));
     const MeasuredAttitude<Scalar> star{exp(seeds.zeta), small};
     GuaranteedUpdate<Scalar> update;
@@ -560,6 +644,7 @@ template <typename Scalar>
   use_guaranteed_fusion(seeds, tally);
   use_directions(seeds, tally);
   use_guaranteed(seeds, tally);
+  use_smoothing(seeds, tally);
   Sealed<Matrix6<Scalar>> sealed(shape);
   tally.add(sealed.verify());
   tally.add(sealed.call([](Matrix6<Scalar>& inside) noexcept {

@@ -15,6 +15,8 @@ namespace elliptude::rounding {
 ///@{
 /// Angle of a product of two rotations, brought back to SO(3), from the exact one; and of the Cayley map before it.
 inline constexpr int center = 24;
+/// Angle of the turn from one rotation to another, each one to rounding (`rotation`), by the Gibbs vector of their product.
+inline constexpr int turn_between = 128;
 /// Norm of the errors of `exp` and `right_jacobian` of a computed turn θ: this many ε, and this many ε θ more.
 inline constexpr int turn = 32;
 inline constexpr int turn_by_angle = 12;

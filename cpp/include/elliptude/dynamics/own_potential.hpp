@@ -61,6 +61,12 @@ class TurningDirection {
     const Scalar angle = rate_ * time;
     return scalar::cos(angle) * start_ + scalar::sin(angle) * along_;
   }
+  /// r(−t).
+  [[nodiscard]] TurningDirection backward() const noexcept {
+    TurningDirection result = *this;
+    result.along_ *= Scalar(-1);
+    return result;
+  }
 
  private:
   Vector3<Scalar> start_;
@@ -100,6 +106,11 @@ class LinearPotential {
   /// ½ ‖p‖, as for `UniformGravity`.
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept {
     return scalar::constant<Scalar>(0.5L) * scalar::sqrt(Scalar(moment_.squaredNorm()));
+  }
+  [[nodiscard]] LinearPotential backward() const noexcept {
+    LinearPotential result = *this;
+    result.direction_ = direction_.backward();
+    return result;
   }
 
   [[nodiscard]] const Vector3<Scalar>& moment() const noexcept { return moment_; }  ///< p, N m, body axes
@@ -157,6 +168,11 @@ class QuadraticPotential {
     deviator.diagonal().array() -= matrix_.trace() / Scalar(3);
     return Scalar(2) * scalar::sqrt(Scalar(deviator.squaredNorm()));
   }
+  [[nodiscard]] QuadraticPotential backward() const noexcept {
+    QuadraticPotential result = *this;
+    result.direction_ = direction_.backward();
+    return result;
+  }
 
   [[nodiscard]] const Matrix3<Scalar>& matrix() const noexcept { return matrix_; }  ///< K, N m, body axes
   [[nodiscard]] const TurningDirection<Scalar>& direction() const noexcept { return direction_; }
@@ -181,6 +197,28 @@ struct TorqueStatement {
   Scalar curvature = Scalar(0);  ///< κ, N m/rad²: half of the largest second derivative along any turn
   Scalar rate = Scalar(0);       ///< N m/s: of the torque at a fixed attitude; zero if it does not depend on time
   Scalar error = Scalar(0);      ///< N m
+};
+
+/// A torque by functions at the time −t.
+template <typename Scalar, typename Torque>
+class BackwardTorque {
+ public:
+  BackwardTorque() = default;
+  explicit BackwardTorque(const Torque& forward) noexcept : forward_(forward) {}
+
+  [[nodiscard]] Scalar energy(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
+    return forward_.energy(attitude, Scalar(-time));
+  }
+  [[nodiscard]] Vector3<Scalar> torque(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
+    return forward_.torque(attitude, Scalar(-time));
+  }
+  [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
+    return forward_.torque_jacobian(attitude, Scalar(-time));
+  }
+  [[nodiscard]] const Torque& backward() const noexcept { return forward_; }
+
+ private:
+  Torque forward_;
 };
 
 /// A torque of one's own by functions, with what is stated of it. It need not have a potential: with `torque` and
@@ -219,8 +257,27 @@ class StatedTorque {
   }
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return statement_.curvature; }
   [[nodiscard]] const TorqueStatement<Scalar>& statement() const noexcept { return statement_; }
+  /// What is stated says the same of both directions of time. A torque that does not say what it is at −t is asked there.
+  [[nodiscard]] auto backward() const noexcept {
+    if constexpr (goes_backward<Torque>) {
+      return backward_by(torque_.backward());
+    } else {
+      return backward_by(BackwardTorque<Scalar, Torque>(torque_));
+    }
+  }
 
  private:
+  template <typename, typename>
+  friend class StatedTorque;
+
+  template <typename Backward>
+  [[nodiscard]] StatedTorque<Scalar, Backward> backward_by(const Backward& torque) const noexcept {
+    StatedTorque<Scalar, Backward> result;
+    result.torque_ = torque;
+    result.statement_ = statement_;
+    return result;
+  }
+
   Torque torque_;
   TorqueStatement<Scalar> statement_;
 };

@@ -13,7 +13,11 @@
 ///
 ///     Scalar torque_curvature_bound() const;
 ///
-/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time. A guaranteed flow needs more of a potential:
+/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time; and, for smoothing, which goes backward in time,
+///
+///     Potential backward() const;  // the potential U(C, −t), of this type or of another
+///
+/// (theory, section 20.1). A guaranteed flow needs more of a potential:
 /// a `TorqueExpansion` (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the
 /// integrator then returns `Status::callback_failed`.
 
@@ -47,12 +51,21 @@ template <typename Potential>
 struct HasCurvatureBound<Potential, std::void_t<decltype(std::declval<const Potential&>().torque_curvature_bound())>>
     : std::true_type {};
 
+template <typename Torque, typename = void>
+struct GoesBackward : std::false_type {};
+
+template <typename Torque>
+struct GoesBackward<Torque, std::void_t<decltype(std::declval<const Torque&>().backward())>> : std::true_type {};
+
 }  // namespace detail
 
 template <typename Potential, typename Scalar>
 constexpr bool is_potential = detail::IsPotential<Potential, Scalar>::value;
 template <typename Potential>
 constexpr bool has_curvature_bound = detail::HasCurvatureBound<Potential>::value;
+/// Whether a potential, or a torque, says what it is at the time −t.
+template <typename Torque>
+constexpr bool goes_backward = detail::GoesBackward<Torque>::value;
 
 /// No potential: a free body.
 template <typename Scalar>
@@ -68,6 +81,7 @@ struct FreeBody {
     return Matrix3<Scalar>::Zero();
   }
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return Scalar(0); }
+  [[nodiscard]] FreeBody backward() const noexcept { return *this; }
 
   template <typename Other>
   [[nodiscard]] FreeBody<Other> cast() const noexcept {
@@ -113,6 +127,7 @@ class UniformGravity {
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept {
     return scalar::constant<Scalar>(0.5L) * scalar::sqrt(Scalar(moment_.squaredNorm()));
   }
+  [[nodiscard]] UniformGravity backward() const noexcept { return *this; }
 
   /// m g ρ, N m, body axes.
   [[nodiscard]] const Vector3<Scalar>& moment() const noexcept { return moment_; }
@@ -187,6 +202,12 @@ class GravityGradient {
   }
   /// 3n² (J_max − J_min).
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return strength() * spread_; }
+  /// r(−t) is that of the orbit O diag(1, −1, −1), which rounding leaves as it is. (theory, eq. 20.3)
+  [[nodiscard]] GravityGradient backward() const noexcept {
+    GravityGradient result = *this;
+    result.orbit_.template rightCols<2>() *= Scalar(-1);
+    return result;
+  }
 
   [[nodiscard]] const Matrix3<Scalar>& inertia() const noexcept { return inertia_; }
   /// Columns: the radial direction at t = 0, the direction of motion, the orbit normal.
@@ -251,6 +272,11 @@ class SumPotential {
   template <bool Bounded = (has_curvature_bound<Potentials> && ...), typename = std::enable_if_t<Bounded>>
   [[nodiscard]] auto torque_curvature_bound() const noexcept {
     return std::apply([](const auto&... p) { return (p.torque_curvature_bound() + ...); }, potentials_);
+  }
+  template <bool Backward = (goes_backward<Potentials> && ...), typename = std::enable_if_t<Backward>>
+  [[nodiscard]] auto backward() const noexcept {
+    return std::apply([](const auto&... p) { return SumPotential<decltype(p.backward())...>(p.backward()...); },
+                      potentials_);
   }
 
  private:

@@ -70,6 +70,8 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+  [[nodiscard]] const Scalar& longest_step() const noexcept { return longest_step_; }
+  [[nodiscard]] const BodyUncertainty<Scalar>& uncertainty() const noexcept { return uncertainty_; }
 
   /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;

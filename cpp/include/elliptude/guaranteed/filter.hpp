@@ -102,6 +102,10 @@ class GuaranteedFilter {
     return Status::ok;
   }
 
+  /// Whether `bound_vector` has stated a bound; `vector_bound`, a little wider, is meaningless otherwise.
+  [[nodiscard]] bool has_vector_bound() const noexcept { return memory_.known.has_vector_bound; }
+  [[nodiscard]] const Ellipsoid<Scalar, 3>& vector_bound() const noexcept { return memory_.known.vector_bound; }
+
   /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it to go on
   /// under `Policy::raise` if the past is wrong, or cannot be predicted.
   void forget() noexcept { memory_.forget(); }

@@ -39,7 +39,7 @@ class GuaranteedGyroFlow {
     mean,          ///< its mean over the interval, from a gyro that integrates
   };
   struct Input {
-    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
     /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than the
     /// duration times the noise; negative for none.
     Scalar increment = Scalar(-1);
@@ -66,6 +66,9 @@ class GuaranteedGyroFlow {
     flow.interval_rate_ = interval_rate;
     return Status::ok;
   }
+
+  [[nodiscard]] const GyroUncertainty<Scalar>& uncertainty() const noexcept { return uncertainty_; }
+  [[nodiscard]] IntervalRate interval_rate() const noexcept { return interval_rate_; }
 
   /// With ω̂ = ω̃ − β̂ and F = exp(S(hω̂)) the linear part is γ⁺ = Fᵀγ − h J_r(hω̂) δβ (theory, section 17.6).
   /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if the set

@@ -1,0 +1,171 @@
+#pragma once
+
+/// \file
+/// From the last moment of a guaranteed filter to its first: what was possible at each, by all that was measured. (theory, section 20.5)
+
+#include "elliptude/guaranteed/filter.hpp"
+#include "elliptude/smoothing/both_directions.hpp"
+#include "elliptude/smoothing/mirror.hpp"
+
+namespace elliptude {
+
+/// A prediction of a guaranteed filter: by the motion, or over a turn.
+template <typename Filter>
+struct PredictedInterval {
+  using Scalar = typename Filter::Scalar;
+
+  Scalar duration{0};
+  typename Filter::Input input{};
+  bool is_turn = false;
+  Vector3<Scalar> turn = Vector3<Scalar>::Zero();  ///< of `predict_turn`
+  Scalar angle{0};
+};
+
+/// A moment of a guaranteed filter: what it knew after its last update there, before the next prediction. Nothing of the measurements is
+/// kept, as the set has them in it. In `double` a moment is about half a kilobyte.
+template <typename Filter>
+struct Moment {
+  typename Filter::Scalar time{0};
+  PredictedInterval<Filter> interval;  ///< that led to it; of the first moment it does not count
+  ClaimedSet<typename Filter::State> known;
+
+  /// What a filter knows now.
+  [[nodiscard]] static Moment of(const Filter& filter, const PredictedInterval<Filter>& interval) noexcept {
+    Moment moment;
+    moment.time = filter.time();
+    moment.interval = interval;
+    moment.known.claim = filter.claim();
+    if (filter.knows_attitude()) {
+      moment.known.set = filter.ellipsoid();
+    }
+    return moment;
+  }
+};
+
+/// What was possible at an earlier moment, by all that was measured until now.
+template <typename State>
+struct SmoothedSet {
+  StateScalar<State> time{0};
+  GibbsEllipsoid<State> set;  ///< meaningless without a claim, as is the vector
+  /// The vector by itself: never wider than the filter's was then, where the claim is the same, as the set may be there.
+  Ellipsoid<StateScalar<State>, 3> vector;
+  Claim claim = Claim::none;  ///< what the set rests on
+  bool uses_future = false;   ///< whether it is another than the filter had then
+};
+
+/// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow carries the set to
+/// the beginning of an interval, where it is combined with what the filter knew then, and goes on. Where the claim is that of the filter
+/// then, the smoothed set is no larger by the criterion and no wider in its largest angle, nor is the vector; where it is stronger, they may.
+template <typename FilterType>
+class BackwardPass {
+ public:
+  using Filter = FilterType;
+  using Flow = typename Filter::Flow;
+  using State = typename Filter::State;
+  using Scalar = typename Filter::Scalar;
+
+  /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it is.
+  BackwardPass(const Filter& filter, const Moment<Filter>& last) noexcept
+      : filter_(filter), time_(last.time), interval_(last.interval) {
+    both_.smoothed = last.known;
+    both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
+    both_.smallest = last.known;
+  }
+
+  /// Goes to the moment before.
+  /// \return `empty_intersection` if it is proved under `Policy::raise` that a statement is wrong; `interrupted`; `callback_failed`; the
+  /// status of `Mirror<Flow>::flow`. The pass is then where it was.
+  [[nodiscard]] Status to(const Moment<Filter>& earlier) noexcept {
+    ClaimedSet<State> future;
+    if (const Status status = backward(future); status != Status::ok) {
+      return status;
+    }
+    BothDirections<State> both;
+    if (const Status status =
+            both_directions(earlier.known, future, {filter_.settings().criterion, is_product()}, both);
+        status != Status::ok) {
+      return status;
+    }
+    if (both.contradict && filter_.settings().policy == Policy::raise) {
+      return Status::empty_intersection;
+    }
+    both_ = both;
+    has_contradicted_ = has_contradicted_ || both.contradict;
+    time_ = earlier.time;
+    interval_ = earlier.interval;
+    return Status::ok;
+  }
+
+  /// At the moment where the pass is.
+  [[nodiscard]] SmoothedSet<State> smoothed() const noexcept {
+    const Claim claim = both_.smoothed.claim;
+    const bool is_weakened = has_contradicted_ && claim == Claim::unconditional;
+    return {time_, both_.smoothed.set, both_.vector, is_weakened ? Claim::conditional : claim, both_.uses_future};
+  }
+
+  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: none of the sets is
+  /// unconditional, and those of later moments were not either.
+  [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
+
+ private:
+  using Backward = typename Mirror<Flow>::Backward;
+
+  [[nodiscard]] bool is_product() const noexcept {
+    return !filter_.settings().estimates_vector && filter_.has_vector_bound();
+  }
+
+  /// The smallest set at the beginning of the interval that led here; none where it cannot be followed.
+  [[nodiscard]] Status backward(ClaimedSet<State>& future) const noexcept {
+    const ClaimedSet<State>& known = both_.smallest;
+    if (known.claim == Claim::none) {
+      return Status::ok;
+    }
+    // A bias that is in its bound at every time need not be followed from the sample on.
+    const Scalar held = is_product() ? Scalar(0) : interval_.duration;
+    Backward flow;
+    if (const Status status = Mirror<Flow>::flow(filter_.flow(), held, flow); status != Status::ok) {
+      return status;
+    }
+    typename GuaranteedFilter<Backward>::Settings settings = filter_.settings();
+    settings.policy = Policy::raise;
+    settings.keeps_constraints = false;
+    GuaranteedFilter<Backward> filter;
+    Status status = GuaranteedFilter<Backward>::make(flow, settings, Scalar(-time_), filter);
+    if (status == Status::ok && is_product()) {
+      status = filter.bound_vector(mirrored(filter_.vector_bound()));
+    }
+    if (status == Status::ok) {
+      status = filter.start(mirrored(known.set));
+    }
+    if (status == Status::ok) {
+      status = move(held, filter);
+    }
+    if (status == Status::interrupted || status == Status::callback_failed) {
+      return status;
+    }
+    if (status == Status::ok && filter.knows_attitude()) {
+      future = {mirrored(filter.ellipsoid()), known.claim};
+    }
+    return Status::ok;
+  }
+
+  [[nodiscard]] Status move(const Scalar& held, GuaranteedFilter<Backward>& filter) const noexcept {
+    const Scalar time = filter.time() + interval_.duration;
+    if constexpr (!Filter::measures_rate) {
+      if (interval_.is_turn) {
+        return filter.predict_turn_interval(time, interval_.duration, Vector3<Scalar>(-interval_.turn),
+                                            interval_.angle);
+      }
+    }
+    return filter.predict_interval(time, interval_.duration,
+                                   Mirror<Flow>::input(filter_.flow(), held, interval_.input));
+  }
+
+  const Filter& filter_;
+  Scalar time_;
+  PredictedInterval<Filter> interval_;
+  BothDirections<State> both_;
+  bool has_contradicted_ = false;
+};
+
+}  // namespace elliptude

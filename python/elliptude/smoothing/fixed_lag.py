@@ -1,0 +1,269 @@
+"""Fixed lag, for streams: a guaranteed filter that remembers its last moments; theory, section 20.5."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+import elliptude
+from elliptude.results import CLAIMS
+from elliptude.smoothing.fusion import StateSets, common, log_sizes
+from elliptude.smoothing.mirror import late_bias, mirrored_flow
+from elliptude.typing import FloatArray
+
+_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+_UNCONDITIONAL, _CONDITIONAL, _NONE = range(3)
+_Move = Callable[[elliptude.GuaranteedFilter, float, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedSet:
+    """What was possible at an earlier moment, by all that was measured until now."""
+
+    time: float
+    """s."""
+    ellipsoid: elliptude.StateEllipsoid | None
+    """In the Gibbs chart; None without a claim."""
+    vector: FloatArray | None
+    """Center of the angular velocity or the bias by itself, rad/s."""
+    vector_shape: FloatArray | None
+    """Its ellipsoid: where the claim is the same, no wider than the filter's was then, as the set may be there."""
+    claim: str
+    """What it rests on, as `GuaranteedFilter.claim`."""
+    uses_future: bool
+    """Whether it is another than the filter had then."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    ellipsoid: elliptude.StateEllipsoid | None
+    claim: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment:
+    time: float
+    duration: float
+    """Of the interval that led to it, s."""
+    move_back: _Move
+    """Predicts a filter of the mirrored flow to a time over that interval, for which a rate is held so long."""
+    known: _Known
+
+
+class FixedLagSmoother:
+    """A guaranteed filter and its last moments: what was possible then, with what was measured since.
+
+    A moment is what the filter knew before a prediction. From the present set the mirrored flow goes backward, moment
+    by moment, and each time the set is combined with what the filter knew then. The truth is in it as it is in the
+    filter's sets. Where its claim is that of the filter then, it is no larger by the criterion, and no wider in its
+    largest angle, nor is the vector by itself. Where the claim is stronger, they may be.
+
+    Parameters
+    ----------
+    filter : GuaranteedFilter
+        As it is now: the first moment. Predictions and updates are to go through the smoother from now on.
+    lag : int
+        How many moments are remembered besides the present one, 1 or more.
+
+    Raises
+    ------
+    ValueError
+        If the lag is less than 1, or the motion cannot be followed backward: a potential of which nothing is stated.
+    """
+
+    def __init__(self, filter: elliptude.GuaranteedFilter, lag: int) -> None:  # noqa: A002
+        if lag < 1:
+            raise ValueError(f"lag is {lag}, but a smoother remembers at least one moment")
+        mirrored_flow(filter.flow, 0.0)
+        self._filter = filter
+        self._moments: deque[_Moment] = deque(maxlen=lag + 1)
+        self._has_contradicted: bool = False
+        self._begin()
+
+    @property
+    def filter(self) -> elliptude.GuaranteedFilter:
+        """The filter, to ask."""
+        return self._filter
+
+    @property
+    def moments(self) -> int:
+        """How many moments there are, with the present one: 1 to lag + 1."""
+        return len(self._moments)
+
+    @property
+    def has_contradicted(self) -> bool:
+        """Whether a past and its future have contradicted one another, under a policy that does not raise."""
+        return self._has_contradicted
+
+    def forget(self) -> None:
+        """Forget as `GuaranteedFilter.forget`, and the moments, too."""
+        self._filter.forget()
+        self._begin()
+
+    def predict(self, time: float, **motion: Any) -> None:
+        """Predict as `GuaranteedFilter.predict`. A prediction over no time begins no moment."""
+        duration = time - self._filter.time
+        self._filter.predict(time, **motion)
+        kept = {name: np.array(value) for name, value in motion.items() if value is not None}
+
+        def move_back(back: elliptude.GuaranteedFilter, until: float, held: float) -> None:
+            given: dict[str, Any] = dict(kept)
+            for name in ("gyro", "wheel_momentum"):
+                if name in given:
+                    given[name] = -given[name]
+            if "increment" in given:
+                assert isinstance(self._filter.flow, elliptude.GuaranteedGyroFlow)
+                given["increment"] = float(given["increment"]) + duration * late_bias(self._filter.flow, held)
+            back.predict(until, **given)
+
+        self._append(duration, move_back)
+
+    def predict_turn(self, time: float, turn: FloatArray, turn_bound: float) -> None:
+        """Predict as `GuaranteedFilter.predict_turn`."""
+        duration = time - self._filter.time
+        self._filter.predict_turn(time, turn, turn_bound)
+        opposite = -np.array(turn, dtype=np.float64)
+        self._append(duration, lambda back, until, _held: back.predict_turn(until, opposite, turn_bound))
+
+    def update(self, *measured: Any, **more: Any) -> elliptude.GuaranteedUpdate:
+        """Update as `GuaranteedFilter.update`."""
+        report = self._filter.update(*measured, **more)
+        self._replace_present()
+        return report
+
+    def smoothed(self, age: int) -> SmoothedSet:
+        """What was possible some moments ago, by all that was measured until now.
+
+        Parameters
+        ----------
+        age : int
+            How many moments ago; 0 is the present.
+
+        Returns
+        -------
+        SmoothedSet
+
+        Raises
+        ------
+        IndexError
+            If so many moments are not remembered.
+        InconsistentMeasurement
+            If past and future prove that a statement is wrong, and the policy is to raise. Under the others no smoothed
+            set is unconditional from then on.
+        """
+        if not 0 <= age < len(self._moments):
+            raise IndexError(f"age is {age}, but there are {len(self._moments)} moments")
+        moments = list(self._moments)[::-1]
+        shown = smallest = of_vector = moments[0].known
+        contradicted = self._has_contradicted
+        for later, earlier in pairwise(moments[: age + 1]):
+            future = self._backward(later, smallest)
+            (shown, smallest, of_vector), contradicts = self._both(earlier.known, future)
+            if contradicts and self._filter.policy == "raise":
+                raise elliptude.InconsistentMeasurement(
+                    f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "
+                    "bound is wrong",
+                    np.nan,
+                    earlier.time,
+                    "",
+                    None,
+                )
+            contradicted = contradicted or contradicts
+        self._has_contradicted = contradicted
+        claim = max(shown.claim, _CONDITIONAL) if contradicted else shown.claim
+        known = of_vector.ellipsoid
+        return SmoothedSet(
+            moments[age].time,
+            shown.ellipsoid,
+            None if known is None else known.vector,
+            None if known is None else known.shape[3:, 3:],
+            CLAIMS[claim],
+            shown.ellipsoid is not moments[age].known.ellipsoid,
+        )
+
+    def _begin(self) -> None:
+        self._moments.clear()
+        self._has_contradicted = False
+        self._moments.append(_Moment(self._filter.time, 0.0, lambda _back, _until, _held: None, self._present()))
+
+    def _present(self) -> _Known:
+        return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
+
+    def _append(self, duration: float, move_back: _Move) -> None:
+        if duration > 0.0:
+            self._moments.append(_Moment(self._filter.time, duration, move_back, self._present()))
+        else:
+            self._replace_present()
+
+    def _replace_present(self) -> None:
+        last = self._moments.pop()
+        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, self._present()))
+
+    @property
+    def _is_product(self) -> bool:
+        return not self._filter.estimate_vector and self._filter.vector_bound is not None
+
+    def _backward(self, later: _Moment, known: _Known) -> _Known:
+        """From a set at the end of an interval to one at its beginning; none where it cannot be followed."""
+        if known.ellipsoid is None:
+            return _Known(None, _NONE)
+        held = 0.0 if self._is_product else later.duration
+        bound = self._filter.vector_bound
+        back = elliptude.GuaranteedFilter(
+            mirrored_flow(self._filter.flow, held),
+            _mirrored(known.ellipsoid),
+            time=-later.time,
+            criterion=self._filter.criterion,
+            weight=self._filter.weight,
+            vector_bound=None if bound is None else (-bound[0], bound[1]),
+            estimate_vector=self._filter.estimate_vector,
+        )
+        try:
+            later.move_back(back, -later.time + later.duration, held)
+        except (ValueError, elliptude.InconsistentMeasurement):
+            return _Known(None, _NONE)
+        found = back.ellipsoid
+        return _Known(None, _NONE) if found is None else _Known(_mirrored(found), known.claim)
+
+    def _both(self, past: _Known, future: _Known) -> tuple[tuple[_Known, _Known, _Known], bool]:
+        """What is shown, the smallest, what says most of the vector, and whether both contradict one another."""
+        if future.claim < past.claim:
+            return (future, future, future), False
+        if future.claim > past.claim or past.ellipsoid is None or future.ellipsoid is None:
+            return (past, past, past), False
+        k = 3 if self._is_product else 6
+        weight = None
+        if self._filter.criterion != "volume":
+            weight = np.eye(6) if self._filter.weight is None else self._filter.weight
+            weight = weight[:k, :k]
+        one, other = _state_sets(past.ellipsoid, k), _state_sets(future.ellipsoid, k)
+        found = common(one, other, weight)
+        if not found.meet[0]:
+            return (past, past, past), past.claim == _UNCONDITIONAL
+        if not log_sizes(found.sets.shapes, weight)[0] < log_sizes(one.shapes, weight)[0]:
+            return (past, past, past), False
+        before = past.ellipsoid.shape
+        vector, shape = past.ellipsoid.vector.copy(), before.copy()
+        vector[: k - 3], shape[:k, :k] = found.sets.vectors[0], found.sets.shapes[0]
+        smallest = _Known(elliptude.StateEllipsoid(found.sets.attitudes[0], vector, shape, chart="gibbs"), past.claim)
+        shown = smallest if _largest(shape[:3, :3]) <= _largest(before[:3, :3]) else past
+        of_vector = smallest if _largest(shape[3:, 3:]) <= _largest(before[3:, 3:]) else past
+        return (shown, smallest, of_vector), False
+
+
+def _mirrored(found: elliptude.StateEllipsoid) -> elliptude.StateEllipsoid:
+    """A set in the other direction of time."""
+    return elliptude.StateEllipsoid(
+        found.attitude, -found.vector, found.shape * np.outer(_SIGNS, _SIGNS), chart="gibbs"
+    )
+
+
+def _state_sets(found: elliptude.StateEllipsoid, k: int) -> StateSets:
+    return StateSets(found.attitude[None], found.vector[None, : k - 3], found.shape[None, :k, :k])
+
+
+def _largest(shape: FloatArray) -> float:
+    return float(np.linalg.eigvalsh(shape)[-1])
