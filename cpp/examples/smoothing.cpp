@@ -17,7 +17,7 @@ double largest_angle_mrad(const GibbsEllipsoid<State>& set) {
 }
 
 /// The whole recording, last moment first.
-int smooth_recording(const Filter& filter, const std::vector<Moment<Filter>>& moments,
+int smooth_recording(const Filter& filter, const std::vector<FilterMoment<Filter>>& moments,
                      const std::vector<State>& truth) {
   BackwardPass<Filter> pass(filter, moments.back());
   for (std::size_t k = moments.size() - 1; k-- > 0;) {
@@ -60,7 +60,7 @@ int main() {
   const Vector3<double> rate(0.02, 0.05, -0.03);
   const std::array<Vector3<double>, 3> stars{Vector3<double>::UnitX(), Vector3<double>::UnitY(),
                                              Vector3<double>::UnitZ()};
-  std::vector<Moment<Filter>> moments;
+  std::vector<FilterMoment<Filter>> moments;
   std::vector<State> truth;
   for (std::size_t k = 0; k <= 20; ++k) {
     PredictedInterval<Filter> interval;
@@ -79,7 +79,7 @@ int main() {
     if (stream.update(Measurements<double>{&seen, 1, nullptr, nullptr}, update) != Status::ok) {
       return 1;
     }
-    moments.push_back(Moment<Filter>::of(stream.filter(), interval));
+    moments.push_back(FilterMoment<Filter>::of(stream.filter(), interval));
     truth.push_back(now);
     if (k >= lag && k % 5 == 0) {  // what was possible five seconds ago, by all that was measured until now
       SmoothedSet<State> earlier;

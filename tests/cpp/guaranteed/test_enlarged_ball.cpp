@@ -8,11 +8,9 @@
 #include <cmath>
 
 #include "support/random.hpp"
-#include "support/tracked.hpp"
 
 using namespace elliptude;
 using elliptude::testing::Random;
-using elliptude::testing::Tracked;
 
 namespace {
 
@@ -143,6 +141,18 @@ TEST_CASE("a map that only turns comes to the edge of its ball") {
   }
 }
 
+TEST_CASE("a small map is added to the ball, and comes to the edge of the sum") {
+  // The ball and a ball of a: where q and v have one direction, (1 + a)² of (1 + a)².
+  for (const double a : {1e-5, 1e-4, 1e-3}) {
+    Quadratic q = none();
+    for (int i = 0; i < 6; ++i) {
+      q[static_cast<std::size_t>(i)](i, i) = a;
+    }
+    const Matrix6<double> ball = detail::ball_and_image(slices_of(q), Vector6<double>(Vector6<double>::Ones()));
+    CHECK(form(ball, moved(q, RealVector6::Unit(4))) == doctest::Approx(1).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("no point of any map is found outside") {
   Random random(4);
   long double most = 0;
@@ -161,6 +171,8 @@ TEST_CASE("no point of any map is found outside") {
     }
     const long double reached = farthest(q, ball, random);
     CHECK(reached <= 1);
+    const Vector6<double> widths = random.normal_matrix<6>().cwiseAbs2();
+    CHECK(farthest(q, detail::ball_and_image(slices_of(q), widths), random) <= 1);
     most = std::fmax(most, reached);
     for (int i = 0; i < 20; ++i) {  // what is inside is no farther
       const RealVector6 v = random.uniform(0, 1) * random.unit_vector<6>().cast<long double>();
@@ -205,25 +217,65 @@ TEST_CASE("a ball is there if its trace is as little as wanted") {
   }
 }
 
-TEST_CASE("rounding of the ball is within its constant") {
+TEST_CASE("the ellipsoid is no smaller than the exact one, whatever rounding does") {
   Random random(6);
   double most = 0;
-  for (int trial = 0; trial < 200; ++trial) {
-    const Slices forms = slices_of(scaled(random_map(random), random.log_uniform(1e-4, 0.05)));
+  double largest_trace = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    Quadratic q = scaled(random_map(random), random.log_uniform(1e-4, 1));
+    if (trial % 3 == 1) {  // all terms round alike, near to where there is no ellipsoid any more
+      q.fill(Matrix6<double>::Constant(0.0339 * random.uniform(0.9, 1)));
+    } else if (trial % 3 == 2) {
+      const Vector6<double> axis = random.unit_vector<6>();
+      for (int i = 0; i < 6; ++i) {
+        q[static_cast<std::size_t>(i)] = 0.4999 * random.uniform(0.9, 1) * axis(i) * axis * axis.transpose();
+      }
+    }
     Matrix6<double> ball;
-    if (!detail::enlarged_ball(forms, any_trace, ball)) {
+    if (!detail::enlarged_ball(slices_of(q), 2000.0, ball)) {
       continue;
     }
-    const detail::packed::Slices<Tracked> exact = forms.unaryExpr([](double entry) { return Tracked::exactly(entry); });
-    Matrix6<Tracked> tracked;
-    REQUIRE(detail::enlarged_ball(exact, Tracked(any_trace), tracked));
-    const Matrix6<double> bounds = tracked.unaryExpr([](const Tracked& entry) { return entry.error; });
-    // The least axis of the inverse is at least one; here it is made one, so that its trace is no larger.
-    const Matrix6<double> inverse = ball / Eigen::SelfAdjointEigenSolver<Matrix6<double>>(ball).eigenvalues()(0);
-    most = std::fmax(most, bounds.operatorNorm() / (ball.norm() / inverse.norm() * inverse.trace()));
+    // The same in long double, without the cover.
+    const detail::packed::Slices<long double> forms = slices_of(q).cast<long double>();
+    const detail::packed::Slices<long double> symmetric = detail::packed::symmetric_part(forms);
+    const RealMatrix6 growth = gram_of(symmetric);
+    const long double mean = growth.trace() / 6;
+    const long double sigma = norm_of_gram(gram_of(detail::packed::Slices<long double>(forms - symmetric)));
+    const long double whole = 1 + sigma * sigma;
+    const long double lambda = mean + std::sqrt(mean * (mean + whole));
+    const RealMatrix6 inverse = RealMatrix6(RealMatrix6::Identity() - growth / lambda).inverse();
+    const RealMatrix6 root = RealMatrix6((whole + lambda) * inverse).llt().matrixL();
+    const RealMatrix6 ratio = root.inverse() * ball.cast<long double>() * root.inverse().transpose();
+    const long double least = Eigen::SelfAdjointEigenSolver<RealMatrix6>(ratio).eigenvalues()(0);
+    const auto share = static_cast<long double>(rounding::share<double>(rounding::enlarged_ball));
+    const long double cover = share * inverse.trace();
+    CHECK(least >= 1);
+    most = std::fmax(most, static_cast<double>(1 - (least - 1) / cover));
+    largest_trace = std::fmax(largest_trace, static_cast<double>(inverse.trace()));
   }
-  const double constant = rounding::enlarged_ball * std::numeric_limits<double>::epsilon();
-  MESSAGE("largest bound " << most / constant << " of the constant");
-  CHECK(most < constant);
-  CHECK(most > 0.01 * constant);
+  MESSAGE("rounding took " << most << " of its constant; the largest trace was " << largest_trace);
+  CHECK(most > 0.01);
+  CHECK(largest_trace > 100);
+  // Where nothing is left of the ellipsoid but the ball, the cover is what it should be.
+  Matrix6<double> ball;
+  REQUIRE(detail::enlarged_ball(Slices(Slices::Zero()), any_trace, ball));
+  CHECK((ball.diagonal().array() >= 1 + 570 * std::numeric_limits<double>::epsilon()).all());
+}
+
+TEST_CASE_TEMPLATE("an ellipsoid that rounding may have taken is not there", Scalar, double, float) {
+  // Near the edge of KKᵀ < λI, in one direction: the inverse has no right digit.
+  Random random(8);
+  for (int trial = 0; trial < 4000; ++trial) {
+    const Vector6<Scalar> axis = random.unit_vector<6>().cast<Scalar>();
+    const Scalar size =
+        Scalar(0.5) + static_cast<Scalar>(random.uniform(-8, 8)) * std::numeric_limits<Scalar>::epsilon();
+    detail::packed::Slices<Scalar> forms = detail::packed::Slices<Scalar>::Zero();
+    for (int i = 0; i < 6; ++i) {
+      detail::packed::slice(forms, i).template topRows<6>() = size * axis(i) * axis * axis.transpose();
+    }
+    Matrix6<Scalar> ball;
+    if (detail::enlarged_ball(forms, std::numeric_limits<Scalar>::max(), ball)) {
+      CHECK(Eigen::SelfAdjointEigenSolver<Matrix6<Scalar>>(ball).eigenvalues()(0) > 0);
+    }
+  }
 }

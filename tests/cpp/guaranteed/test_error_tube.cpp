@@ -252,3 +252,52 @@ TEST_CASE("flat sets, sets that are too large and errors of the inertia that are
   CHECK(tube.step(c.body, series, uncertainty) == Status::unbounded);
   CHECK(tube.shape() == before);
 }
+
+TEST_CASE("what the second order makes of a set is in the shape, by whichever bound") {
+  Random random(9);
+  double farthest = 0;
+  int moved_far = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const Case c = random_case(random);
+    const double size = random.log_uniform(0.02, 0.3);
+    const Matrix6<double> shape =
+        size * size * Matrix6<double>(random.positive_definite<6>(random.log_uniform(1, 1e3)));
+    const double h = random.log_uniform(0.05, 0.2);
+    Tube tube;
+    REQUIRE(tube.start(shape, h, 1) == Status::ok);
+    const RealMatrix6 set =
+        tube.frame().cast<long double>().inverse() * RealMatrix6(shape.cast<long double>()).llt().matrixL();
+    Series series(c.body, c.gravity);
+    if (series.expand(c.body, 0, h, {}, c.state) != Status::ok || tube.step(c.body, series, {}) != Status::ok) {
+      continue;
+    }
+    moved_far += tube.displacement() > 0.05 ? 1 : 0;
+    const RealMatrix6 root = RealMatrix6(tube.shape().cast<long double>()).llt().matrixL();
+    const RealMatrix6 whitened = root.inverse() * tube.frame().cast<long double>();
+    const auto form = [&](const RealVector6& v) {
+      const RealVector6 u = set * v;
+      RealVector6 end = u;
+      for (int i = 0; i < 6; ++i) {
+        end(i) += u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).cast<long double>() * u);
+      }
+      return RealVector6(whitened * end).squaredNorm();
+    };
+    for (int start = 0; start < 8; ++start) {
+      RealVector6 v = random.unit_vector<6>().cast<long double>();
+      for (int k = 0; k < 30; ++k) {  // towards the farthest
+        RealVector6 gradient;
+        for (int i = 0; i < 6; ++i) {
+          const RealVector6 little = 1e-5L * RealVector6::Unit(i);
+          gradient(i) = form(v + little) - form(v - little);
+        }
+        v = (v + 0.5L * gradient.normalized()).normalized();
+        const double reached = static_cast<double>(form(v));
+        CHECK(reached <= 1);
+        farthest = std::fmax(farthest, reached);
+      }
+    }
+  }
+  MESSAGE("farthest " << farthest << ", tubes that moved far " << moved_far);
+  CHECK(farthest > 0.98);
+  CHECK(moved_far > 30);
+}

@@ -92,7 +92,7 @@ TEST_CASE("backward pass: intervals of different lengths, and a bias that drifts
     GyroState<double> truth{Matrix3d::Identity(), Vector3d(0.01, 0.02, -0.01)};
     const GibbsEllipsoid<GyroState<double>> wide{truth, Matrix6<double>::Identity()};
     REQUIRE(filter.start(wide) == Status::ok);
-    std::vector<Moment<Filter>> moments{Moment<Filter>::of(filter, {})};
+    std::vector<FilterMoment<Filter>> moments{FilterMoment<Filter>::of(filter, {})};
     std::vector<GyroState<double>> truths{truth};
     double time = 0;
     for (const double duration : {0.2, 0.1, 0.3, 0.05}) {
@@ -103,7 +103,7 @@ TEST_CASE("backward pass: intervals of different lengths, and a bias that drifts
       truth.gyro_bias.x() += sign * 0.999999 * 1e-2 * duration;
       time += duration;
       REQUIRE(filter.predict(time, interval.input) == Status::ok);
-      moments.push_back(Moment<Filter>::of(filter, interval));
+      moments.push_back(FilterMoment<Filter>::of(filter, interval));
       truths.push_back(truth);
     }
     // By a star tracker and a bias that is given.
@@ -132,12 +132,12 @@ TEST_CASE("backward pass: one interval is a prediction of the mirrored flow over
     const GibbsEllipsoid<GyroState<double>> set{{exp(Vector3d(0.1, 0.2, 0.3)), Vector3d(0.001, 0, 0)},
                                                 1e-6 * Matrix6<double>::Identity()};
     REQUIRE(known.start(set) == Status::ok);
-    Moment<Filter> last = Moment<Filter>::of(known, {});
+    FilterMoment<Filter> last = FilterMoment<Filter>::of(known, {});
     last.time = 3;
     last.interval.duration = 2;
     last.interval.input = {Vector3d(0.1, 0, 0), 0.002, true};
     BackwardPass<Filter> pass(filter, last);
-    Moment<Filter> nothing;
+    FilterMoment<Filter> nothing;
     nothing.time = 1;
     REQUIRE(pass.to(nothing) == Status::ok);
     // A bias that is left to its bound is in it at every time, whatever the drift.
@@ -158,7 +158,7 @@ TEST_CASE("backward pass: once it is proved that a statement is wrong, no earlie
   using Filter = GyroScene::Filter;
   const Filter filter = GyroScene::filter(Policy::drop_measurement);
   const auto moment = [](double time, double about_x) {
-    Moment<Filter> known;
+    FilterMoment<Filter> known;
     known.time = time;
     known.interval.duration = 1;
     known.interval.input.angular_velocity.setZero();
@@ -189,7 +189,7 @@ TEST_CASE("backward pass: compared with a filter that is given the measurements 
   for (std::uint64_t seed = 31; seed < 36; ++seed) {
     GyroScene scene(seed);
     GyroScene::Filter filter = GyroScene::filter();
-    std::vector<Moment<GyroScene::Filter>> moments;
+    std::vector<FilterMoment<GyroScene::Filter>> moments;
     std::vector<std::array<Direction<double>, 2>> seen;
     std::vector<GyroState<double>> truths;
     for (int k = 0; k < 15; ++k) {
@@ -203,7 +203,7 @@ TEST_CASE("backward pass: compared with a filter that is given the measurements 
       truths.push_back(scene.truth);
       GuaranteedUpdate<double> report;
       REQUIRE(filter.update({seen.back().data(), 2, nullptr, nullptr}, report) == Status::ok);
-      moments.push_back(Moment<GyroScene::Filter>::of(filter, interval));
+      moments.push_back(FilterMoment<GyroScene::Filter>::of(filter, interval));
     }
     BackwardPass<GyroScene::Filter> pass(filter, moments.back());
     CHECK(pass.smoothed().set.shape == filter.ellipsoid().shape);

@@ -513,7 +513,7 @@ void use_smoothing(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   BothDirections<State> both;
   tally.add(both_directions<State>({back, Claim::conditional}, {common, Claim::conditional}, settings, both));
   tally.add(both.smoothed.set.shape);
-  const Moment<Filter> last = Moment<Filter>::of(lag.filter(), {});
+  const FilterMoment<Filter> last = FilterMoment<Filter>::of(lag.filter(), {});
   BackwardPass<Filter> pass(lag.filter(), last);
   tally.add(pass.to(last));
   tally.add(pass.smoothed().time);

@@ -134,8 +134,8 @@ inline constexpr int series_attitude = 32;
 /// The linear part of an error tube, and its rate over a step.
 inline constexpr int linear_part = 256;
 inline constexpr int linear_rate = 128;
-/// The ball that a quadratic map makes larger, relative to itself and to the trace of the inverse in it.
-inline constexpr int enlarged_ball = 32;
+/// What the inverse in (17.19) may be too small by, relative to its trace times itself.
+inline constexpr int enlarged_ball = 96;
 /// A torque's expansion about an attitude, relative to its value and its derivative.
 inline constexpr int local_torque = 64;
 ///@}

@@ -154,32 +154,9 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
   // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
   const detail::packed::Slices<Scalar> forms = detail::packed::seen_from(second_order_, set_, set_inverse);
-  const Matrix6<Scalar> moved = gram_of(forms);  // {q(v) : ‖v‖ ≤ 1} lies in this ellipsoid
-  // A sum holds with any positive share; if rounding leaves none, use one.
-  const auto share_of = [](const Scalar& trace) {
-    return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
-  };
   const Vector6<Scalar> widths = set_.colwise().squaredNorm();
   const Scalar width = widths.sum();
-
-  // The sum of both; or, as v alone says where both are, the ball itself a little larger, if that adds much less: in v, and in u,
-  // where the widest axes count. The ball becomes larger in all directions, and what is of second order later with it.
-  const Scalar moved_trace = moved.trace();
-  const Scalar moved_width = widths.dot(moved.diagonal());
-  const Scalar share = detail::tube::moderate_growth(share_of(moved_trace), moved_width, width);
-  const Scalar by_moved = one + one / share;
-  Matrix6<Scalar> ball;
-  bool is_enlarged = false;
-  if (share > scalar::constant<Scalar>(0.002L) && moved_trace > Scalar(0)) {
-    const Scalar much_less = scalar::constant<Scalar>(0.6L);
-    const Scalar most = Scalar(6) + much_less * (Scalar(6) * share + by_moved * moved_trace);
-    is_enlarged = detail::enlarged_ball(forms, most, ball) &&
-                  widths.dot(ball.diagonal()) - width < much_less * (share * width + by_moved * moved_width);
-  }
-  if (!is_enlarged) {
-    ball = by_moved * moved;
-    ball.diagonal().array() += moved_trace > Scalar(0) ? Scalar(one + share) : one;
-  }
+  const Matrix6<Scalar> ball = detail::ball_and_image(forms, widths);
   Matrix6<Scalar> shape = congruence(set_, ball);
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share =
@@ -190,8 +167,8 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
   const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
-  const Scalar pushed_share = detail::tube::moderate_growth(share_of(Scalar(beside.cwiseProduct(set_inverse).sum())),
-                                                            Scalar(pushed_.trace()), width);
+  const Scalar pushed_share = detail::tube::moderate_growth(
+      detail::tube::share_of(Scalar(beside.cwiseProduct(set_inverse).sum())), Scalar(pushed_.trace()), width);
   if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }

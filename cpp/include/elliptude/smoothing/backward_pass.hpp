@@ -24,14 +24,14 @@ struct PredictedInterval {
 /// A moment of a guaranteed filter: what it knew after its last update there, before the next prediction. Nothing of the measurements is
 /// kept, as the set has them in it. In `double` a moment is about half a kilobyte.
 template <typename Filter>
-struct Moment {
+struct FilterMoment {
   typename Filter::Scalar time{0};
   PredictedInterval<Filter> interval;  ///< that led to it; of the first moment it does not count
   ClaimedSet<typename Filter::State> known;
 
   /// What a filter knows now.
-  [[nodiscard]] static Moment of(const Filter& filter, const PredictedInterval<Filter>& interval) noexcept {
-    Moment moment;
+  [[nodiscard]] static FilterMoment of(const Filter& filter, const PredictedInterval<Filter>& interval) noexcept {
+    FilterMoment moment;
     moment.time = filter.time();
     moment.interval = interval;
     moment.known.claim = filter.claim();
@@ -65,7 +65,7 @@ class BackwardPass {
   using Scalar = typename Filter::Scalar;
 
   /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it is.
-  BackwardPass(const Filter& filter, const Moment<Filter>& last) noexcept
+  BackwardPass(const Filter& filter, const FilterMoment<Filter>& last) noexcept
       : filter_(filter), time_(last.time), interval_(last.interval) {
     both_.smoothed = last.known;
     both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
@@ -75,7 +75,7 @@ class BackwardPass {
   /// Goes to the moment before.
   /// \return `empty_intersection` if it is proved under `Policy::raise` that a statement is wrong; `interrupted`; `callback_failed`; the
   /// status of `Mirror<Flow>::flow`. The pass is then where it was.
-  [[nodiscard]] Status to(const Moment<Filter>& earlier) noexcept {
+  [[nodiscard]] Status to(const FilterMoment<Filter>& earlier) noexcept {
     ClaimedSet<State> future;
     if (const Status status = backward(future); status != Status::ok) {
       return status;

@@ -78,7 +78,7 @@ class FixedLag {
   [[nodiscard]] Status update(const Measured& measurements, Reports&... reports) noexcept {
     const Status status = filter_.update(measurements, reports...);
     if (status == Status::ok) {
-      moment(0) = Moment<Filter>::of(filter_, moment(0).interval);
+      moment(0) = FilterMoment<Filter>::of(filter_, moment(0).interval);
     }
     return status;
   }
@@ -107,7 +107,7 @@ class FixedLag {
   }
 
  private:
-  [[nodiscard]] Moment<Filter>& moment(std::size_t age) noexcept {
+  [[nodiscard]] FilterMoment<Filter>& moment(std::size_t age) noexcept {
     return moments_[(newest_ + Lag + 1 - age) % (Lag + 1)];
   }
 
@@ -115,7 +115,7 @@ class FixedLag {
     newest_ = 0;
     count_ = 1;
     has_contradicted_ = false;
-    moment(0) = Moment<Filter>::of(filter_, {});
+    moment(0) = FilterMoment<Filter>::of(filter_, {});
   }
 
   [[nodiscard]] Status append(Status predicted, const PredictedInterval<Filter>& interval) noexcept {
@@ -127,12 +127,12 @@ class FixedLag {
       newest_ = (newest_ + 1) % (Lag + 1);
       count_ += count_ <= Lag ? 1 : 0;
     }
-    moment(0) = Moment<Filter>::of(filter_, is_new ? interval : moment(0).interval);
+    moment(0) = FilterMoment<Filter>::of(filter_, is_new ? interval : moment(0).interval);
     return Status::ok;
   }
 
   Filter filter_;
-  std::array<Moment<Filter>, Lag + 1> moments_;
+  std::array<FilterMoment<Filter>, Lag + 1> moments_;
   std::size_t newest_ = 0;
   std::size_t count_ = 1;
   bool has_contradicted_ = false;

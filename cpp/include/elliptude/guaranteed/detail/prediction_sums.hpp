@@ -19,6 +19,14 @@ template <typename Scalar>
   return scalar::constant<Scalar>(0.01L);
 }
 
+/// The share of least volume in a sum with the unit ball of six numbers. A sum holds with any positive one; if rounding leaves none,
+/// it is one.
+/// \param trace of what is added.
+template <typename Scalar>
+[[nodiscard]] Scalar share_of(const Scalar& trace) noexcept {
+  return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
+}
+
 /// By how much a set is made larger everywhere for what is added to it: by the share that makes the sum smallest in volume, unless
 /// that keeps a thin set thin by making it wider and wider, prediction after prediction. What is of second order grows with the
 /// square of the width. A hundredth, or five times what is added against the whole set, is moderate. (theory, section 17.9)
