@@ -95,7 +95,7 @@ class FixedLagSmoother:
 
     @property
     def has_contradicted(self) -> bool:
-        """Whether a past and its future have contradicted one another, under a policy that does not raise."""
+        """Whether `smoothed` found a past and its future that contradict one another; never under `raise`."""
         return self._has_contradicted
 
     def forget(self) -> None:
@@ -104,7 +104,8 @@ class FixedLagSmoother:
         self._begin()
 
     def predict(self, time: float, **motion: Any) -> None:
-        """Predict as `GuaranteedFilter.predict`. A prediction over no time begins no moment."""
+        """Predict as `GuaranteedFilter.predict`. A prediction over no time begins no moment, but a turn does."""
+        self._refuse_other_use()
         duration = time - self._filter.time
         self._filter.predict(time, **motion)
         kept = {name: np.array(value) for name, value in motion.items() if value is not None}
@@ -123,13 +124,15 @@ class FixedLagSmoother:
 
     def predict_turn(self, time: float, turn: FloatArray, turn_bound: float) -> None:
         """Predict as `GuaranteedFilter.predict_turn`."""
+        self._refuse_other_use()
         duration = time - self._filter.time
         self._filter.predict_turn(time, turn, turn_bound)
         opposite = -np.array(turn, dtype=np.float64)
-        self._append(duration, lambda back, until, _held: back.predict_turn(until, opposite, turn_bound))
+        self._append(duration, lambda back, until, _held: back.predict_turn(until, opposite, turn_bound), is_turn=True)
 
     def update(self, *measured: Any, **more: Any) -> elliptude.GuaranteedUpdate:
         """Update as `GuaranteedFilter.update`."""
+        self._refuse_other_use()
         report = self._filter.update(*measured, **more)
         self._replace_present()
         return report
@@ -156,12 +159,13 @@ class FixedLagSmoother:
         """
         if not 0 <= age < len(self._moments):
             raise IndexError(f"age is {age}, but there are {len(self._moments)} moments")
+        self._refuse_other_use()
         moments = list(self._moments)[::-1]
-        shown = smallest = of_vector = moments[0].known
         contradicted = self._has_contradicted
+        shown = smallest = of_vector = _weakened(moments[0].known, contradicted)
         for later, earlier in pairwise(moments[: age + 1]):
-            future = self._backward(later, smallest)
-            (shown, smallest, of_vector), contradicts = self._both(earlier.known, future)
+            future = self._backward(later, _weakened(smallest, contradicted))
+            (shown, smallest, of_vector), contradicts = self._both(_weakened(earlier.known, contradicted), future)
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
                     f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "
@@ -173,14 +177,13 @@ class FixedLagSmoother:
                 )
             contradicted = contradicted or contradicts
         self._has_contradicted = contradicted
-        claim = max(shown.claim, _CONDITIONAL) if contradicted else shown.claim
         known = of_vector.ellipsoid
         return SmoothedSet(
             moments[age].time,
             shown.ellipsoid,
             None if known is None else known.vector,
             None if known is None else known.shape[3:, 3:],
-            CLAIMS[claim],
+            CLAIMS[_weakened(shown, contradicted).claim],
             shown.ellipsoid is not moments[age].known.ellipsoid,
         )
 
@@ -192,8 +195,15 @@ class FixedLagSmoother:
     def _present(self) -> _Known:
         return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
 
-    def _append(self, duration: float, move_back: _Move) -> None:
-        if duration > 0.0:
+    def _refuse_other_use(self) -> None:
+        if self._filter.time != self._moments[-1].time:
+            raise ValueError(
+                f"filter is at {self._filter.time:.6f} s, but its smoother left it at {self._moments[-1].time:.6f} s: "
+                "predictions go through the smoother"
+            )
+
+    def _append(self, duration: float, move_back: _Move, *, is_turn: bool = False) -> None:
+        if duration > 0.0 or is_turn:
             self._moments.append(_Moment(self._filter.time, duration, move_back, self._present()))
         else:
             self._replace_present()
@@ -252,6 +262,11 @@ class FixedLagSmoother:
         shown = smallest if _largest(shape[:3, :3]) <= _largest(before[:3, :3]) else past
         of_vector = smallest if _largest(shape[3:, 3:]) <= _largest(before[3:, 3:]) else past
         return (shown, smallest, of_vector), False
+
+
+def _weakened(known: _Known, contradicted: bool) -> _Known:
+    """With the claim that is left once a statement is known to be wrong."""
+    return _Known(known.ellipsoid, _CONDITIONAL) if contradicted and known.claim == _UNCONDITIONAL else known
 
 
 def _mirrored(found: elliptude.StateEllipsoid) -> elliptude.StateEllipsoid:

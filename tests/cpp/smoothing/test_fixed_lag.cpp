@@ -123,6 +123,40 @@ TEST_CASE("fixed lag: turns, of which only the turn is known") {
         1e-4);  // the star tracker's 0.1 mrad and the turn's error, not the directions' 20 mrad
 }
 
+TEST_CASE("fixed lag: turns over no time are moments of their own") {
+  // Two turns with one stamp: the set from the second measurement is brought back over both.
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 1e-8 * Matrix3d::Identity();
+  GyroScene::Filter::Flow flow;
+  REQUIRE(GyroScene::Filter::Flow::make(uncertainty, GyroScene::Filter::Flow::IntervalRate::mean, flow) == Status::ok);
+  GyroScene::Filter filter;
+  REQUIRE(GyroScene::Filter::make(flow, {}, 0, filter) == Status::ok);
+  GyroState<double> truth{Matrix3d::Identity(), Vector3d::Zero()};
+  Matrix6<double> shape = 1e-2 * Matrix6<double>::Identity();
+  shape.bottomRightCorner<3, 3>() *= 1e-4;
+  REQUIRE(filter.start(GibbsEllipsoid<GyroState<double>>{truth, shape}) == Status::ok);
+  FixedLag<GyroScene::Filter, 4> lag;
+  REQUIRE(FixedLag<GyroScene::Filter, 4>::make(filter, lag) == Status::ok);
+  std::vector<GyroState<double>> truths{truth};
+  for (const Vector3d& turn : {Vector3d(0.1, 0, 0), Vector3d(0.05, 0.06, 0)}) {
+    REQUIRE(lag.predict_turn(1, turn, 1e-4) == Status::ok);
+    truth.attitude = truth.attitude * exp(turn);
+    truths.push_back(truth);
+  }
+  CHECK(lag.moments() == 3);
+  const MeasuredAttitude<double> star{truth.attitude, 1e-6 * Matrix3d::Identity()};
+  GuaranteedUpdate<double> report;
+  REQUIRE(lag.update(Measurements<double>{nullptr, 0, nullptr, &star}, report) == Status::ok);
+  for (std::size_t age = 0; age < 3; ++age) {
+    SmoothedSet<GyroState<double>> set;
+    REQUIRE(lag.smoothed(age, set) == Status::ok);
+    CHECK(set.claim == Claim::unconditional);
+    CHECK(set.uses_future == (age > 0));
+    CHECK(form_of(set.set, truths[2 - age]) <= 1);
+    CHECK(largest(set.set.shape, 0) < 2e-3);
+  }
+}
+
 TEST_CASE("fixed lag: only the last moments are kept, and predictions over no time begin none") {
   GyroScene scene(23);
   FixedLag<GyroScene::Filter, 3> lag;
@@ -222,6 +256,46 @@ TEST_CASE("fixed lag: a past and a future that contradict one another") {
     lag.forget();
     CHECK_FALSE(lag.has_contradicted());
   }
+}
+
+TEST_CASE("fixed lag: after a contradiction equal claims still make sets no wider than the filter's") {
+  using Flow = GuaranteedGyroFlow<double>;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = Vector3d(1e-4, 1e-12, 1e-12).asDiagonal();
+  Flow flow;
+  REQUIRE(Flow::make(uncertainty, Flow::IntervalRate::mean, flow) == Status::ok);
+  GyroScene::Filter::Settings settings;
+  settings.policy = Policy::drop_measurement;
+  settings.regain_after = 1;
+  GyroScene::Filter filter;
+  REQUIRE(GyroScene::Filter::make(flow, settings, 0, filter) == Status::ok);
+  REQUIRE(filter.bound_vector({Vector3d::Zero(), 1e-4 * Matrix3d::Identity()}) == Status::ok);
+  Matrix6<double> shape = 1e-10 * Matrix6<double>::Identity();
+  shape(1, 1) = 1e-4;
+  REQUIRE(filter.start(GibbsEllipsoid<GyroState<double>>{{Matrix3d::Identity(), Vector3d::Zero()}, shape}) ==
+          Status::ok);
+  FixedLag<GyroScene::Filter, 8> lag;
+  REQUIRE(FixedLag<GyroScene::Filter, 8>::make(filter, lag) == Status::ok);
+  const auto sees = [&](double time, double angle, double within) {
+    REQUIRE(lag.predict(time, {Vector3d::Zero(), -1, true}) == Status::ok);
+    const MeasuredAttitude<double> star{exp(Vector3d(angle, 0, 0)), within * within * Matrix3d::Identity()};
+    GuaranteedUpdate<double> report;
+    REQUIRE(lag.update(Measurements<double>{nullptr, 0, nullptr, &star}, report) == Status::ok);
+  };
+  SmoothedSet<GyroState<double>> set;
+  sees(1, 0.013, 1e-4);
+  REQUIRE(lag.smoothed(1, set) == Status::ok);
+  REQUIRE(lag.has_contradicted());
+  sees(1.1, 0.7, 1e-4);  // dropped
+  REQUIRE(lag.filter().claim() == Claim::conditional);
+  const GibbsEllipsoid<GyroState<double>> then = lag.filter().ellipsoid();
+  sees(1.2, 0.013, 0.1);  // agrees, so that the claim is regained by a wide set
+  REQUIRE(lag.filter().claim() == Claim::unconditional);
+  REQUIRE(lag.smoothed(1, set) == Status::ok);
+  CHECK(set.claim == Claim::conditional);
+  CHECK(largest(set.set.shape, 0) <= largest(then.shape, 0));
+  CHECK(largest(Matrix6<double>(set.set.shape), 3) > 0);
+  CHECK(set.vector.shape.trace() <= then.shape.bottomRightCorner<3, 3>().trace() * (1 + 1e-12));
 }
 
 TEST_CASE("fixed lag: what rests on a dropped measurement") {

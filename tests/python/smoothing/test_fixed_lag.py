@@ -218,3 +218,37 @@ def test_what_is_refused():
         smoother.predict(float(time), gyro=np.zeros(3))
     assert smoother.moments == 3
     assert smoother.smoothed(2).time == 3.0
+
+
+def test_turns_over_no_time_are_moments_of_their_own():
+    """Two turns with one stamp, and then an attitude: it is brought back over both."""
+    flow = el.GuaranteedGyroFlow(1e-4, interval_rate="mean")
+    start = el.StateEllipsoid(np.eye(3), np.zeros(3), np.diag([1e-2] * 3 + [1e-6] * 3), chart="gibbs")
+    smoother = FixedLagSmoother(el.GuaranteedFilter(flow, start, vector_bound=1e-3), 4)
+    attitude = np.eye(3)
+    for turn in ([0.1, 0.0, 0.0], [0.05, 0.06, 0.0]):
+        smoother.predict_turn(1.0, turn, 1e-4)
+        attitude = attitude @ el.exp(turn)
+    assert smoother.moments == 3
+    smoother.update(attitude=attitude, attitude_bound=1e-3)
+    first = smoother.smoothed(2)
+    assert first.claim == "unconditional"
+    assert first.uses_future
+    assert first.ellipsoid.contains(np.eye(3), np.zeros(3))
+    assert first.ellipsoid.extent().largest_angle < 2e-3
+
+
+def test_a_filter_that_was_predicted_by_itself_is_refused():
+    flow = el.GuaranteedGyroFlow(1e-4, interval_rate="mean")
+    filter_ = el.GuaranteedFilter(flow, vector_bound=1e-3)
+    smoother = FixedLagSmoother(filter_, 4)
+    smoother.predict(1.0, gyro=[0.0, 0.0, 0.1])
+    filter_.predict(2.0, gyro=[0.0, 0.0, 0.1])
+    for call in (
+        lambda: smoother.predict(3.0, gyro=[0.0, 0.0, 0.1]),
+        lambda: smoother.predict_turn(3.0, [0.0, 0.0, 0.1], 0.01),
+        lambda: smoother.update(np.eye(3), np.eye(3), 0.1),
+        lambda: smoother.smoothed(0),
+    ):
+        with pytest.raises(ValueError, match=r"filter is at 2\.000000 s, but its smoother left it at 1\.000000 s"):
+            call()

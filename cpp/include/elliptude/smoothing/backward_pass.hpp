@@ -15,7 +15,7 @@ struct PredictedInterval {
   using Scalar = typename Filter::Scalar;
 
   Scalar duration{0};
-  typename Filter::Input input{};
+  typename Filter::Input input{};  ///< of a prediction by the motion
   bool is_turn = false;
   Vector3<Scalar> turn = Vector3<Scalar>::Zero();  ///< of `predict_turn`
   Scalar angle{0};
@@ -26,7 +26,7 @@ struct PredictedInterval {
 template <typename Filter>
 struct FilterMoment {
   typename Filter::Scalar time{0};
-  PredictedInterval<Filter> interval;  ///< that led to it; of the first moment it does not count
+  PredictedInterval<Filter> interval;  ///< that led to it; ignored in the first moment
   ClaimedSet<typename Filter::State> known;
 
   /// What a filter knows now.
@@ -47,7 +47,7 @@ template <typename State>
 struct SmoothedSet {
   StateScalar<State> time{0};
   GibbsEllipsoid<State> set;  ///< meaningless without a claim, as is the vector
-  /// The vector by itself: never wider than the filter's was then, where the claim is the same, as the set may be there.
+  /// The vector by itself. Where the claim is the same it is never wider than the filter's was then, though the set may be in its vector.
   Ellipsoid<StateScalar<State>, 3> vector;
   Claim claim = Claim::none;  ///< what the set rests on
   bool uses_future = false;   ///< whether it is another than the filter had then
@@ -55,7 +55,9 @@ struct SmoothedSet {
 
 /// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow carries the set to
 /// the beginning of an interval, where it is combined with what the filter knew then, and goes on. Where the claim is that of the filter
-/// then, the smoothed set is no larger by the criterion and no wider in its largest angle, nor is the vector; where it is stronger, they may.
+/// then, the smoothed set is no larger by the criterion and no wider in its largest angle, and the vector is no wider; where the claim is
+/// stronger, they may be. A contradiction that the filter itself has met, and got over by its policy, weakens nothing before it: there a
+/// set that was wrong when nothing had contradicted it yet makes earlier ones wrong, too.
 template <typename FilterType>
 class BackwardPass {
  public:
@@ -65,14 +67,16 @@ class BackwardPass {
   using Scalar = typename Filter::Scalar;
 
   /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it is.
-  BackwardPass(const Filter& filter, const FilterMoment<Filter>& last) noexcept
-      : filter_(filter), time_(last.time), interval_(last.interval) {
-    both_.smoothed = last.known;
+  /// \param has_contradicted whether a statement is known to be wrong already: no set is then unconditional.
+  BackwardPass(const Filter& filter, const FilterMoment<Filter>& last, bool has_contradicted = false) noexcept
+      : filter_(filter), time_(last.time), interval_(last.interval), has_contradicted_(has_contradicted) {
+    both_.smoothed = weakened(last.known);
     both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
-    both_.smallest = last.known;
+    both_.smallest = both_.smoothed;
   }
+  BackwardPass(const Filter&&, const FilterMoment<Filter>&, bool = false) = delete;
 
-  /// Goes to the moment before.
+  /// Goes to the moment before, from which `interval` of the present one led here: none is left out.
   /// \return `empty_intersection` if it is proved under `Policy::raise` that a statement is wrong; `interrupted`; `callback_failed`; the
   /// status of `Mirror<Flow>::flow`. The pass is then where it was.
   [[nodiscard]] Status to(const FilterMoment<Filter>& earlier) noexcept {
@@ -82,7 +86,7 @@ class BackwardPass {
     }
     BothDirections<State> both;
     if (const Status status =
-            both_directions(earlier.known, future, {filter_.settings().criterion, is_product()}, both);
+            both_directions(weakened(earlier.known), future, {filter_.settings().criterion, is_product()}, both);
         status != Status::ok) {
       return status;
     }
@@ -91,6 +95,8 @@ class BackwardPass {
     }
     both_ = both;
     has_contradicted_ = has_contradicted_ || both.contradict;
+    both_.smoothed = weakened(both_.smoothed);
+    both_.smallest = weakened(both_.smallest);
     time_ = earlier.time;
     interval_ = earlier.interval;
     return Status::ok;
@@ -98,17 +104,24 @@ class BackwardPass {
 
   /// At the moment where the pass is.
   [[nodiscard]] SmoothedSet<State> smoothed() const noexcept {
-    const Claim claim = both_.smoothed.claim;
-    const bool is_weakened = has_contradicted_ && claim == Claim::unconditional;
-    return {time_, both_.smoothed.set, both_.vector, is_weakened ? Claim::conditional : claim, both_.uses_future};
+    return {time_, both_.smoothed.set, both_.vector, both_.smoothed.claim, both_.uses_future};
   }
 
-  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: none of the sets is
-  /// unconditional, and those of later moments were not either.
+  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: no set is unconditional
+  /// from then on, and those of later moments, which the pass has shown before, should not have been.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
 
  private:
   using Backward = typename Mirror<Flow>::Backward;
+
+  /// With the claim that is left once a statement is known to be wrong.
+  [[nodiscard]] ClaimedSet<State> weakened(const ClaimedSet<State>& known) const noexcept {
+    ClaimedSet<State> result = known;
+    if (has_contradicted_ && known.claim == Claim::unconditional) {
+      result.claim = Claim::conditional;
+    }
+    return result;
+  }
 
   [[nodiscard]] bool is_product() const noexcept {
     return !filter_.settings().estimates_vector && filter_.has_vector_bound();

@@ -23,7 +23,7 @@ template <typename State>
 struct BothDirections {
   /// The smoothed set: where the claim is that of the past's, no larger by the criterion, and no wider in its largest angle.
   ClaimedSet<State> smoothed;
-  /// The vector by itself, on the same claim: by the narrower of the past's set and of the smallest. The smallest set may be wider there.
+  /// The vector by itself, on the same claim: of the past's set and `smallest`, by the one that is narrower in it.
   Ellipsoid<StateScalar<State>, 3> vector{Vector3<StateScalar<State>>::Zero(), Matrix3<StateScalar<State>>::Zero()};
   /// The smallest by the criterion, which may be wider in its largest angle: what a pass backward goes on with.
   ClaimedSet<State> smallest;

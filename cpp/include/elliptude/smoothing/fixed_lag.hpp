@@ -8,8 +8,8 @@
 
 namespace elliptude {
 
-/// A guaranteed filter and its last moments, at most `Lag` before the present one, in an array. `GuaranteedFilter` says how to start,
-/// bound or restore a filter; `make` then takes it over. `StampedFilter<FixedLag<...>>` is predicted to stamps.
+/// A guaranteed filter and its last moments, the present one and at most `Lag` before it, in an array. `GuaranteedFilter` says how to start,
+/// bound or restore a filter; `make` then copies it. `StampedFilter<FixedLag<...>>` is predicted to stamps.
 template <typename FilterType, std::size_t Lag>
 class FixedLag {
   static_assert(Lag >= 1, "without a lag there is nothing to remember");
@@ -23,7 +23,7 @@ class FixedLag {
   static constexpr std::size_t lag = Lag;
 
   /// \param filter as it is now: the first moment.
-  /// \return the status of `Mirror<Flow>::flow`, of a flow that `make` has not made.
+  /// \return the status of `Mirror<Flow>::flow`: of a body, if the filter's flow has not been made.
   [[nodiscard]] static Status make(const Filter& filter, FixedLag& result) noexcept {
     typename Mirror<Flow>::Backward backward;
     if (const Status status = Mirror<Flow>::flow(filter.flow(), Scalar(0), backward); status != Status::ok) {
@@ -38,7 +38,8 @@ class FixedLag {
   [[nodiscard]] const Scalar& time() const noexcept { return filter_.time(); }
   /// How many moments there are, with the present one: 1 to Lag + 1.
   [[nodiscard]] std::size_t moments() const noexcept { return count_; }
-  /// Whether a past and its future have contradicted one another since the beginning, or since the filter forgot.
+  /// Whether a past and its future were found to contradict one another, in what `smoothed` was asked for since the beginning, or since
+  /// the filter forgot; not under `Policy::raise`, which keeps nothing of it.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
 
   /// `GuaranteedFilter::forget`; the moments are forgotten, too.
@@ -47,7 +48,7 @@ class FixedLag {
     begin();
   }
 
-  /// `GuaranteedFilter::predict`. A prediction over no time begins no moment.
+  /// `GuaranteedFilter::predict`. A prediction over no time begins no moment, but a turn does.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     return predict_interval(time, Scalar(time - filter_.time()), input);
   }
@@ -92,17 +93,14 @@ class FixedLag {
     if (age >= count_) {
       return Status::out_of_range;
     }
-    BackwardPass<Filter> pass(filter_, moment(0));
+    BackwardPass<Filter> pass(filter_, moment(0), has_contradicted_);
     for (std::size_t k = 1; k <= age; ++k) {
       if (const Status status = pass.to(moment(k)); status != Status::ok) {
         return status;
       }
     }
-    has_contradicted_ = has_contradicted_ || pass.has_contradicted();
+    has_contradicted_ = pass.has_contradicted();
     result = pass.smoothed();
-    if (has_contradicted_ && result.claim == Claim::unconditional) {
-      result.claim = Claim::conditional;
-    }
     return Status::ok;
   }
 
@@ -122,7 +120,7 @@ class FixedLag {
     if (predicted != Status::ok) {
       return predicted;
     }
-    const bool is_new = interval.duration > Scalar(0);
+    const bool is_new = interval.duration > Scalar(0) || interval.is_turn;
     if (is_new) {
       newest_ = (newest_ + 1) % (Lag + 1);
       count_ += count_ <= Lag ? 1 : 0;
