@@ -21,7 +21,7 @@ from elliptude.io.toml import (
 )
 from elliptude.typing import FloatArray
 
-BestEstimate: TypeAlias = Literal["vqf", "center", "none"]
+BestEstimate: TypeAlias = Literal["vqf", "kalman", "center", "none"]
 """Whose estimate stands beside the sets of the guaranteed mode."""
 Question: TypeAlias = Literal["reference_turns", "body_turns", "vector", "attitude"]
 """What may be asked by itself after each row of the guaranteed mode; the vector is angular velocity or gyro bias."""
