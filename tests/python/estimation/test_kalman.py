@@ -303,6 +303,17 @@ def test_it_does_not_begin_with_a_set_that_is_too_wide():
     assert summary["in_words"].startswith("a Kalman filter: within ")
 
 
+def test_it_says_that_all_sets_are_too_wide():
+    log, configuration = gyro_log(1.0, noise=0.1), gyro_configuration(1.0, noise=0.1)
+    found = estimation.estimate(log, configuration)
+    assert not found.best.is_estimated.any()
+    assert np.isfinite(found.best.errors.bounds[:, 0]).any()
+    np.testing.assert_allclose(np.abs(found.best.quaternions), np.abs(found.result.quaternions), atol=1e-14)
+    summary = estimation.summarize(found, configuration)["best"]
+    why = "no set is narrow enough for a Kalman filter to begin with"
+    assert summary["in_words"].startswith(f"the center of the set ({why}): within ")
+
+
 # --- how good it is ---------------------------------------------------------------------------------------------------
 
 

@@ -62,15 +62,9 @@ def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | No
     ValueError
         If the configuration asks for VQF or the Kalman filter, and that cannot be.
     """
-    wanted = configuration.estimator.best
-    if wanted == "none":
+    if configuration.estimator.best == "none":
         return None
-    estimator, why = ("center", None) if wanted == "center" else _estimator(configuration)
-    if wanted is not None and wanted != "center":
-        why_not = why_not_vqf(configuration) if wanted == "vqf" else why_not_kalman(configuration)
-        if why_not is not None:
-            raise ValueError(f"estimator.best = {wanted!r}: {why_not}")
-        estimator, why = wanted, None
+    estimator, why = _estimator(configuration)
     sets, caps, up = sets_of(run)
     if estimator == "center":
         errors = monitor(sets, sets.quaternions, up=up, caps=caps)
@@ -84,16 +78,23 @@ def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | No
     quaternions, moved = put_back(sets, np.where(is_estimated[:, None], found, sets.quaternions))
     # Of both signs the one that the center has in the table.
     quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
-    errors = monitor(sets, quaternions, up=up, caps=caps)
-    return Best(quaternions, estimator, is_estimated, moved, errors)
+    if estimator == "kalman" and not is_estimated.any():
+        why = "no set is narrow enough for a Kalman filter to begin with"
+    return Best(quaternions, estimator, is_estimated, moved, monitor(sets, quaternions, up=up, caps=caps), why)
 
 
 def _estimator(configuration: Configuration) -> tuple[Estimator, str | None]:
-    """Whose estimate it is if the configuration leaves that open, and why it is the center if it is."""
-    why = why_not_vqf(configuration) if is_for_vqf(configuration) else why_not_kalman(configuration)
-    if why is not None:
-        return "center", why
-    return "vqf" if is_for_vqf(configuration) else "kalman", None
+    """Whose estimate it is, and why it is the center where the configuration does not ask for that."""
+    wanted = configuration.estimator.best
+    if wanted == "center":
+        return "center", None
+    is_vqf = is_for_vqf(configuration) if wanted is None else wanted == "vqf"
+    why_not = why_not_vqf(configuration) if is_vqf else why_not_kalman(configuration)
+    if why_not is not None and wanted is not None:
+        raise ValueError(f"estimator.best = {wanted!r}: {why_not}")
+    if why_not is not None:
+        return "center", why_not
+    return "vqf" if is_vqf else "kalman", None
 
 
 def sets_of(run: GuaranteedRun) -> tuple[Sets, UpCaps | None, FloatArray | None]:
