@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import elliptude as el
-import mekf
 import numpy as np
 from elliptude import _core
+from elliptude.estimation.best.multiplicative_filter import MultiplicativeFilter
 from elliptude.report import figures
+from elliptude.typing import FloatArray
 from elliptude.validation import adversary, filter_runs, judge, plants, tally
 from elliptude.validation.adversary import Case, Measured, Plant, Starts
 from elliptude.validation.filter_runs import Runs
@@ -52,28 +53,42 @@ def kalman(of: Plant, starts: Starts, measured: Measured) -> Runs:
         answers=np.empty((count, rows - 1, 0)),
     )
     if isinstance(of, GyroPlant):
-        estimates = mekf.MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)
+        estimates = MultiplicativeFilter(starts.attitudes, starts.vectors, starts.shapes / DEVIATIONS**2)
     else:
-        estimates = mekf.from_measurement(
-            measured.directions[:, 1], of.reference, deviation, measured.rates[:, 1], deviation
-        )
+        estimates = from_measurement(measured.directions[:, 1], of.reference, deviation, measured.rates[:, 1])
+    weights = np.full(measured.directions.shape[2], deviation**-2)
     for row in range(1, rows):
         directions, rates = measured.directions[:, row], measured.rates[:, row]
         if isinstance(of, GyroPlant):
             noise = of.bound + 0.5 * of.interval * (of.angular_acceleration + of.drift)
             estimates.predict_gyro(measured.rates[:, row - 1], of.interval, noise / DEVIATIONS, of.drift / DEVIATIONS)
-            estimates.update(directions, of.reference, deviation)
+            estimates.update(directions, of.reference, weights)
         elif isinstance(of, RigidBodyPlant) and row > 1:
             flow, steps = of.flow(), of.scenario.steps_between_measurements
             integrator = _core.Integrator(
                 flow.body, flow.potential, step=of.interval / steps, order=of.scenario.integrator_order
             )
             estimates.predict_rigid_body(integrator, steps, (row - 1) * of.interval)
-            estimates.update(directions, of.reference, deviation, rates, deviation)
+            estimates.update(directions, of.reference, weights, rates, np.eye(3) / deviation**2)
         runs.attitudes[:, row - 1] = estimates.attitude
         runs.vectors[:, row - 1] = estimates.vector
         runs.shapes[:, row - 1] = estimates.covariance
     return runs
+
+
+def from_measurement(
+    directions: FloatArray, reference: FloatArray, deviation: float, rate: FloatArray
+) -> MultiplicativeFilter:
+    """Begin with what two or more directions (N, m, 3) and a rate (N, 3) say: Wahba's attitude and its covariance.
+
+    The deviation is that of a direction about each axis across it (rad), and of each component of the rate (rad/s).
+    """
+    attitude = el.wahba(np.broadcast_to(reference, directions.shape), directions).attitude
+    information = np.sum(np.eye(3) - directions[..., :, None] * directions[..., None, :], axis=1)
+    covariance = np.zeros((len(rate), 6, 6))
+    covariance[:, :3, :3] = deviation**2 * np.linalg.inv(information)
+    covariance[:, 3:, 3:] = deviation**2 * np.eye(3)
+    return MultiplicativeFilter(attitude, rate.copy(), covariance)
 
 
 def compare(case: Case, trials: int, seed: int) -> dict[str, dict[str, float]]:

@@ -21,7 +21,6 @@ def comparison():
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         yield module
-        sys.modules.pop("mekf")
 
 
 @pytest.mark.parametrize(("scenario", "directions"), [("orbit", "two"), ("pendulum", "three"), ("gyro", "three")])

@@ -21,7 +21,7 @@ from elliptude.io.toml import (
 )
 from elliptude.typing import FloatArray
 
-BestEstimate: TypeAlias = Literal["vqf", "center", "none"]
+BestEstimate: TypeAlias = Literal["vqf", "kalman", "center", "none"]
 """Whose estimate stands beside the sets of the guaranteed mode."""
 Question: TypeAlias = Literal["reference_turns", "body_turns", "vector", "attitude"]
 """What may be asked by itself after each row of the guaranteed mode; the vector is angular velocity or gyro bias."""
@@ -39,7 +39,8 @@ class Estimator(Model):
     policy: Literal["raise", "drop_measurement", "restart", "relaxed"] = "raise"
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
     regain_after: Annotated[int, Field(ge=1)] = 10
-    # The estimate beside the set. If left out: VQF's where it is installed and fits the sensors, else the center.
+    # The estimate beside the set. If left out: VQF's, or the center without it, where gyro, accelerometer and
+    # magnetometer are all that is measured; with other sensors a Kalman filter's.
     best: BestEstimate | None = None
     # Questions that each row answers by itself, beside tilt, heading and up: columns of the table of results.
     questions: tuple[Question, ...] = ()

@@ -17,7 +17,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import guaranteed_result
-from elliptude.estimation.best import Best, best_estimate
+from elliptude.estimation.best.choice import Best, best_estimate
 from elliptude.estimation.containment import compare
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun, run_guaranteed

@@ -10,9 +10,9 @@ from elliptude.bounds.roll_pitch_yaw import roll_and_pitch, yaw
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
-from elliptude.estimation import best as best_estimates
 from elliptude.estimation import gaps
-from elliptude.estimation.best import Best
+from elliptude.estimation.best import choice as best_estimates
+from elliptude.estimation.best.choice import Best
 from elliptude.estimation.containment import compare
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
 from elliptude.estimation.questions import columns as answer_columns

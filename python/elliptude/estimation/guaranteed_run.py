@@ -72,6 +72,8 @@ class GuaranteedRun:
     """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
     """Gaps of the gyro, which its error bounds do not cover."""
+    forward: "GuaranteedRun | None" = None
+    """The pass forward alone, if the sets use the whole recording; else None."""
 
     @property
     def contradictions(self) -> tuple[Contradiction, ...]:
@@ -275,24 +277,45 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
             estimates_vector=False,
             turns=turns,
         )
-    rates = log.rates - rows.bias
     gyro = rows.gyro
     largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
     between = gaps.filled_in_between(log, gyro.longest_interval)
     off = flow.off_the_line(between, gyro.drift if flow.estimate_bias else 0.0)
     gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + off)
-    used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
-    used[:-1][gyro.gaps(log.times, rates)] = np.nan
-    used[np.isnan(used).any(axis=1)] = np.nan
     return FilterInput(
         log.times,
         gyro_flow(gyro, flow),
-        {"gyro": used},
+        {"gyro": used_rates(log, flow, rows)},
         measured,
         rows.names,
         largest_bias if flow.estimate_bias else _NO_BIAS,
         estimates_vector=configuration.estimates_vector,
     )
+
+
+def used_rates(log: Log, flow: GyroFlow, rows: DirectionRows) -> FloatArray:
+    """The rate that acts from each row of a log on, the known bias subtracted.
+
+    Parameters
+    ----------
+    log : Log
+        Without rates that were filled in within gaps.
+    flow : GyroFlow
+    rows : DirectionRows
+        With what is known of the gyro.
+
+    Returns
+    -------
+    (N, 3) array
+        rad/s; NaN in gaps.
+    """
+    assert log.rates is not None
+    assert rows.gyro is not None
+    rates = log.rates - rows.bias
+    used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
+    used[:-1][rows.gyro.gaps(log.times, rates)] = np.nan
+    used[np.isnan(used).any(axis=1)] = np.nan
+    return used
 
 
 def turns_of(

@@ -17,9 +17,9 @@ import elliptude
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
-from elliptude.estimation import best as best_estimates
 from elliptude.estimation import guaranteed_result
-from elliptude.estimation.best import Best
+from elliptude.estimation.best import choice as best_estimates
+from elliptude.estimation.best.choice import Best
 from elliptude.estimation.gaps import Bridged
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.estimation.questions.answers import Answers

@@ -196,7 +196,7 @@ class Result:
     best_tilt_claims: Sequence[str] | None = None
     """What its bound of the tilt rests on, in the words of ``claims``, which are for the others."""
     best_from: Sequence[str] | None = None
-    """Whose estimate it is: "vqf", "center" or "" where there is none."""
+    """Whose estimate it is: "vqf", "kalman", "center" or "" where there is none."""
     best_put_back: FloatArray | None = None
     """1 where it was outside the unconditional set, and was moved onto its boundary, else 0, shape (N,)."""
     roll_pitch_yaw: FloatArray | None = None

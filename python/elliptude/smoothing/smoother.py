@@ -25,8 +25,6 @@ _NONE = CLAIMS.index("none")
 class SmoothedRun(GuaranteedRun):
     """A run whose sets use the whole recording."""
 
-    forward: GuaranteedRun | None = None
-    """The pass forward alone, which is always there."""
     disagreements: NDArray[np.intp] | None = None
     """Rows where both passes claim sets (or caps) without a condition, and these have nothing in common."""
     contested: NDArray[np.bool_] | None = None

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import sys
 
 import numpy as np
@@ -10,7 +11,7 @@ import tomlkit
 from elliptude import cli, estimation
 from elliptude.configuration import Configuration
 from elliptude.configuration.references import from_enu, up
-from elliptude.estimation import best as best_estimates
+from elliptude.estimation.best import choice, vqf
 from elliptude.io import column_files, tables
 from elliptude.io.tables import Result
 from elliptude.logs import Log
@@ -115,7 +116,7 @@ def test_it_is_vqfs_in_the_frame_of_the_log(frame):
     log = made(frame)
     found = estimation.estimate(log, configured(frame))
     best = found.best
-    assert best.is_vqf.all()
+    assert best.is_estimated.all()
     assert best.why_center is None
     assert assert_holds(found, log, frame).all()
     total, _, _ = errors(best.quaternions, log, frame)
@@ -139,7 +140,7 @@ def test_its_heading_counts_as_that_of_the_sets_where_nothing_measures_it():
     }
     found = estimation.estimate(log, configured(field=False, start=start))
     best = found.best
-    assert best.is_vqf.all()
+    assert best.is_estimated.all()
     assert_holds(found, log)
     first, center = (
         Rotation.from_quat(values[0], scalar_first=True) for values in (best.quaternions, found.result.quaternions)
@@ -162,9 +163,9 @@ def test_gaps_missing_samples_and_uneven_stamps():
     best = found.best
     # Not before both have been measured; after the gap it begins anew.
     first = np.flatnonzero(np.isfinite(log.directions[:, :, 0]).all(axis=1))
-    assert np.argmax(best.is_vqf) == first[0]
-    assert best.is_vqf[first[0] : 500].all()
-    assert best.is_vqf[first[first >= 500][0] :].all()
+    assert np.argmax(best.is_estimated) == first[0]
+    assert best.is_estimated[first[0] : 500].all()
+    assert best.is_estimated[first[first >= 500][0] :].all()
     rows = assert_holds(found, log)
     assert np.rad2deg(errors(best.quaternions, log)[0][rows]).mean() < 2.0
 
@@ -185,7 +186,7 @@ def test_rows_that_say_nothing_new():
         still.since(798),
         times=np.array([0.0, 0.01]),
     )
-    assert estimation.estimate(two, configured()).best.is_vqf.all()
+    assert estimation.estimate(two, configured()).best.is_estimated.all()
 
 
 def test_what_leaves_the_set_is_put_back_and_counted(monkeypatch):
@@ -195,7 +196,7 @@ def test_what_leaves_the_set_is_put_back_and_counted(monkeypatch):
     # Beyond any of these sets.
     turned = Rotation.from_rotvec([0.0, 0.0, 1.0]) * Rotation.from_quat(away[::2], scalar_first=True)
     away[::2] = turned.as_quat(scalar_first=True)
-    monkeypatch.setattr(best_estimates, "vqf_attitudes", lambda *_: away)
+    monkeypatch.setattr(choice, "vqf_attitudes", lambda *_: away)
     found = estimation.estimate(log, configured())
     assert found.best.put_back.tolist() == [True, False] * 25
     assert_holds(found, log)
@@ -233,22 +234,58 @@ def test_asked_for_and_not_there(monkeypatch):
         estimation.estimate(made(times=0.01 * np.arange(50)), configured(estimator={"best": "vqf"}))
 
 
-def test_other_sensors_have_the_center():
-    log = made(times=0.01 * np.arange(50))
-    configuration = configured()
-    fields = configuration.model_dump(mode="json", exclude_unset=True)
+def with_a_star():
+    fields = configured().model_dump(mode="json", exclude_unset=True)
     fields["directions"][1] = {
         "name": "star",
         "columns": ["d", "e", "f"],
         "reference": FIELD.tolist(),
         "bound_deg": 3.0,
     }
-    found = estimation.estimate(log, Configuration.model_validate(fields))
-    assert found.best.why_center == "vqf would leave out 'star'"
+    return Configuration.model_validate(fields)
+
+
+def test_other_sensors_have_the_kalman_filters():
+    log = made(times=0.01 * np.arange(50))
+    configuration = with_a_star()
+    found = estimation.estimate(log, configuration)
+    assert found.best.estimator == "kalman"
+    assert found.best.why_center is None
+    assert found.best.is_estimated.all()
     assert_holds(found, log)
-    assert best_estimates._why_not_vqf(Configuration.model_validate(fields_of_a_rigid_body())) == (
-        "vqf needs a gyro and an accelerometer"
-    )
+    assert vqf.why_not_vqf(configuration) == "vqf would leave out 'star'"
+    of_a_body = Configuration.model_validate(fields_of_a_rigid_body())
+    assert vqf.why_not_vqf(of_a_body) == "vqf needs a gyro and an accelerometer"
+    with pytest.raises(ValueError, match=r"estimator\.best = 'vqf': vqf would leave out 'star'"):
+        estimation.estimate(log, configuration.with_best("vqf"))
+
+
+def test_the_kalman_filter_may_be_asked_for_in_vqfs_place():
+    log = made()
+    found = estimation.estimate(log, configured(estimator={"best": "kalman"}))
+    assert found.best.estimator == "kalman"
+    assert_holds(found, log)
+    kalman, center = (np.rad2deg(errors(q, log)[0]).mean() for q in (found.best.quaternions, found.result.quaternions))
+    assert kalman < 0.7 * center
+    assert set(found.result.best_from) == {"kalman"}
+
+
+def test_means_over_windows_are_not_for_the_kalman_filter():
+    fields = with_a_star().model_dump(mode="json", exclude_unset=True)
+    del fields["directions"][0]["bound_deg"]
+    fields["directions"][0]["bound_from"] = {
+        "kind": "velocity_window",
+        "windows_s": [0.1],
+        "acceleration_m_per_s2": 0.5,
+    }
+    configuration = Configuration.model_validate(fields)
+    why = "'up' is a mean over windows, and the Kalman filter takes its errors for independent"
+    found = estimation.estimate(made(times=0.01 * np.arange(50)), configuration)
+    assert found.best.estimator == "center"
+    assert found.best.why_center == why
+    assert f"the center of the set ({why})" in estimation.summarize(found, configuration)["best"]["in_words"]
+    with pytest.raises(ValueError, match=re.escape(f"estimator.best = 'kalman': {why}")):
+        estimation.estimate(made(times=0.01 * np.arange(50)), configuration.with_best("kalman"))
 
 
 def fields_of_a_rigid_body():

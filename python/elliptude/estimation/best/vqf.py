@@ -1,11 +1,9 @@
-"""The best estimate beside the set: an attitude near the truth, and how far it may be off by the guaranteed run.
+"""VQF's attitudes from a log's gyro, accelerometer and magnetometer, in the frame of the sets; theory, section 18.10.
 
-The center of a set is a poor estimate where what bounds the truth is lopsided. VQF, a filter that is kept well, is a
-better one (D. Laidig, T. Seel: VQF, Information Fusion 91, 2023; the extra ``best``). It has no influence on the sets.
+D. Laidig, T. Seel: VQF, Information Fusion 91, 2023; the extra ``best``.
 """
 
 import importlib
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,8 +14,6 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation.guaranteed_run import GuaranteedRun
-from elliptude.monitoring import Monitored, Sets, UpCaps, monitor, put_back
-from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray
 
 # VQF begins anew after a gap of the gyro of more than this many of its median steps; within one, rates are
@@ -31,91 +27,22 @@ _OWN_BIAS = np.deg2rad(1.0)
 _LEAST_HORIZONTAL = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Best:
-    """An estimate at each of N rows, and how far it may be off."""
-
-    quaternions: FloatArray
-    """(qw, qx, qy, qz) from body to reference axes, NaN where there is none, shape (N, 4)."""
-    is_vqf: NDArray[np.bool_]
-    """Whether it is VQF's; else it is the center of the set, shape (N,)."""
-    put_back: NDArray[np.bool_]
-    """Whether it was outside an unconditional set, and was moved onto its boundary, shape (N,)."""
-    errors: Monitored
-    """Bounds of its errors: total, tilt, heading; with claims."""
-    why_center: str | None = None
-    """Why VQF is not used, if it would be the default."""
+def is_for_vqf(configuration: Configuration) -> bool:
+    """Whether all that is measured is what VQF takes: gyro, accelerometer and, perhaps, magnetometer."""
+    return _why_not_for_vqf(configuration) is None
 
 
-def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | None:
-    """An estimate as good as a filter without guarantee, and its bounds: theory, section 18.10.
-
-    Parameters
-    ----------
-    run : GuaranteedRun
-    configuration : Configuration
-        The one of the run; its ``estimator.best`` says which estimate.
-
-    Returns
-    -------
-    Best or None
-        None if the configuration asks for none.
-
-    Raises
-    ------
-    ValueError
-        If the configuration asks for VQF, and that cannot be.
-    """
-    wanted = configuration.estimator.best
-    if wanted == "none":
-        return None
-    sets, caps, up = sets_of(run)
-    why = "estimator.best is 'center'" if wanted == "center" else _why_not_vqf(configuration)
-    if wanted == "vqf" and why is not None:
-        raise ValueError(f"estimator.best = 'vqf': {why}")
-    if why is not None:
-        errors = monitor(sets, sets.quaternions, up=up, caps=caps)
-        nowhere = np.zeros(len(sets.times), dtype=np.bool_)
-        return Best(sets.quaternions, nowhere, nowhere, errors, None if wanted == "center" else why)
-    found = vqf_attitudes(run, configuration)
-    is_vqf = np.isfinite(found[:, 0])
-    quaternions, moved = put_back(sets, np.where(is_vqf[:, None], found, sets.quaternions))
-    # Of both signs the one that the center has in the table.
-    quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
-    return Best(quaternions, is_vqf, moved, monitor(sets, quaternions, up=up, caps=caps))
-
-
-def sets_of(run: GuaranteedRun) -> tuple[Sets, UpCaps | None, FloatArray | None]:
-    """A run's sets with all that it knows of tilt, heading and up, as `elliptude.monitoring.monitor` takes them.
-
-    Parameters
-    ----------
-    run : GuaranteedRun
-
-    Returns
-    -------
-    sets : Sets
-    caps : UpCaps or None
-    up : (3,) array or None
-        In reference axes.
-    """
-    vertical, up, of_center = run.vertical, run.rows.up, run.sets.attitude_bounds
-    sets = Sets.of(run.sets)
-    if vertical is None or up is None or of_center is None:
-        return sets, None, None
-    # The tilt of the center is known by both, the sets and the vertical.
-    bounds = AttitudeBounds(vertical.tilt_bounds, of_center.heading_from, of_center.heading_to, of_center.angle)
-    sets = Sets(sets.times, sets.quaternions, sets.shapes, sets.claims, bounds, up)
-    return sets, UpCaps(vertical.directions, vertical.angles, vertical.claims), up
-
-
-def _why_not_vqf(configuration: Configuration) -> str | None:
-    """What is missing for VQF; None if nothing is."""
+def _why_not_for_vqf(configuration: Configuration) -> str | None:
     others = [one.name for one in configuration.directions if not isinstance(one, Accelerometer | Magnetometer)]
     if not isinstance(configuration.flow, GyroFlow) or configuration.accelerometer is None:
         return "vqf needs a gyro and an accelerometer"
-    if others:
-        return f"vqf would leave out {others[0]!r}"
+    return f"vqf would leave out {others[0]!r}" if others else None
+
+
+def why_not_vqf(configuration: Configuration) -> str | None:
+    """What is missing for VQF; None if nothing is."""
+    if (why := _why_not_for_vqf(configuration)) is not None:
+        return why
     try:
         importlib.import_module("vqf")
     except ImportError:
@@ -267,69 +194,3 @@ def _with_heading_of_center(earth: Rotation, piece: NDArray[np.intp], run: Guara
     center = Rotation.from_matrix(run.sets.attitudes[piece[there[0]]])
     x, y, z, w = (center * level[int(there[0])].inv()).as_quat()
     return Rotation.from_rotvec(2.0 * np.arctan2(np.array([x, y, z]) @ up, w) * up) * level
-
-
-def summarize(best: Best | None) -> dict[str, Any] | None:
-    """Figures of the estimate for ``summary.json``, degrees; None without an estimate.
-
-    Parameters
-    ----------
-    best : Best, optional
-
-    Returns
-    -------
-    dict or None
-    """
-    if best is None:
-        return None
-    there = np.isfinite(best.quaternions[:, 0])
-
-    def figures(values: FloatArray) -> dict[str, float] | None:
-        known = np.rad2deg(values[np.isfinite(values)])
-        if not len(known):
-            return None
-        return {"mean": float(known.mean()), "median": float(np.median(known)), "max": float(known.max())}
-
-    return {
-        "from": "vqf" if best.is_vqf.any() else "center",
-        "why_center": best.why_center,
-        "rows": {"vqf": int(best.is_vqf.sum()), "center": int((there & ~best.is_vqf).sum())},
-        "put_back": int(best.put_back.sum()),
-        "bound_deg": figures(best.errors.bounds[:, 0]),
-        "tilt_bound_deg": figures(best.errors.bounds[:, 1]),
-        "heading_bound_deg": figures(best.errors.bounds[:, 2]),
-        "attitude_error_deg": None,
-    }
-
-
-def in_words(summary: dict[str, Any]) -> str:
-    """The figures of `summarize` in one line."""
-    why = "" if summary["why_center"] is None else f" ({summary['why_center']})"
-    whose = "vqf" if summary["from"] == "vqf" else f"the center of the set{why}"
-    named = (("within", "bound_deg"), ("tilt", "tilt_bound_deg"), ("heading", "heading_bound_deg"))
-    bounds = ", ".join(f"{name} {summary[key]['mean']:.3g}" for name, key in named if summary[key] is not None)
-    words = [f"{whose}: {bounds} degrees (mean)" if bounds else whose]
-    if summary["put_back"]:
-        words.append(f"put back into its set at {summary['put_back']} rows")
-    error = summary["attitude_error_deg"]
-    if error is not None and error["mean"] is not None:
-        words.append(f"mean error {error['mean']:.3g} degrees")
-    return "; ".join(words)
-
-
-def columns_of(best: Best | None) -> dict[str, Any]:
-    """What the table of results says of the estimate, as fields of `elliptude.io.tables.Result`."""
-    if best is None:
-        return {}
-    there = np.isfinite(best.quaternions[:, 0])
-    errors = best.errors
-    has_up = len(errors.questions) > 1
-    return {
-        "best_quaternions": best.quaternions,
-        "best_bounds": errors.bounds[:, 0],
-        "best_from": np.where(there, np.where(best.is_vqf, "vqf", "center"), "").tolist(),
-        "best_put_back": np.where(there, best.put_back.astype(np.float64), np.nan),
-        "best_tilt_bounds": errors.bounds[:, 1] if has_up else None,
-        "best_headings": errors.headings if has_up else None,
-        "best_tilt_claims": [CLAIMS[claim] for claim in errors.claims[:, 1]] if has_up else None,
-    }
