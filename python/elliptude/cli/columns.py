@@ -87,7 +87,8 @@ def stated_csv(tables: Tables, by_options: Stated) -> Stated:
     """How a CSV file is written, by options and by a configuration."""
     if not isinstance(said := tables.get("csv", {}), dict):
         return by_options
-    known = {key: value for key, value in said.items() if key in {"delimiter", "decimal", "encoding", "units_row"}}
+    names = {field.name for field in dataclasses.fields(Stated)}
+    known = {key: value for key, value in said.items() if key in names}
     return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
 
 

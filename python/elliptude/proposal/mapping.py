@@ -26,7 +26,7 @@ from elliptude.io.readers.folder import CsvFolder
 from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
-from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, require_stamps, turn_at_rest
+from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, complete_xsens, turn_at_rest
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
@@ -80,7 +80,7 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
     if name == "sensor-logger":
         complete_sensor_logger(tables, file, at_rest)
     if name == "xsens":
-        require_stamps(file)
+        complete_xsens(tables, file)
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
     if "directions" in tables:

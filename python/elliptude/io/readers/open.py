@@ -6,13 +6,13 @@ from typing import TypeAlias
 
 from elliptude.io.files import FileError, as_path
 from elliptude.io.readers.base import LogFile
-from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
 from elliptude.io.readers.folder import csv_files, open_folder
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
 from elliptude.io.readers.ulog import UlogFile
+from elliptude.io.readers.xsens import open_table
 
 LogSource: TypeAlias = str | os.PathLike[str] | LogFile
 """A log: the path of a file, or what is open already, such as arrays in memory."""
@@ -36,7 +36,7 @@ def open_log(
     stated : Stated
         How a CSV file is written; what is not stated is found out.
     lenient : bool
-        As in `CsvTable`.
+        As in `elliptude.io.readers.csv.CsvTable`.
 
     Returns
     -------
@@ -69,4 +69,4 @@ def open_log(
         case ".bag" | ".mcap" | ".db3":
             return BagFile(path)
         case _:
-            return CsvTable(path, stated, lenient=lenient)
+            return open_table(path, stated, lenient=lenient)
