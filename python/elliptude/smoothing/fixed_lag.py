@@ -1,5 +1,6 @@
 """Fixed lag, for streams: a guaranteed filter that remembers its last moments; theory, section 20.5."""
 
+import copy
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import elliptude
+from elliptude.errors import PredictionError
 from elliptude.results import CLAIMS
 from elliptude.smoothing.fusion import StateSets, common, log_sizes
 from elliptude.smoothing.mirror import late_bias, mirrored_flow
@@ -53,6 +55,41 @@ class _Moment:
     known: _Known
 
 
+@dataclass(frozen=True, eq=False)
+class _ByMotion:
+    """The way back over a prediction; no function within a function, so that pickle can store it."""
+
+    motion: dict[str, Any]
+    """What `predict` was given, by its names."""
+    duration: float
+    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow
+
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float, held: float) -> None:
+        given = dict(self.motion)
+        for name in ("gyro", "wheel_momentum"):
+            if name in given:
+                given[name] = -given[name]
+        if "increment" in given:
+            assert isinstance(self.flow, elliptude.GuaranteedGyroFlow)
+            given["increment"] = float(given["increment"]) + self.duration * late_bias(self.flow, held)
+        back.predict(until, **given)
+
+
+@dataclass(frozen=True, eq=False)
+class _ByTurn:
+    """The way back over a turn."""
+
+    opposite: FloatArray
+    bound: float
+
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float, _held: float) -> None:
+        back.predict_turn(until, self.opposite, self.bound)
+
+
+def _nowhere(_back: elliptude.GuaranteedFilter, _until: float, _held: float) -> None:
+    """The way back from the first moment."""
+
+
 class FixedLagSmoother:
     """A guaranteed filter and its last moments: what was possible then, with what was measured since.
 
@@ -64,7 +101,8 @@ class FixedLagSmoother:
     Parameters
     ----------
     filter : GuaranteedFilter
-        As it is now: the first moment. Predictions and updates are to go through the smoother from now on.
+        As it is now: the first moment. Predictions and updates are to go through the smoother from now on. A copy of
+        the smoother has a filter of its own. What pickle stores is as `GuaranteedFilter`'s.
     lag : int
         How many moments are remembered besides the present one, 1 or more.
 
@@ -82,6 +120,10 @@ class FixedLagSmoother:
         self._moments: deque[_Moment] = deque(maxlen=lag + 1)
         self._has_contradicted: bool = False
         self._begin()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What copies and pickle keep: what changes is the copy's own."""
+        return vars(self) | {"_filter": copy.copy(self._filter), "_moments": self._moments.copy()}
 
     @property
     def filter(self) -> elliptude.GuaranteedFilter:
@@ -109,26 +151,14 @@ class FixedLagSmoother:
         duration = time - self._filter.time
         self._filter.predict(time, **motion)
         kept = {name: np.array(value) for name, value in motion.items() if value is not None}
-
-        def move_back(back: elliptude.GuaranteedFilter, until: float, held: float) -> None:
-            given: dict[str, Any] = dict(kept)
-            for name in ("gyro", "wheel_momentum"):
-                if name in given:
-                    given[name] = -given[name]
-            if "increment" in given:
-                assert isinstance(self._filter.flow, elliptude.GuaranteedGyroFlow)
-                given["increment"] = float(given["increment"]) + duration * late_bias(self._filter.flow, held)
-            back.predict(until, **given)
-
-        self._append(duration, move_back)
+        self._append(duration, _ByMotion(kept, duration, self._filter.flow))
 
     def predict_turn(self, time: float, turn: FloatArray, turn_bound: float) -> None:
         """Predict as `GuaranteedFilter.predict_turn`."""
         self._refuse_other_use()
         duration = time - self._filter.time
         self._filter.predict_turn(time, turn, turn_bound)
-        opposite = -np.array(turn, dtype=np.float64)
-        self._append(duration, lambda back, until, _held: back.predict_turn(until, opposite, turn_bound), is_turn=True)
+        self._append(duration, _ByTurn(-np.array(turn, dtype=np.float64), float(turn_bound)), is_turn=True)
 
     def update(self, *measured: Any, **more: Any) -> elliptude.GuaranteedUpdate:
         """Update as `GuaranteedFilter.update`."""
@@ -190,7 +220,7 @@ class FixedLagSmoother:
     def _begin(self) -> None:
         self._moments.clear()
         self._has_contradicted = False
-        self._moments.append(_Moment(self._filter.time, 0.0, lambda _back, _until, _held: None, self._present()))
+        self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, self._present()))
 
     def _present(self) -> _Known:
         return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
@@ -217,7 +247,10 @@ class FixedLagSmoother:
         return not self._filter.estimate_vector and self._filter.vector_bound is not None
 
     def _backward(self, later: _Moment, known: _Known) -> _Known:
-        """From a set at the end of an interval to one at its beginning; none where it cannot be followed."""
+        """From a set at the end of an interval to one at its beginning; none where it cannot be followed.
+
+        What a user's torque raises comes out, as it does from a prediction.
+        """
         if known.ellipsoid is None:
             return _Known(None, _NONE)
         held = 0.0 if self._is_product else later.duration
@@ -233,7 +266,7 @@ class FixedLagSmoother:
         )
         try:
             later.move_back(back, -later.time + later.duration, held)
-        except (ValueError, elliptude.InconsistentMeasurement):
+        except PredictionError:
             return _Known(None, _NONE)
         found = back.ellipsoid
         return _Known(None, _NONE) if found is None else _Known(_mirrored(found), known.claim)
