@@ -77,7 +77,7 @@ struct Mirror<GuaranteedGyroFlow<Scalar>> {
   using Input = typename Flow::Input;
 
   /// The flow over intervals of at most `duration`, s; zero if the bias is not estimated, but bounded at every time.
-  /// \return `not_finite`, `out_of_range` of a negative duration; the status of `make`.
+  /// \return `not_finite`, `out_of_range` of a negative duration; the status of `make`: `out_of_range` of a flow that it has not made.
   [[nodiscard]] static Status flow(const Flow& forward, const Scalar& duration, Backward& backward) noexcept {
     if (!scalar::isfinite(duration)) {
       return Status::not_finite;
@@ -87,8 +87,7 @@ struct Mirror<GuaranteedGyroFlow<Scalar>> {
     }
     const Scalar moved = drifted(forward, duration);
     if (!(moved > Scalar(0))) {
-      backward = forward;
-      return Status::ok;
+      return Flow::make(forward.uncertainty(), forward.interval_rate(), backward);
     }
     GyroUncertainty<Scalar> uncertainty = forward.uncertainty();
     uncertainty.noise =
