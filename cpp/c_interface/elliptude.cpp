@@ -242,10 +242,11 @@ struct Gyro {
   static constexpr std::uint64_t mark = 0x656c6c6970740101U + sizeof(Number);
   static_assert(static_cast<int>(IntervalRate::first_sample) == ELLIPTUDE_FIRST_SAMPLE &&
                 static_cast<int>(IntervalRate::mean_of_ends) == ELLIPTUDE_MEAN_OF_ENDS &&
-                static_cast<int>(IntervalRate::mean) == ELLIPTUDE_MEAN);
+                static_cast<int>(IntervalRate::mean) == ELLIPTUDE_MEAN &&
+                static_cast<int>(IntervalRate::last_sample) == ELLIPTUDE_LAST_SAMPLE);
 
   [[nodiscard]] static Status make(const Parameters& parameters, const Number& time, Filter& filter) noexcept {
-    if (parameters.interval_rate < ELLIPTUDE_FIRST_SAMPLE || parameters.interval_rate > ELLIPTUDE_MEAN) {
+    if (parameters.interval_rate < ELLIPTUDE_FIRST_SAMPLE || parameters.interval_rate > ELLIPTUDE_LAST_SAMPLE) {
       return Status::out_of_range;
     }
     GyroUncertainty<Number> uncertainty;

@@ -345,7 +345,8 @@ typedef int32_t elliptude_interval_rate;
 enum {
   ELLIPTUDE_FIRST_SAMPLE = 0, /* the sample at its beginning */
   ELLIPTUDE_MEAN_OF_ENDS = 1, /* the mean of the samples at both ends */
-  ELLIPTUDE_MEAN = 2          /* the mean over the interval, of a gyro that integrates */
+  ELLIPTUDE_MEAN = 2,         /* the mean over the interval, of a gyro that integrates */
+  ELLIPTUDE_LAST_SAMPLE = 3   /* the sample at its end */
 };
 
 /* A body of which nothing is known but what its gyro says: a sample is the angular velocity + bias + an error. */

@@ -147,7 +147,7 @@ struct GyroWorld {
     if ((kind & 8) != 0) {
       uncertainty.angular_acceleration = bytes.between(1e-3, 10);
     }
-    interval_rate = static_cast<IntervalRate>(bytes.choice(3));
+    interval_rate = static_cast<IntervalRate>(bytes.choice(4));
     if (bytes.choice(4) == 1) {
       uncertainty.longest_interval = bytes.between(1e-3, 1);
       uncertainty.largest_rate = bytes.between(1e-3, 10);
@@ -200,8 +200,13 @@ struct GyroWorld {
       move(h, first, RealVector(fastest * bytes.in_ball<3>()), drift);
       return input;
     }
-    const bool at_start = interval_rate == IntervalRate::first_sample;
-    const RealVector rate = shown - error - (at_start ? bias : RealVector(bias + (h / 2) * drift));
+    Real seen = 0.5L;  // of the drift in the interval
+    if (interval_rate == IntervalRate::first_sample) {
+      seen = 0;
+    } else if (interval_rate == IntervalRate::last_sample) {
+      seen = 1;
+    }
+    const RealVector rate = shown - error - (bias + seen * h * drift);
     // The rate as the flow is told of it is M A + B.
     RealVector b = RealVector::Zero();
     RealVector a = rate;
@@ -213,6 +218,8 @@ struct GyroWorld {
         m = (RealMatrix::Identity() + real_exp(RealVector(-h * b))) / 2;
       } else if (interval_rate == IntervalRate::mean) {
         m = mean_turn(RealVector(h * b));
+      } else if (interval_rate == IntervalRate::last_sample) {
+        m = real_exp(RealVector(-h * b));
       }
       a = m.inverse() * (rate - b);
       if (!(a.cross(b).norm() <= inside * static_cast<Real>(uncertainty.angular_acceleration))) {

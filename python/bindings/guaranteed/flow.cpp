@@ -80,10 +80,13 @@ namespace {
     rate = IntervalRate::mean_of_ends;
   } else if (interval_rate == "first_sample") {
     rate = IntervalRate::first_sample;
+  } else if (interval_rate == "last_sample") {
+    rate = IntervalRate::last_sample;
   } else if (interval_rate == "mean") {
     rate = IntervalRate::mean;
   } else {
-    value_error("interval_rate must be 'mean_of_ends', 'first_sample' or 'mean', not '" + interval_rate + "'");
+    value_error("interval_rate must be 'mean_of_ends', 'first_sample', 'last_sample' or 'mean', not '" + interval_rate +
+                "'");
   }
   Flow flow;
   raise_unless_ok(Flow::make(uncertainty, rate, flow), "flow");
@@ -170,9 +173,9 @@ scale : float
     Largest relative error of a sample: v may be longer by this times the length of the sample.
 angular_acceleration : float
     Largest length of dω/dt at every time, rad/s²: how ω may move between samples.
-interval_rate : {'mean_of_ends', 'first_sample', 'mean'}
-    What the rate given for an interval is: the mean of the samples at its ends, the sample at its beginning, or the mean over
-    the interval, from a gyro that integrates.
+interval_rate : {'mean_of_ends', 'first_sample', 'last_sample', 'mean'}
+    What the rate given for an interval is: the mean of the samples at its ends, the sample at its beginning or at its end, or
+    the mean over the interval, from a gyro that integrates.
 longest_interval : float, optional
     The longest interval that a rate and the bounds above cover, s; any, if omitted. About a longer one, or one whose rate is
     NaN, nothing is known but `largest_rate`.

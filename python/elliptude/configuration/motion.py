@@ -136,10 +136,13 @@ class GyroFlow(Timed):
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
         )
 
-    def off_the_line(self, interval: float) -> float:
-        """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3."""
+    def off_the_line(self, interval: float, drift: float = 0.0) -> float:
+        """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3.
+
+        `drift`, rad/s², is of a bias that is followed from row to row; one that is in its bound at every time has none.
+        """
         share = 0.5 if self.interval_rate == "mean_of_ends" else 1.0
-        return share * math.radians(self.angular_acceleration_deg_per_s2) * interval
+        return share * (math.radians(self.angular_acceleration_deg_per_s2) + drift) * interval
 
     def build(self) -> elliptude.GyroFlow:
         """The core's flow."""

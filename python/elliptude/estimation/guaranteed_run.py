@@ -279,7 +279,8 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
     gyro = rows.gyro
     largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
     between = gaps.filled_in_between(log, gyro.longest_interval)
-    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + flow.off_the_line(between))
+    off = flow.off_the_line(between, gyro.drift if flow.estimate_bias else 0.0)
+    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + off)
     used = interval_rates(rates) if flow.interval_rate == "mean_of_ends" else rates.copy()
     used[:-1][gyro.gaps(log.times, rates)] = np.nan
     used[np.isnan(used).any(axis=1)] = np.nan

@@ -13,6 +13,7 @@ from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun
 from elliptude.estimation.vertical import Vertical, vertical_of
 from elliptude.monitoring import Sets, arcs, monitor
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
+from elliptude.smoothing import disputes
 from elliptude.smoothing.fusion import StateSets, common, log_sizes
 from elliptude.typing import FloatArray
 
@@ -39,6 +40,8 @@ class Both:
     caps: DirectionLog | None
     disagreements: NDArray[np.intp]
     """Rows where the passes prove that a statement is wrong."""
+    contested: NDArray[np.bool_]
+    """Rows where a pass claims less since the other one has found a contradiction, shape (n,)."""
 
 
 def both_passes(passes: Passes, configuration: Configuration) -> Both:
@@ -55,12 +58,21 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
     """
     forward, backward = passes.forward.sets, passes.backward
     up = passes.forward.rows.up
-    caps, caps_apart = passes.forward.caps, np.zeros(len(forward.claims), dtype=np.bool_)
-    if caps is not None and passes.caps is not None:
-        caps, caps_apart = common_caps(caps, passes.caps)
+    both_unconditional = _both_unconditional(forward.claims, backward.claims)
+    left = _claims_left(forward.claims, backward.claims, disputes.of_sets(forward), disputes.of_sets(backward))
+    contested = (left[0] != forward.claims) | (left[1] != backward.claims)
+    forward, backward = replace(forward, claims=left[0]), replace(backward, claims=left[1])
+    of_cap = caps = passes.forward.caps
+    caps_apart = np.zeros(len(forward.claims), dtype=np.bool_)
+    if of_cap is not None and passes.caps is not None:
+        first, second = of_cap.claims, passes.caps.claims
+        left = _claims_left(first, second, disputes.of_caps(of_cap), disputes.of_caps(passes.caps))
+        contested |= (left[0] != first) | (left[1] != second)
+        of_cap, other_cap = replace(of_cap, claims=left[0]), replace(passes.caps, claims=left[1])
+        caps, caps_apart = common_caps(of_cap, other_cap, _both_unconditional(first, second))
     equal = (forward.claims == backward.claims) & (forward.claims < _NONE)
     fused, meet = _fused(forward, backward, equal, configuration)
-    apart = equal & ~meet & (forward.claims == _UNCONDITIONAL)
+    apart = equal & ~meet & both_unconditional
     known = np.isfinite(fused.shapes[:, 0, 0])
     # Where both hold, about two centers: that of the pass forward, about which no bound gets wider, and the common one.
     single = _rows_of(forward, backward, backward.claims < forward.claims)
@@ -70,17 +82,15 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         of_fused = Sets.of(_only(fused, known))
         single = _narrowed(single, [of_backward, of_fused], up)
         common_set = _narrowed(common_set, [of_forward, of_backward, of_fused], up)
-    before = passes.forward.vertical
+    before = passes.forward.vertical if not contested.any() else vertical_of(forward, of_cap, up)
     if apart.any() or caps_apart.any():
         # A statement is wrong, and may be wrong elsewhere without showing it.
         single, common_set, weakened = (
-            replace(sets, claims=np.maximum(sets.claims, CONDITIONAL).astype(np.uint8))
-            for sets in (single, common_set, forward)
+            replace(sets, claims=_weakened(sets.claims, True)) for sets in (single, common_set, forward)
         )
         # What the pass forward knew of up by its sets rests on no more; by its cap it may.
-        of_cap = passes.forward.caps
         if of_cap is not None and caps_apart.any():
-            of_cap = replace(of_cap, claims=np.maximum(of_cap.claims, CONDITIONAL).astype(np.uint8))
+            of_cap = replace(of_cap, claims=_weakened(of_cap.claims, True))
         before = vertical_of(weakened, of_cap, up)
     vertical, of_common = vertical_of(single, caps, up), vertical_of(common_set, caps, up)
     takes = known & _no_wider(common_set, of_common, forward, before)
@@ -92,7 +102,29 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         _chosen_vertical(before, vertical, of_common, takes, takes | (backward.claims < forward.claims)),
         caps,
         np.flatnonzero(apart | caps_apart),
+        contested,
     )
+
+
+def _both_unconditional(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.asarray((one == _UNCONDITIONAL) & (other == _UNCONDITIONAL), dtype=np.bool_)
+
+
+def _claims_left(
+    forward: NDArray[np.uint8],
+    backward: NDArray[np.uint8],
+    forward_disputed: NDArray[np.bool_],
+    backward_disputed: NDArray[np.bool_],
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """What each of two passes claims once the contradictions that the other one has found are known."""
+    of_backward = disputes.contested(backward_disputed, forward_disputed)
+    of_forward = disputes.contested(forward_disputed[::-1], backward_disputed[::-1])[::-1]
+    return _weakened(forward, of_forward), _weakened(backward, of_backward | of_forward)
+
+
+def _weakened(claims: NDArray[np.uint8], rows: NDArray[np.bool_] | bool) -> NDArray[np.uint8]:
+    """Claims of which those of some rows are not unconditional."""
+    return np.where(rows, np.maximum(claims, CONDITIONAL), claims).astype(np.uint8)
 
 
 def _rows_of(one: GuaranteedLog, other: GuaranteedLog, takes_other: NDArray[np.bool_]) -> GuaranteedLog:
@@ -223,13 +255,17 @@ def _chosen_vertical(
     )
 
 
-def common_caps(one: DirectionLog, other: DirectionLog) -> tuple[DirectionLog, NDArray[np.bool_]]:
+def common_caps(
+    one: DirectionLog, other: DirectionLog, unconditional: NDArray[np.bool_] | None = None
+) -> tuple[DirectionLog, NDArray[np.bool_]]:
     """Caps about what two caps have in common, (18.28), and rows where they prove that a statement is wrong.
 
     Parameters
     ----------
     one, other : DirectionLog
         Of the same rows. Of unequal claims the stronger counts alone; where caps have nothing in common, the first.
+    unconditional : (n,) array of bool, optional
+        Where both were claimed to hold without a condition; by their claims, if omitted.
 
     Returns
     -------
@@ -247,7 +283,7 @@ def common_caps(one: DirectionLog, other: DirectionLog) -> tuple[DirectionLog, N
         try:
             cap.update(other.directions[row], other.angles[row])
         except elliptude.InconsistentMeasurement:
-            apart[row] = one.claims[row] == _UNCONDITIONAL
+            apart[row] = one.claims[row] == _UNCONDITIONAL if unconditional is None else unconditional[row]
             continue
         if cap.direction is not None and cap.angle < angles[row]:
             directions[row], angles[row] = cap.direction, cap.angle

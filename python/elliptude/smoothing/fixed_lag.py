@@ -13,12 +13,12 @@ import elliptude
 from elliptude.errors import PredictionError
 from elliptude.results import CLAIMS
 from elliptude.smoothing.fusion import StateSets, common, log_sizes
-from elliptude.smoothing.mirror import late_bias, mirrored_flow
+from elliptude.smoothing.mirror import mirrored_flow
 from elliptude.typing import FloatArray
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 _UNCONDITIONAL, _CONDITIONAL, _NONE = range(3)
-_Move = Callable[[elliptude.GuaranteedFilter, float, float], None]
+_Move = Callable[[elliptude.GuaranteedFilter, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,10 @@ class _Moment:
     duration: float
     """Of the interval that led to it, s."""
     move_back: _Move
-    """Predicts a filter of the mirrored flow to a time over that interval, for which a rate is held so long."""
+    """Predicts a filter of the mirrored flow to a time over that interval."""
     known: _Known
+    is_disputed: bool
+    """Whether the claim was conditional, after any update of this moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +62,10 @@ class _ByMotion:
     """The way back over a prediction; no function within a function, so that pickle can store it."""
 
     motion: dict[str, Any]
-    """What `predict` was given, by its names."""
-    duration: float
-    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow
+    """What `predict` of the mirrored flow is given, by its names."""
 
-    def __call__(self, back: elliptude.GuaranteedFilter, until: float, held: float) -> None:
-        given = dict(self.motion)
-        for name in ("gyro", "wheel_momentum"):
-            if name in given:
-                given[name] = -given[name]
-        if "increment" in given:
-            assert isinstance(self.flow, elliptude.GuaranteedGyroFlow)
-            given["increment"] = float(given["increment"]) + self.duration * late_bias(self.flow, held)
-        back.predict(until, **given)
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float) -> None:
+        back.predict(until, **self.motion)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +75,11 @@ class _ByTurn:
     opposite: FloatArray
     bound: float
 
-    def __call__(self, back: elliptude.GuaranteedFilter, until: float, _held: float) -> None:
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float) -> None:
         back.predict_turn(until, self.opposite, self.bound)
 
 
-def _nowhere(_back: elliptude.GuaranteedFilter, _until: float, _held: float) -> None:
+def _nowhere(_back: elliptude.GuaranteedFilter, _until: float) -> None:
     """The way back from the first moment."""
 
 
@@ -97,6 +90,10 @@ class FixedLagSmoother:
     by moment, and each time the set is combined with what the filter knew then. The truth is in it as it is in the
     filter's sets. Where its claim is that of the filter then, it is no larger by the criterion, and no wider in its
     largest angle, nor is the vector by itself. Where the claim is stronger, they may be.
+
+    Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong
+    already without showing it. So nothing of them is carried to earlier moments: only what was known after the dispute
+    is.
 
     Parameters
     ----------
@@ -115,7 +112,7 @@ class FixedLagSmoother:
     def __init__(self, filter: elliptude.GuaranteedFilter, lag: int) -> None:  # noqa: A002
         if lag < 1:
             raise ValueError(f"lag is {lag}, but a smoother remembers at least one moment")
-        mirrored_flow(filter.flow, 0.0)
+        mirrored_flow(filter.flow)
         self._filter = filter
         self._moments: deque[_Moment] = deque(maxlen=lag + 1)
         self._has_contradicted: bool = False
@@ -150,8 +147,12 @@ class FixedLagSmoother:
         self._refuse_other_use()
         duration = time - self._filter.time
         self._filter.predict(time, **motion)
-        kept = {name: np.array(value) for name, value in motion.items() if value is not None}
-        self._append(duration, _ByMotion(kept, duration, self._filter.flow))
+        kept: dict[str, Any] = {name: np.array(value)[()] for name, value in motion.items() if value is not None}
+
+        for name in ("gyro", "wheel_momentum"):
+            if name in kept:
+                kept[name] = -kept[name]
+        self._append(duration, _ByMotion(kept))
 
     def predict_turn(self, time: float, turn: FloatArray, turn_bound: float) -> None:
         """Predict as `GuaranteedFilter.predict_turn`."""
@@ -192,10 +193,14 @@ class FixedLagSmoother:
         self._refuse_other_use()
         moments = list(self._moments)[::-1]
         contradicted = self._has_contradicted
-        shown = smallest = of_vector = _weakened(moments[0].known, contradicted)
+        shown = carried = of_vector = _weakened(moments[0].known, contradicted)
+        after_dispute = carries_alone = False
         for later, earlier in pairwise(moments[: age + 1]):
-            future = self._backward(later, _weakened(smallest, contradicted))
+            future = self._backward(later, _weakened(carried, contradicted))
             (shown, smallest, of_vector), contradicts = self._both(_weakened(earlier.known, contradicted), future)
+            after_dispute = after_dispute or later.is_disputed
+            carries_alone = carries_alone or (after_dispute and earlier.known.claim == _UNCONDITIONAL)
+            carried = future if carries_alone else smallest
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
                     f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "
@@ -220,10 +225,11 @@ class FixedLagSmoother:
     def _begin(self) -> None:
         self._moments.clear()
         self._has_contradicted = False
-        self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, self._present()))
+        self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, *self._present()))
 
-    def _present(self) -> _Known:
-        return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
+    def _present(self) -> tuple[_Known, bool]:
+        known = _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
+        return known, known.claim == _CONDITIONAL
 
     def _refuse_other_use(self) -> None:
         if self._filter.time != self._moments[-1].time:
@@ -234,13 +240,15 @@ class FixedLagSmoother:
 
     def _append(self, duration: float, move_back: _Move, *, is_turn: bool = False) -> None:
         if duration > 0.0 or is_turn:
-            self._moments.append(_Moment(self._filter.time, duration, move_back, self._present()))
+            self._moments.append(_Moment(self._filter.time, duration, move_back, *self._present()))
         else:
             self._replace_present()
 
     def _replace_present(self) -> None:
         last = self._moments.pop()
-        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, self._present()))
+        known, is_disputed = self._present()
+        is_disputed = is_disputed or last.is_disputed
+        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, known, is_disputed))
 
     @property
     def _is_product(self) -> bool:
@@ -253,10 +261,9 @@ class FixedLagSmoother:
         """
         if known.ellipsoid is None:
             return _Known(None, _NONE)
-        held = 0.0 if self._is_product else later.duration
         bound = self._filter.vector_bound
         back = elliptude.GuaranteedFilter(
-            mirrored_flow(self._filter.flow, held),
+            mirrored_flow(self._filter.flow),
             _mirrored(known.ellipsoid),
             time=-later.time,
             criterion=self._filter.criterion,
@@ -265,7 +272,7 @@ class FixedLagSmoother:
             estimate_vector=self._filter.estimate_vector,
         )
         try:
-            later.move_back(back, -later.time + later.duration, held)
+            later.move_back(back, -later.time + later.duration)
         except PredictionError:
             return _Known(None, _NONE)
         found = back.ellipsoid

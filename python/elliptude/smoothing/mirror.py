@@ -71,7 +71,7 @@ def mirrored(run: GuaranteedRun, configuration: Configuration) -> Mirrored:
         given=replace(
             given,
             times=-given.times[::-1],
-            flow=_mirrored_flow(run, configuration),
+            flow=mirrored_flow(given.flow),
             motion=motion,
             measured=measured,
             turns=None if given.turns is None else turns,
@@ -94,30 +94,14 @@ def _mirrored_turns(run: GuaranteedRun, configuration: Configuration) -> Turns |
     return turns_of(-log.times[::-1], -log.rates[::-1], configuration, rows, (log.times - log.times[0])[::-1])
 
 
-def _mirrored_flow(
-    run: GuaranteedRun, configuration: Configuration
-) -> elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow:
-    flow = run.given.flow
-    if isinstance(flow, elliptude.GuaranteedRigidBodyFlow):
-        return mirrored_flow(flow, 0.0)
-    if flow.interval_rate != "first_sample" or not run.given.estimates_vector:
-        return flow
-    steps = np.diff(run.given.times)[np.isfinite(run.given.motion["gyro"][:-1, 0])]
-    assert run.rows.gyro is not None
-    held = float(steps.max(initial=0.0)) + gaps.filled_in_between(run.log, run.rows.gyro.longest_interval)
-    return mirrored_flow(flow, held)
-
-
 def mirrored_flow(
-    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow, held: float
+    flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow,
 ) -> elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow:
     """A flow backward in time, (20.1) to (20.3).
 
     Parameters
     ----------
     flow : GuaranteedRigidBodyFlow or GuaranteedGyroFlow
-    held : float
-        The longest time for which a gyro's rate is held, in seconds; zero if its bias is not estimated.
 
     Returns
     -------
@@ -137,26 +121,16 @@ def mirrored_flow(
             inertia_error=flow.inertia_error,
             most_steps=flow.most_steps,
         )
-    if late_bias(flow, held) == 0.0:
-        return flow
+    other_end = {"first_sample": "last_sample", "last_sample": "first_sample"}
     return elliptude.GuaranteedGyroFlow(
-        _radius(flow.noise) + late_bias(flow, held),
+        flow.noise,
         flow.drift,
         scale=flow.scale,
         angular_acceleration=flow.angular_acceleration,
-        interval_rate=flow.interval_rate,
+        interval_rate=other_end.get(flow.interval_rate, flow.interval_rate),
         longest_interval=flow.longest_interval,
         largest_rate=flow.largest_rate,
     )
-
-
-def late_bias(flow: elliptude.GuaranteedGyroFlow, held: float) -> float:
-    """How far a bias drifts while a rate is held: backward, the sample is of a step's end, and this is noise."""
-    return 1.000001 * held * _radius(flow.drift) if flow.interval_rate == "first_sample" else 0.0
-
-
-def _radius(shape: FloatArray) -> float:
-    return float(np.sqrt(np.linalg.eigvalsh(shape)[-1])) * (1.0 + 1e-12)
 
 
 def mirrored_potential(potential: elliptude.Potential) -> elliptude.Potential:

@@ -29,6 +29,8 @@ class SmoothedRun(GuaranteedRun):
     """The pass forward alone, which is always there."""
     disagreements: NDArray[np.intp] | None = None
     """Rows where both passes claim sets (or caps) without a condition, and these have nothing in common."""
+    contested: NDArray[np.bool_] | None = None
+    """Rows where a pass claims less since the other one has found a contradiction, shape (n,)."""
 
 
 def smooth(log: Log, configuration: Configuration) -> Estimation:
@@ -101,6 +103,7 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
         gaps=gaps_between(log, configuration, forward.rows, found.sets),
         forward=forward,
         disagreements=found.disagreements,
+        contested=found.contested,
     )
 
 
@@ -143,6 +146,7 @@ def figures(run: GuaranteedRun) -> dict[str, Any]:
     assert isinstance(run, SmoothedRun)
     assert run.forward is not None
     assert run.disagreements is not None
+    assert run.contested is not None
     forward = run.forward
 
     def compared(one: FloatArray | None, other: FloatArray | None) -> dict[str, float] | None:
@@ -170,6 +174,7 @@ def figures(run: GuaranteedRun) -> dict[str, Any]:
             "smoothed": int((run.sets.claims < _NONE).sum()),
         },
         "disagreeing_rows": len(run.disagreements),
+        "contested_rows": int(run.contested.sum()),
     }
     return result | {"said": _said(result)}
 
@@ -192,5 +197,10 @@ def _said(figures_of: dict[str, Any]) -> list[str]:
         lines.append(
             f"at {figures_of['disagreeing_rows']} rows what comes before and what comes after contradict one another: "
             "some statement is wrong, and no set is unconditional"
+        )
+    elif figures_of["contested_rows"]:
+        lines.append(
+            f"at {figures_of['contested_rows']} rows one pass rests on what the other has found to contradict, and "
+            "claims less for it"
         )
     return lines

@@ -8,7 +8,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 TEST_CASE("a bias that drifts acts on an error of attitude as well") {
-  // A body at rest, so that little is turned. The ball of all that has no direction: ½ h ‖γ‖ ‖δω‖ with ‖δω‖ ≤ ‖δβ‖ + h D, and the way
+  // A body at rest, so that little is turned. The ball of all that has no direction: ½ h ‖γ‖ ‖δω‖ with ‖δω‖ ≤ ‖δβ‖ + ½ h D, and the way
   // of the drift, ¼ h² D; beside it the drift's own turn, ½ h times that of the bias.
   using Flow = GuaranteedGyroFlow<double>;
   const double h = 0.1;
@@ -26,7 +26,7 @@ TEST_CASE("a bias that drifts acts on an error of attitude as well") {
     GibbsEllipsoid<GyroState<double>> after;
     REQUIRE(flow.predict(0, h, {Vector3d::Zero()}, before, after) == Status::ok);
 
-    const double difference = bias + h * drift;
+    const double difference = bias + h * drift / 2;
     const double reach = 2 * std::tan(std::atan(size / 2) + h * difference / 2);
     const double ball = h * reach * difference / 2 + h * h * drift / 4;
     Matrix6<double> map = Matrix6<double>::Identity();

@@ -333,9 +333,9 @@ TEST_CASE("fixed lag: what rests on a dropped measurement") {
   REQUIRE(lag.smoothed(1, set) == Status::ok);
   CHECK(set.claim == Claim::unconditional);
   CHECK_FALSE(set.uses_future);
-  // Before there was a set, nothing rests on less than what comes from that moment.
+  // Before there was a set, one comes from the present alone: it may be that of the moment before which is wrong.
   REQUIRE(lag.smoothed(2, set) == Status::ok);
-  CHECK(set.claim == Claim::unconditional);
+  CHECK(set.claim == Claim::conditional);
   FixedLag<GyroScene::Filter, 4> other;
   REQUIRE(FixedLag<GyroScene::Filter, 4>::make(GyroScene::filter(Policy::drop_measurement), other) == Status::ok);
   REQUIRE(other.predict(GyroScene::step, scene.move()) == Status::ok);
@@ -350,6 +350,81 @@ TEST_CASE("fixed lag: what rests on a dropped measurement") {
   REQUIRE(other.smoothed(1, set) == Status::ok);
   CHECK(set.claim == Claim::conditional);
   CHECK(set.uses_future);
+}
+
+TEST_CASE("fixed lag: a lie that is found out late makes no earlier set wrong") {
+  // The set is wide when the lie comes, which fits: it is the next measurement that contradicts. What is known after the dispute has grown
+  // so wide on the way back that it meets the wrong set, too.
+  using Flow = GuaranteedGyroFlow<double>;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 0.03 * 0.03 * Matrix3d::Identity();
+  Flow flow;
+  REQUIRE(Flow::make(uncertainty, Flow::IntervalRate::mean, flow) == Status::ok);
+  GyroScene::Filter::Settings settings;
+  settings.policy = Policy::drop_measurement;
+  settings.regain_after = 1;
+  settings.estimates_vector = false;
+  GyroScene::Filter filter;
+  REQUIRE(GyroScene::Filter::make(flow, settings, 0, filter) == Status::ok);
+  REQUIRE(filter.bound_vector({Vector3d::Zero(), 1e-10 * Matrix3d::Identity()}) == Status::ok);
+  FixedLag<GyroScene::Filter, 8> lag;
+  REQUIRE(FixedLag<GyroScene::Filter, 8>::make(filter, lag) == Status::ok);
+  const auto sees = [&](double time, double angle, double within) {
+    const MeasuredAttitude<double> star{exp(Vector3d(angle, 0, 0)), within * within * Matrix3d::Identity()};
+    GuaranteedUpdate<double> report;
+    if (time > lag.time()) {
+      REQUIRE(lag.predict(time, {Vector3d::Zero(), -1, true}) == Status::ok);
+    }
+    REQUIRE(lag.update(Measurements<double>{nullptr, 0, nullptr, &star}, report) == Status::ok);
+    return lag.filter().claim();
+  };
+  const GyroState<double> truth{Matrix3d::Identity(), Vector3d::Zero()};
+  CHECK(sees(0, 0.01, 0.1) == Claim::unconditional);
+  CHECK(sees(1, 0.01, 0.1) == Claim::unconditional);
+  CHECK(sees(2, 0.09, 1e-3) == Claim::unconditional);  // the lie
+  CHECK(sees(3, 0, 1e-3) == Claim::conditional);
+  SmoothedSet<GyroState<double>> set;
+  const auto check = [&](std::size_t age, Claim claim) {
+    REQUIRE(lag.smoothed(age, set) == Status::ok);
+    CHECK(set.claim == claim);
+    CHECK(form_in_product(set.set, truth) <= 1);
+  };
+  check(2, Claim::unconditional);
+  check(3, Claim::unconditional);
+  CHECK(sees(4, 0, 1e-3) == Claim::conditional);
+  check(3, Claim::unconditional);
+  check(4, Claim::unconditional);
+  CHECK(sees(5, 0, 1e-3) == Claim::unconditional);
+  check(1, Claim::unconditional);
+  check(2, Claim::unconditional);
+  CHECK(set.uses_future);  // the filter's claim is weaker there
+  check(4, Claim::unconditional);
+  check(5, Claim::unconditional);
+  CHECK_FALSE(lag.has_contradicted());
+}
+
+TEST_CASE("fixed lag: a dispute that is over within its moment is one") {
+  const auto moment = [](double time, double about_x, double within, bool is_disputed) {
+    FilterMoment<GyroScene::Filter> known;
+    known.time = time;
+    known.interval.duration = 1;
+    known.known = {{{exp(Vector3d(about_x, 0, 0)), Vector3d::Zero()}, within * within * Matrix6<double>::Identity()},
+                   Claim::unconditional};
+    known.is_disputed = is_disputed;
+    return known;
+  };
+  const GyroScene::Filter filter = GyroScene::filter(Policy::drop_measurement);
+  for (const bool is_disputed : {false, true}) {
+    for (const bool at_end : {false, true}) {
+      BackwardPass<GyroScene::Filter> pass(filter, moment(3, 0, 0.05, is_disputed && at_end));
+      REQUIRE(pass.to(moment(2, 0, 0.05, is_disputed && !at_end)) == Status::ok);
+      REQUIRE(pass.to(moment(1, 0.05, 1e-3, false)) == Status::ok);
+      CHECK(pass.smoothed().set.center.attitude.isApprox(exp(Vector3d(0.05, 0, 0)), 1e-2));
+      REQUIRE(pass.to(moment(0, 0, 0.1, false)) == Status::ok);
+      // Only without a dispute is the set of moment 1 carried to moment 0.
+      CHECK((form_of(pass.smoothed().set, {Matrix3d::Identity(), Vector3d::Zero()}) > 1) == !is_disputed);
+    }
+  }
 }
 
 TEST_CASE("fixed lag: the pass ends where a caller stops it, and may be asked again") {

@@ -89,7 +89,9 @@ double form_at_beginning(const Turn& t, const Vector3d& axis, double accelerates
   const double bias = 0.1;
   const double drifted = errs * t.drift * h;
   double shown = t.rate + bias;  // at the beginning
-  if (t.mode != Mode::first_sample) {
+  if (t.mode == Mode::last_sample) {
+    shown += a * h + drifted;
+  } else if (t.mode != Mode::first_sample) {
     shown += a * h / 2 + drifted / 2;
   }
   shown += errs * (t.increment >= 0 ? t.increment / h : t.noise + t.scale * shown / (1 - t.scale));
@@ -101,10 +103,10 @@ double form_at_beginning(const Turn& t, const Vector3d& axis, double accelerates
   const Vector6<double> error = (Vector6<double>() << from * t.width * axis, Vector3d::Zero()).finished();
   const GibbsEllipsoid<GyroState<double>> known{retract<GibbsChart>(end, Vector6<double>(-error)), shape};
   HeldGyro backward;
-  REQUIRE(Mirror<HeldGyro>::flow(flow, h, backward) == Status::ok);
+  REQUIRE(Mirror<HeldGyro>::flow(flow, backward) == Status::ok);
   GibbsEllipsoid<GyroState<double>> found;
   const HeldGyro::Input input{shown * axis, t.increment, true};
-  REQUIRE(backward.predict(-h, h, Mirror<HeldGyro>::input(flow, h, input), mirrored(known), found) == Status::ok);
+  REQUIRE(backward.predict(-h, h, Mirror<HeldGyro>::input(input), mirrored(known), found) == Status::ok);
   double form = 2;
   REQUIRE(quadratic_form(mirrored(found), begin, form) == Status::ok);
   return form;
@@ -197,10 +199,9 @@ TEST_CASE("mirror: a body's motion backward, under potentials that depend on tim
                                                        shape};
     using Mirrored = Mirror<OnOrbit::Flow>;
     Mirrored::Backward backward;
-    REQUIRE(Mirrored::flow(scene.flow, h, backward) == Status::ok);
+    REQUIRE(Mirrored::flow(scene.flow, backward) == Status::ok);
     GibbsEllipsoid<RigidBodyState<double>> found;
-    REQUIRE(backward.predict(-(begin + h), h, Mirrored::input(scene.flow, h, input), mirrored(known), found) ==
-            Status::ok);
+    REQUIRE(backward.predict(-(begin + h), h, Mirrored::input(input), mirrored(known), found) == Status::ok);
     double form = 2;
     REQUIRE(quadratic_form(mirrored(found), start, form) == Status::ok);
     CHECK(form <= 1);
@@ -213,12 +214,12 @@ TEST_CASE("mirror: a body's flow keeps its limits") {
   OnOrbit scene(random, 1e-3);
   REQUIRE(scene.flow.set_most_steps(7) == Status::ok);
   Mirror<OnOrbit::Flow>::Backward backward;
-  REQUIRE(Mirror<OnOrbit::Flow>::flow(scene.flow, 0, backward) == Status::ok);
+  REQUIRE(Mirror<OnOrbit::Flow>::flow(scene.flow, backward) == Status::ok);
   CHECK(backward.most_steps() == 7);
   CHECK(backward.uncertainty().torque == scene.flow.uncertainty().torque);
   CHECK(backward.longest_step() == 0.05);
   REQUIRE(backward.set_most_steps(9) == Status::ok);
-  CHECK(Mirror<OnOrbit::Flow>::flow(OnOrbit::Flow(), 0, backward) == Status::out_of_range);
+  CHECK(Mirror<OnOrbit::Flow>::flow(OnOrbit::Flow(), backward) == Status::out_of_range);
   CHECK(backward.most_steps() == 9);
 }
 
@@ -237,55 +238,58 @@ TEST_CASE("mirror: a gyro's errors reach the edge backward, too") {
   const double by_scale = worst_form(turn);
   CHECK(by_scale <= 1);
   CHECK(by_scale > 0.9);
-  for (const Mode mode : {Mode::first_sample, Mode::mean_of_ends}) {
+  for (const Mode mode : {Mode::first_sample, Mode::mean_of_ends, Mode::last_sample}) {
     turn = Turn();
     turn.mode = mode;
     turn.acceleration = 1e-2;
     const double by_wander = worst_form(turn);
     CHECK(by_wander <= 1);
-    CHECK(by_wander > (mode == Mode::first_sample ? 0.8 : 0));
+    CHECK(by_wander > (mode == Mode::mean_of_ends ? 0 : 0.8));
   }
 }
 
-TEST_CASE("mirror: a bias that drifts after the sample that is held") {
-  Turn turn;
-  turn.drift = 1e-2;
-  const double held = worst_form(turn);
-  CHECK(held <= 1);
-  CHECK(held > 0.3);  // without its part of the noise it would be 1.5²/0.5² times as much
-  turn.increment = 1e-9;
-  const double by_increment = worst_form(turn);
-  CHECK(by_increment <= 1);
-  CHECK(by_increment > 0.3);
-  GyroUncertainty<double> drifting;
-  drifting.drift = Matrix3d::Identity();
-  HeldGyro gyro;
-  REQUIRE(HeldGyro::make(drifting, Mode::first_sample, gyro) == Status::ok);
-  const HeldGyro::Input shown{Vector3d::UnitX(), 0.25, true};
-  CHECK(Mirror<HeldGyro>::input(gyro, 0.5, shown).increment == doctest::Approx(0.5));
-  CHECK(Mirror<HeldGyro>::input(gyro, 0.5, {Vector3d::UnitX(), -1, true}).increment == -1);
-  turn = Turn();
-  turn.mode = Mode::mean;
-  turn.drift = 1e-2;
-  const double mean = worst_form(turn);
-  CHECK(mean <= 1);
-  // A mean needs no such part, and gets none.
-  GyroUncertainty<double> uncertainty;
-  uncertainty.noise = Matrix3d::Identity();
-  uncertainty.drift = Matrix3d::Identity();
-  HeldGyro flow;
-  HeldGyro backward;
-  for (const Mode mode : {Mode::mean, Mode::mean_of_ends}) {
-    REQUIRE(HeldGyro::make(uncertainty, mode, flow) == Status::ok);
-    REQUIRE(Mirror<HeldGyro>::flow(flow, 1, backward) == Status::ok);
-    CHECK(backward.uncertainty().noise == uncertainty.noise);
+TEST_CASE("mirror: a bias that drifts before or after its sample") {
+  for (const Mode mode : {Mode::first_sample, Mode::mean_of_ends, Mode::mean, Mode::last_sample}) {
+    Turn turn;
+    turn.mode = mode;
+    turn.drift = 1e-2;
+    CAPTURE(static_cast<int>(mode));
+    const double of_noise = worst_form(turn);
+    CHECK(of_noise <= 1);
+    CHECK(of_noise > (mode == Mode::mean ? 0.5 : 0.95));
+    turn.increment = 1e-9;
+    const double of_increment = worst_form(turn);
+    CHECK(of_increment <= 1);
+    CHECK(of_increment > (mode == Mode::mean ? 0.5 : 0.95));
   }
-  REQUIRE(HeldGyro::make(uncertainty, Mode::first_sample, flow) == Status::ok);
-  REQUIRE(Mirror<HeldGyro>::flow(flow, 1, backward) == Status::ok);
-  CHECK(backward.uncertainty().noise(0, 0) == doctest::Approx(4));
-  CHECK(Mirror<HeldGyro>::flow(flow, -1, backward) == Status::out_of_range);
-  CHECK(Mirror<HeldGyro>::flow(flow, std::nan(""), backward) == Status::not_finite);
-  CHECK(backward.uncertainty().noise(0, 0) == doctest::Approx(4));
-  REQUIRE(Mirror<HeldGyro>::flow(flow, 0, backward) == Status::ok);
-  CHECK(backward.uncertainty().noise == uncertainty.noise);
+}
+
+TEST_CASE("mirror: of a gyro's bounds none changes, but which rate of an interval it shows") {
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 4 * Matrix3d::Identity();
+  uncertainty.drift = 9 * Matrix3d::Identity();
+  uncertainty.scale = 0.1;
+  uncertainty.angular_acceleration = 0.2;
+  uncertainty.longest_interval = 3;
+  uncertainty.largest_rate = 5;
+  for (const auto& [mode, expected] : {std::pair{Mode::first_sample, Mode::last_sample},
+                                       {Mode::last_sample, Mode::first_sample},
+                                       {Mode::mean, Mode::mean},
+                                       {Mode::mean_of_ends, Mode::mean_of_ends}}) {
+    HeldGyro flow;
+    HeldGyro backward;
+    REQUIRE(HeldGyro::make(uncertainty, mode, flow) == Status::ok);
+    REQUIRE(Mirror<HeldGyro>::flow(flow, backward) == Status::ok);
+    CHECK(backward.interval_rate() == expected);
+    CHECK(backward.uncertainty().noise == uncertainty.noise);
+    CHECK(backward.uncertainty().drift == uncertainty.drift);
+    CHECK(backward.uncertainty().scale == uncertainty.scale);
+    CHECK(backward.uncertainty().angular_acceleration == uncertainty.angular_acceleration);
+    CHECK(backward.uncertainty().longest_interval == uncertainty.longest_interval);
+    CHECK(backward.uncertainty().largest_rate == uncertainty.largest_rate);
+  }
+  const HeldGyro::Input input = Mirror<HeldGyro>::input({Vector3d(1, 2, 3), 0.25, false});
+  CHECK(input.angular_velocity == Vector3d(-1, -2, -3));
+  CHECK(input.increment == 0.25);
+  CHECK_FALSE(input.is_measured);
 }

@@ -520,10 +520,10 @@ void use_smoothing(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(!pass.has_contradicted());
   tally.add(mirrored(filter.vector_bound()).center);
   Flow flow;
-  tally.add(Mirror<Flow>::flow(filter.flow(), seeds.step, flow));
+  tally.add(Mirror<Flow>::flow(filter.flow(), flow));
   tally.add(flow.uncertainty().noise);
   tally.add(flow.interval_rate() == filter.flow().interval_rate());
-  tally.add(Mirror<Flow>::input(filter.flow(), seeds.step, {seeds.rate, seeds.step}).increment);
+  tally.add(Mirror<Flow>::input({seeds.rate, seeds.step}).increment);
   lag.forget();
   tally.add(lag.predict_interval(lag.time() + seeds.step, seeds.step, {seeds.rate, seeds.step}));
   tally.add(lag.predict_turn_interval(lag.time() + seeds.step, seeds.step, seeds.zeta, seeds.step));

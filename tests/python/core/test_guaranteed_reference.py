@@ -480,7 +480,7 @@ def test_the_rate_without_an_attitude(kind):
 
 # --- the gyro --------------------------------------------------------------------------------------------------------
 
-INTERVAL_RATES = ["first_sample", "mean_of_ends", "mean"]
+INTERVAL_RATES = ["first_sample", "mean_of_ends", "mean", "last_sample"]
 
 
 def core_gyro_flow(uncertainty, interval_rate, longest_interval=None):
@@ -597,7 +597,7 @@ def test_gyro_sets_hold_what_they_are_about(interval_rate):
         end = integrated(
             lambda t, c, w=start_rate, a=turn: (c.reshape(3, 3) @ so3.hat(w + a * t)).ravel(), attitude.ravel(), h
         )
-        middle = {"first_sample": 0.0, "mean_of_ends": 0.5 * h, "mean": 0.5 * h}[interval_rate]
+        middle = guaranteed_flow.SEEN_DRIFT[interval_rate] * h
         sample = start_rate + turn * middle + bias + bias_slope * middle + error
         predicted = guaranteed_flow.predict_gyro(begin, sample, h, uncertainty, interval_rate)
         gamma = 2.0 * so3.cayley_inverse(predicted.attitude.T @ so3.nearest_rotation(end.reshape(3, 3)))

@@ -232,6 +232,36 @@ def test_rates_filled_in_between_samples_may_be_off_by_the_angular_acceleration(
         assert np.nanmax(estimation.estimate(bare, configured(flow, start=given)).result.forms[1:6]) > 1.0
 
 
+def test_rates_filled_in_between_samples_are_of_a_bias_that_has_drifted_since():
+    """The body rests, and the bias that is estimated rises and falls between two samples: they show nothing of it."""
+    drift, period = 0.1, 0.4
+    samples = period * np.arange(20)
+    times = np.unique(np.round(np.concatenate([samples, np.arange(0.0, 7.6, 0.1)]), 9))
+    phase = np.mod(times + 1e-9, period)
+    biases = np.outer(0.999 * drift * np.minimum(phase, period - phase), [1.0, 0.0, 0.0])
+    log = Log(
+        times=times,
+        directions=np.full((len(times), 2, 3), np.nan),
+        references=np.tile(np.eye(3)[:2], (len(times), 1, 1)),
+        rates=np.zeros((len(times), 3)),
+        gyro_times=samples,
+        true_attitudes=np.tile(np.eye(3), (len(times), 1, 1)),
+        true_vectors=biases,
+    )
+    given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1e-10] * 6}
+    for interval_rate in ("mean_of_ends", "first_sample"):
+        flow = {"noise_deg_per_s": 1e-6, "interval_rate": interval_rate, "estimate_bias": True, "bias_deg_per_s": 0.01}
+        flow |= {"drift_deg_per_s2": np.rad2deg(drift)}
+        estimated = estimation.estimate(log, configured(flow, start=given))
+        forms = estimated.guaranteed.sets.forms(log.true_attitudes, log.true_vectors)
+        assert np.isfinite(forms).sum() > 8
+        assert np.nanmax(forms) <= 1.0
+        # A bias that is left to its bound is in it at every time, and needs no more.
+        bounded = estimation.estimate(log, configured(flow | {"estimate_bias": False}, start=given))
+        noise = np.linalg.eigvalsh(bounded.guaranteed.given.flow.noise)[-1]
+        assert np.sqrt(noise) == pytest.approx(np.deg2rad(0.010001) + drift * 7.6)
+
+
 # --- the bounds -------------------------------------------------------------------------------------------------------
 
 

@@ -163,7 +163,9 @@ def radius(shape: Array) -> float:
 # A gyro
 
 
-IntervalRate = Literal["first_sample", "mean_of_ends", "mean"]
+IntervalRate = Literal["first_sample", "mean_of_ends", "mean", "last_sample"]
+SEEN_DRIFT = {"first_sample": 0.0, "mean_of_ends": 0.5, "mean": 0.5, "last_sample": 1.0}
+"""How much of the drift over an interval its rate has in it."""
 
 
 class GyroUncertainty(NamedTuple):
@@ -203,20 +205,22 @@ def predict_gyro(
         "first_sample": (acceleration * h, acceleration * h**2 / 2.0),
         "mean_of_ends": (acceleration * h / 2.0, acceleration * h**2 / 4.0),
         "mean": (acceleration * h / 2.0, 0.0),
+        "last_sample": (acceleration * h, acceleration * h**2 / 2.0),
     }[interval_rate]
     scale = uncertainty.scale * float(np.linalg.norm(gyro))
     noise = radius(uncertainty.noise) + scale
     drift = radius(uncertainty.drift)
 
-    difference = radius(begin.shape[3:, 3:]) + h * drift + noise + wander
+    seen = SEEN_DRIFT[interval_rate]
+    difference = radius(begin.shape[3:, 3:]) + seen * h * drift + noise + wander
     angle = math.atan(radius(begin.shape[:3, :3]) / 2.0) + 0.5 * h * difference
     if angle >= 1.5:
         raise Unbounded("the set may reach half turns")
     largest = 2.0 * math.tan(angle)
 
     nonlinear = h * largest * difference * max(0.5, 0.25 * largest)
-    turning = speed * h**2 / 4.0 * (noise + wander + 0.5 * h * drift)
-    drifting = drift * h**2 / 2.0
+    turning = speed * h**2 / 4.0 * (noise + wander)
+    drifting = drift * h**2 / 4.0 if interval_rate == "mean" else 0.0
     # Rounding of the turn, its Jacobian and the center (17.8).
     slip = (32.0 + 12.0 * speed * h) * ROUNDING
     slipping = slip * (radius(begin.shape[:3, :3]) + h * difference + 1.01 * (1.0 + largest**2 / 4.0))
@@ -229,9 +233,8 @@ def predict_gyro(
         turned = so3.exp(0.5 * h * rate).T
         terms.append(_in_attitude(h**2 * turned @ uncertainty.noise @ turned.T))
     if drift > 0.0:
-        moved = np.vstack([-0.5 * h * np.eye(3), np.eye(3)])
+        moved = np.vstack([seen * transition[:3, 3:], np.eye(3)])
         terms.append(h**2 * moved @ uncertainty.drift @ moved.T)
-        ball += 0.25 * h**3 * speed * drift
     terms.append(_in_attitude(ball**2 * np.eye(3)))
 
     shape = moderate_sum(terms)

@@ -188,6 +188,35 @@ def test_what_rests_on_a_dropped_measurement():
     assert found.uses_future
 
 
+def test_a_lie_that_is_found_out_late_makes_no_earlier_set_wrong():
+    """The set is wide when the lie comes, which fits: it is the next measurement that contradicts."""
+    flow = el.GuaranteedGyroFlow(0.03, interval_rate="mean")
+    settings = {"policy": "drop_measurement", "regain_after": 1, "estimate_vector": False}
+    smoother = FixedLagSmoother(el.GuaranteedFilter(flow, vector_bound=1e-5, **settings), 8)
+    claims = []
+    for time, angle, within in (
+        (0, 0.01, 0.1),
+        (1, 0.01, 0.1),
+        (2, 0.09, 1e-3),
+        (3, 0, 1e-3),
+        (4, 0, 1e-3),
+        (5, 0, 1e-3),
+    ):
+        if time > 0:
+            smoother.predict(float(time), gyro=np.zeros(3))
+        smoother.update(attitude=so3.exp(np.array([angle, 0.0, 0.0])), attitude_bound=within)
+        claims.append(smoother.filter.claim)
+        for age in range(time + 1):
+            found = smoother.smoothed(age)
+            if time > 2 and age != time - 2 and found.claim == "unconditional":
+                error = so3.log(found.ellipsoid.attitude)
+                assert np.linalg.norm(error) <= np.sqrt(found.ellipsoid.shape[0, 0]), (time, age)
+        if time >= 2:
+            assert smoother.smoothed(time).claim == "unconditional"
+    assert claims == ["unconditional"] * 3 + ["conditional"] * 2 + ["unconditional"]
+    assert not smoother.has_contradicted
+
+
 def test_a_smaller_set_that_reaches_farther_is_not_shown():
     """Thin about one axis, it is wider about the others: an ellipsoid of the least volume."""
     start = el.StateEllipsoid(np.eye(3), np.zeros(3), np.diag([0.01] * 3 + [1e-10] * 3), chart="gibbs")

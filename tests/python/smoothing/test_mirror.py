@@ -8,7 +8,7 @@ import pytest
 from elliptude.configuration import Configuration
 from elliptude.estimation.guaranteed_run import run_filter, run_guaranteed
 from elliptude.logs import Log
-from elliptude.smoothing.mirror import mirrored, mirrored_potential, mirrored_set, turned_round
+from elliptude.smoothing.mirror import mirrored, mirrored_flow, mirrored_potential, mirrored_set, turned_round
 from reference import so3
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -241,13 +241,26 @@ def test_a_gyro_with_an_estimated_bias_backward(interval_rate, seed):
     assert np.nanmax(sets.forms(log.true_attitudes)) > 1.0
 
 
-def test_a_rate_that_is_held_is_of_a_later_bias_backward():
-    log = gyro_log("first_sample")
-    configuration = gyro_configuration(log, "first_sample", estimate_bias=True)
-    run = run_guaranteed(log, configuration)
-    given = mirrored(run, configuration).given
-    before, after = (np.sqrt(np.linalg.eigvalsh(flow.noise)[-1]) for flow in (run.given.flow, given.flow))
-    assert after - before == pytest.approx(0.05 * DRIFT, rel=1e-3)
+@pytest.mark.parametrize(
+    ("forward", "backward"),
+    [("first_sample", "last_sample"), ("last_sample", "first_sample"), ("mean", "mean"), ("mean_of_ends",) * 2],
+)
+def test_a_rate_of_the_beginning_is_one_of_the_end_backward(forward, backward):
+    flow = el.GuaranteedGyroFlow(
+        np.diag([1.0, 2.0, 3.0]),
+        np.diag([4.0, 5.0, 6.0]),
+        scale=0.1,
+        angular_acceleration=0.2,
+        interval_rate=forward,
+        longest_interval=0.3,
+        largest_rate=0.4,
+    )
+    found = mirrored_flow(flow)
+    assert found.interval_rate == backward
+    np.testing.assert_array_equal(found.noise, flow.noise)
+    np.testing.assert_array_equal(found.drift, flow.drift)
+    for name in ("scale", "angular_acceleration", "longest_interval", "largest_rate"):
+        assert getattr(found, name) == getattr(flow, name)
 
 
 @pytest.mark.parametrize("scale", [SCALE, 0.0])

@@ -37,6 +37,7 @@ class GuaranteedGyroFlow {
     first_sample,  ///< that at its beginning
     mean_of_ends,  ///< the mean of those at both ends
     mean,          ///< its mean over the interval, from a gyro that integrates
+    last_sample,   ///< that at its end: also what a rate of the beginning is backward in time
   };
   struct Input {
     Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
@@ -200,19 +201,22 @@ class GuaranteedGyroFlow {
     const Scalar speed = scalar::sqrt(Scalar(rate.squaredNorm()));
     const Vector3<Scalar> turn = h * rate;
     const Matrix3<Scalar> f = exp(turn);
-    const Matrix6<Scalar> shape =
-        covered_congruence<Scalar>(f.transpose(), Matrix3<Scalar>(-h * right_jacobian(turn)), ellipsoid.shape);
+    const Matrix3<Scalar> by_bias = -h * right_jacobian(turn);
+    const Matrix6<Scalar> shape = covered_congruence<Scalar>(f.transpose(), by_bias, ellipsoid.shape);
 
     // How far the rate may be from ω̃ − β at any time of the interval, and how far its integral.
     const Scalar scale = uncertainty_.scale * scalar::sqrt(Scalar(input.angular_velocity.squaredNorm()));
     const Scalar acceleration = uncertainty_.angular_acceleration;
-    const Scalar wander = (interval_rate_ == IntervalRate::first_sample ? Scalar(1) : half) * Scalar(acceleration * h);
-    const Scalar wander_angle = interval_rate_ == IntervalRate::mean ? Scalar(0) : Scalar(half * wander * h);
+    const bool is_sample = interval_rate_ == IntervalRate::first_sample || interval_rate_ == IntervalRate::last_sample;
+    const bool is_mean = interval_rate_ == IntervalRate::mean;
+    const Scalar wander = (is_sample ? Scalar(1) : half) * Scalar(acceleration * h);
+    const Scalar wander_angle = is_mean ? Scalar(0) : Scalar(half * wander * h);
     const Scalar noise = detail::tube::radius(uncertainty_.noise) + scale;
     const Scalar drift = detail::tube::radius(uncertainty_.drift);
+    const Scalar drifted = drifted_by_sample();
     const Scalar difference =
-        detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) + h * drift + noise +
-        wander;  // ≥ ‖δω‖
+        detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template bottomRightCorner<3, 3>())) +
+        drifted * h * drift + noise + wander;  // ≥ ‖δω‖
     const Scalar before = detail::tube::radius(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()));
     // ‖γ‖' ≤ ‖δω‖ (1 + ‖γ‖²/4): by at most ½ h ‖δω‖ in atan(‖γ‖/2).
     const Scalar angle = scalar::atan2(Scalar(half * before), Scalar(1)) + half * h * difference;
@@ -223,8 +227,10 @@ class GuaranteedGyroFlow {
     const Scalar nonlinear = h * reach * difference * (reach > Scalar(2) ? Scalar(half * half * reach) : half);
 
     // All that has no direction is one ball. An error of the rate acts through a turn by at most hω̂ about its middle.
-    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander + half * h * drift) +
-                  half * h * h * drift;
+    Scalar ball = nonlinear + wander_angle + half * half * h * h * speed * (noise + wander);
+    if (is_mean) {
+      ball += half * half * h * h * drift;
+    }
     // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
     // more as a is not nothing (theory, section 17.8).
     const Scalar slip =
@@ -240,19 +246,29 @@ class GuaranteedGyroFlow {
       ball += h * scale;
       others[0].template topLeftCorner<3, 3>() = turned_by_noise(h, turn);
     }
-    // The bias at the end has moved by r in h E(0, drift), and has turned the attitude by −(h/2) r and no more than the ball.
+    // The bias at the end has moved by r in h E(0, drift); the rate that is given is of a bias that had moved by its share of r.
     if (drift > Scalar(0)) {
-      const Matrix3<Scalar> d = (h * h) * uncertainty_.drift;
-      const Scalar back = -half * h;
-      others[1].template topLeftCorner<3, 3>() = (back * back) * d;
-      others[1].template topRightCorner<3, 3>() = back * d;
-      others[1].template bottomLeftCorner<3, 3>() = back * d;
-      others[1].template bottomRightCorner<3, 3>() = d;
-      ball += half * half * h * h * h * speed * drift;
+      Matrix6<Scalar> moved = Matrix6<Scalar>::Zero();
+      moved.template bottomRightCorner<3, 3>() = (h * h) * uncertainty_.drift;
+      others[1] = covered_congruence<Scalar>(Matrix3<Scalar>::Zero(), Matrix3<Scalar>(drifted * by_bias), moved);
     }
     others[2] = detail::tube::attitude_ball(rounding::enlarged(ball, rounding::bound));
     return with_added({renormalized(Matrix3<Scalar>(ellipsoid.center.attitude * f)), ellipsoid.center.gyro_bias}, shape,
                       others, result);
+  }
+
+  /// How much of the bias's drift over an interval the rate has seen that is given for it, as a share.
+  [[nodiscard]] Scalar drifted_by_sample() const noexcept {
+    switch (interval_rate_) {
+      case IntervalRate::first_sample:
+        return Scalar(0);
+      case IntervalRate::last_sample:
+        return Scalar(1);
+      case IntervalRate::mean_of_ends:
+      case IntervalRate::mean:
+        break;
+    }
+    return scalar::constant<Scalar>(0.5L);
   }
 
   /// What the noise turns the attitude by, as if all at the middle of the interval.

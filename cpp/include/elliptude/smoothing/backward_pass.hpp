@@ -28,6 +28,7 @@ struct FilterMoment {
   typename Filter::Scalar time{0};
   PredictedInterval<Filter> interval;  ///< that led to it; ignored in the first moment
   ClaimedSet<typename Filter::State> known;
+  bool is_disputed = false;  ///< whether the claim was conditional, after any update of this moment
 
   /// What a filter knows now.
   [[nodiscard]] static FilterMoment of(const Filter& filter, const PredictedInterval<Filter>& interval) noexcept {
@@ -35,6 +36,7 @@ struct FilterMoment {
     moment.time = filter.time();
     moment.interval = interval;
     moment.known.claim = filter.claim();
+    moment.is_disputed = filter.claim() == Claim::conditional;
     if (filter.knows_attitude()) {
       moment.known.set = filter.ellipsoid();
     }
@@ -56,8 +58,10 @@ struct SmoothedSet {
 /// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow carries the set to
 /// the beginning of an interval, where it is combined with what the filter knew then, and goes on. Where the claim is that of the filter
 /// then, the smoothed set is no larger by the criterion and no wider in its largest angle, and the vector is no wider; where the claim is
-/// stronger, they may be. A contradiction that the filter itself has met, and got over by its policy, weakens nothing before it: there a
-/// set that was wrong when nothing had contradicted it yet makes earlier ones wrong, too.
+/// stronger, they may be.
+///
+/// Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong already without showing
+/// it. So nothing of them is carried to earlier moments: only what was known after the dispute is.
 template <typename FilterType>
 class BackwardPass {
  public:
@@ -72,7 +76,8 @@ class BackwardPass {
       : filter_(filter), time_(last.time), interval_(last.interval), has_contradicted_(has_contradicted) {
     both_.smoothed = weakened(last.known);
     both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
-    both_.smallest = both_.smoothed;
+    carried_ = both_.smoothed;
+    after_dispute_ = last.is_disputed;
   }
   BackwardPass(const Filter&&, const FilterMoment<Filter>&, bool = false) = delete;
 
@@ -96,7 +101,10 @@ class BackwardPass {
     both_ = both;
     has_contradicted_ = has_contradicted_ || both.contradict;
     both_.smoothed = weakened(both_.smoothed);
-    both_.smallest = weakened(both_.smallest);
+    const bool before_dispute = after_dispute_ && earlier.known.claim == Claim::unconditional;
+    carries_alone_ = carries_alone_ || before_dispute;
+    carried_ = weakened(carries_alone_ ? future : both.smallest);
+    after_dispute_ = after_dispute_ || earlier.is_disputed;
     time_ = earlier.time;
     interval_ = earlier.interval;
     return Status::ok;
@@ -127,16 +135,14 @@ class BackwardPass {
     return !filter_.settings().estimates_vector && filter_.has_vector_bound();
   }
 
-  /// The smallest set at the beginning of the interval that led here; none where it cannot be followed.
+  /// What is carried, at the beginning of the interval that led here; none where it cannot be followed.
   [[nodiscard]] Status backward(ClaimedSet<State>& future) const noexcept {
-    const ClaimedSet<State>& known = both_.smallest;
+    const ClaimedSet<State>& known = carried_;
     if (known.claim == Claim::none) {
       return Status::ok;
     }
-    // A bias that is in its bound at every time need not be followed from the sample on.
-    const Scalar held = is_product() ? Scalar(0) : interval_.duration;
     Backward flow;
-    if (const Status status = Mirror<Flow>::flow(filter_.flow(), held, flow); status != Status::ok) {
+    if (const Status status = Mirror<Flow>::flow(filter_.flow(), flow); status != Status::ok) {
       return status;
     }
     typename GuaranteedFilter<Backward>::Settings settings = filter_.settings();
@@ -151,7 +157,7 @@ class BackwardPass {
       status = filter.start(mirrored(known.set));
     }
     if (status == Status::ok) {
-      status = move(held, filter);
+      status = move(filter);
     }
     if (status == Status::interrupted || status == Status::callback_failed) {
       return status;
@@ -162,7 +168,7 @@ class BackwardPass {
     return Status::ok;
   }
 
-  [[nodiscard]] Status move(const Scalar& held, GuaranteedFilter<Backward>& filter) const noexcept {
+  [[nodiscard]] Status move(GuaranteedFilter<Backward>& filter) const noexcept {
     const Scalar time = filter.time() + interval_.duration;
     if constexpr (!Filter::measures_rate) {
       if (interval_.is_turn) {
@@ -170,14 +176,17 @@ class BackwardPass {
                                             interval_.angle);
       }
     }
-    return filter.predict_interval(time, interval_.duration,
-                                   Mirror<Flow>::input(filter_.flow(), held, interval_.input));
+    return filter.predict_interval(time, interval_.duration, Mirror<Flow>::input(interval_.input));
   }
 
   const Filter& filter_;
   Scalar time_;
   PredictedInterval<Filter> interval_;
-  BothDirections<State> both_;
+  BothDirections<State> both_;  ///< at the moment where the pass is
+  ClaimedSet<State> carried_;   ///< what goes on to earlier moments
+  bool after_dispute_ = false;  ///< whether a moment from here on was disputed
+  bool carries_alone_ =
+      false;  ///< whether nothing that the filter knew is taken up any more: the pass is before a dispute
   bool has_contradicted_ = false;
 };
 

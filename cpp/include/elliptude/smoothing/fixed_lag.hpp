@@ -26,7 +26,7 @@ class FixedLag {
   /// \return the status of `Mirror<Flow>::flow`: `out_of_range`, if the filter's flow has not been made.
   [[nodiscard]] static Status make(const Filter& filter, FixedLag& result) noexcept {
     typename Mirror<Flow>::Backward backward;
-    if (const Status status = Mirror<Flow>::flow(filter.flow(), Scalar(0), backward); status != Status::ok) {
+    if (const Status status = Mirror<Flow>::flow(filter.flow(), backward); status != Status::ok) {
       return status;
     }
     result.filter_ = filter;
@@ -79,7 +79,7 @@ class FixedLag {
   [[nodiscard]] Status update(const Measured& measurements, Reports&... reports) noexcept {
     const Status status = filter_.update(measurements, reports...);
     if (status == Status::ok) {
-      moment(0) = FilterMoment<Filter>::of(filter_, moment(0).interval);
+      renew_present();
     }
     return status;
   }
@@ -120,13 +120,21 @@ class FixedLag {
     if (predicted != Status::ok) {
       return predicted;
     }
-    const bool is_new = interval.duration > Scalar(0) || interval.is_turn;
-    if (is_new) {
-      newest_ = (newest_ + 1) % (Lag + 1);
-      count_ += count_ <= Lag ? 1 : 0;
+    if (!(interval.duration > Scalar(0) || interval.is_turn)) {
+      renew_present();
+      return Status::ok;
     }
-    moment(0) = FilterMoment<Filter>::of(filter_, is_new ? interval : moment(0).interval);
+    newest_ = (newest_ + 1) % (Lag + 1);
+    count_ += count_ <= Lag ? 1 : 0;
+    moment(0) = FilterMoment<Filter>::of(filter_, interval);
     return Status::ok;
+  }
+
+  /// What the filter knows now, of a moment that there is.
+  void renew_present() noexcept {
+    const bool was_disputed = moment(0).is_disputed;
+    moment(0) = FilterMoment<Filter>::of(filter_, moment(0).interval);
+    moment(0).is_disputed = moment(0).is_disputed || was_disputed;
   }
 
   Filter filter_;

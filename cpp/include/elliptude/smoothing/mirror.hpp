@@ -50,7 +50,7 @@ struct Mirror<GuaranteedRigidBodyFlow<Scalar, Potential>> {
   using Backward = GuaranteedRigidBodyFlow<Scalar, decltype(std::declval<const Potential&>().backward())>;
 
   /// \return the status of `Backward::make`.
-  [[nodiscard]] static Status flow(const Flow& forward, const Scalar& /*duration*/, Backward& backward) noexcept {
+  [[nodiscard]] static Status flow(const Flow& forward, Backward& backward) noexcept {
     Backward made;
     if (const Status status = Backward::make(forward.body(), forward.potential().backward(), forward.longest_step(),
                                              forward.uncertainty(), made);
@@ -62,57 +62,38 @@ struct Mirror<GuaranteedRigidBodyFlow<Scalar, Potential>> {
     return Status::ok;
   }
 
-  [[nodiscard]] static BodyInput<Scalar> input(const Flow& /*forward*/, const Scalar& /*duration*/,
-                                               const BodyInput<Scalar>& given) noexcept {
+  [[nodiscard]] static BodyInput<Scalar> input(const BodyInput<Scalar>& given) noexcept {
     return {given.control_torque, -given.wheel_momentum};
   }
 };
 
 /// −ω̃ = (I + K)ω̄ + b̄ + v̄: the gyro shows the opposite, of a bias with the other sign, within the same bounds. A rate of the interval's
-/// beginning is then one of its end, where the bias has drifted from what the flow knows: by r, ‖r‖ ≤ h ‖dβ/dt‖, which counts as noise.
+/// beginning is then one of its end, and one of the end is one of the beginning.
 template <typename Scalar>
 struct Mirror<GuaranteedGyroFlow<Scalar>> {
   using Flow = GuaranteedGyroFlow<Scalar>;
   using Backward = Flow;
   using Input = typename Flow::Input;
 
-  /// The flow over intervals of at most `duration`, s; zero if the bias is not estimated, but bounded at every time.
-  /// \return `not_finite`, `out_of_range` of a negative duration; the status of `make`: `out_of_range` of a flow that it has not made.
-  [[nodiscard]] static Status flow(const Flow& forward, const Scalar& duration, Backward& backward) noexcept {
-    if (!scalar::isfinite(duration)) {
-      return Status::not_finite;
-    }
-    if (!(duration >= Scalar(0))) {
-      return Status::out_of_range;
-    }
-    const Scalar moved = drifted(forward, duration);
-    if (!(moved > Scalar(0))) {
-      return Flow::make(forward.uncertainty(), forward.interval_rate(), backward);
-    }
-    GyroUncertainty<Scalar> uncertainty = forward.uncertainty();
-    uncertainty.noise =
-        sum_of_shapes(uncertainty.noise, Matrix3<Scalar>((moved * moved) * Matrix3<Scalar>::Identity()));
-    uncertainty.noise.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
-    return Flow::make(uncertainty, forward.interval_rate(), backward);
+  /// \return the status of `make`.
+  [[nodiscard]] static Status flow(const Flow& forward, Backward& backward) noexcept {
+    return Flow::make(forward.uncertainty(), mirrored(forward.interval_rate()), backward);
   }
 
-  [[nodiscard]] static Input input(const Flow& forward, const Scalar& duration, const Input& given) noexcept {
+  [[nodiscard]] static Input input(const Input& given) noexcept {
     Input result = given;
     result.angular_velocity = -given.angular_velocity;
-    if (given.increment >= Scalar(0)) {
-      result.increment =
-          rounding::enlarged(Scalar(given.increment + duration * drifted(forward, duration)), rounding::product);
-    }
     return result;
   }
 
  private:
-  /// How far the bias may be at the interval's beginning from that at its end, if the rate is one of the beginning, rad/s.
-  [[nodiscard]] static Scalar drifted(const Flow& forward, const Scalar& duration) noexcept {
-    if (forward.interval_rate() != Flow::IntervalRate::first_sample) {
-      return Scalar(0);
+  using IntervalRate = typename Flow::IntervalRate;
+
+  [[nodiscard]] static IntervalRate mirrored(IntervalRate rate) noexcept {
+    if (rate == IntervalRate::first_sample) {
+      return IntervalRate::last_sample;
     }
-    return rounding::enlarged(Scalar(duration * detail::tube::radius(forward.uncertainty().drift)), rounding::product);
+    return rate == IntervalRate::last_sample ? IntervalRate::first_sample : rate;
   }
 };
 
