@@ -5,6 +5,7 @@ import io
 import os
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -89,6 +90,8 @@ class CsvTable(NumbersAlone):
 
     def _begin(self, header: str, text: io.TextIOWrapper, stated: Stated) -> None:
         """Look at the header and the rows below it."""
+        if any(unicodedata.category(letter) == "Cc" for letter in header.rstrip("\r\n").replace("\t", "")):
+            raise FileError(f"{self.path}: not text, but its name is not that of another format that is read")
         beginning = text.read(_BEGINNING)
         lines = beginning.splitlines()
         rows = [line for line in (lines if len(beginning) < _BEGINNING else lines[:-1]) if line.strip()]

@@ -56,7 +56,8 @@ def open_log(
     if place.is_dir() and csv_files(place):
         return open_folder(path, stated, lenient=lenient)
     if not place.is_file():
-        raise FileError(f"{path}: {'not a regular file' if place.exists() else 'no such file'}")
+        fault = "a folder without CSV files, and no ROS 2 bag" if place.is_dir() else "not a regular file"
+        raise FileError(f"{path}: {fault if place.exists() else 'no such file'}")
     match place.suffix:
         case ".parquet":
             return ParquetTable(path)
