@@ -579,6 +579,7 @@ class GuaranteedFilter:
         attitude_bound: ArrayLike | None = None,
         sensors: Sequence[str] | None = None,
         vertical: ArrayLike | None = None,
+        threads: int | None = None,
     ) -> GuaranteedLog: ...
 
 class DirectionFilter:

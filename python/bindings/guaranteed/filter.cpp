@@ -360,7 +360,8 @@ RowError
           "run_turns", &Filter::run_turns, "times"_a, "turns"_a, "turn_bounds"_a, py::kw_only(), "anchors"_a,
           "directions"_a = py::none(), "reference"_a = py::none(), "bounds"_a = py::none(), "attitude"_a = py::none(),
           "attitude_bound"_a = py::none(), "sensors"_a = py::none(), "vertical"_a = py::none(),
-          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None, vertical=None)
+          "threads"_a = py::none(),
+          R"(run_turns(self, times, turns, turn_bounds, *, anchors, directions=None, reference=None, bounds=None, attitude=None, attitude_bound=None, sensors=None, vertical=None, threads=None)
 --
 
 Predicts each row of a log from its anchor, an earlier row, over a known turn, and updates it with its measurements, in one call.
@@ -380,6 +381,9 @@ anchors : (n,) array_like of int
     The row that each is predicted from: the row before it, or that row's anchor. −1, as in the first row, is the filter as it is.
 directions, reference, bounds, attitude, attitude_bound, sensors, vertical
     As in `run`.
+threads : int, optional
+    How many threads go through the rows between anchors; as many as there are processors and as the rows are worth, if omitted.
+    The numbers do not depend on it.
 
 Returns
 -------

@@ -93,7 +93,7 @@ class PythonGuaranteedFilter {
                                      const py::object& anchors, const py::object& directions,
                                      const py::object& reference, const py::object& bounds, const py::object& attitude,
                                      const py::object& attitude_bound, const py::object& sensors,
-                                     const py::object& vertical);
+                                     const py::object& vertical, const py::object& threads);
 
   [[nodiscard]] int traverse(visitproc visit, void* arg) const noexcept {
     Py_VISIT(flow_.ptr());

@@ -1,5 +1,6 @@
 #include <limits>
 
+#include "guaranteed/anchored_rows.hpp"
 #include "guaranteed/filter_calls.hpp"
 #include "guaranteed/log_rows.hpp"
 #include "guaranteed/python_filter.hpp"
@@ -8,6 +9,19 @@
 namespace elliptude::python {
 
 namespace {
+
+/// Fuses what a row holds with a filter that was predicted to it.
+template <typename Filter>
+void fuse_row(Filter& filter, const MeasuredLog& log, const SensorNames& names, Index row, Measured& measured,
+              LogRows& out) {
+  log.read(row, measured);
+  GuaranteedUpdate<double> update;
+  update.margin = std::numeric_limits<double>::quiet_NaN();  // of no fusion
+  if (measured.any()) {
+    update = fuse(filter, measured, names);
+  }
+  out.set(row, filter, measured, update);
+}
 
 /// Predicts to each row of a log by `predict`, and fuses what it holds, without the interpreter's lock.
 /// \param row that the loop is at, for whoever catches an exception.
@@ -25,21 +39,14 @@ void run_rows(Filter& filter, const MeasuredLog& log, const SensorNames& names, 
       }
     }
     predict(i);
-    log.read(i, measured);
-    GuaranteedUpdate<double> update;
-    update.margin = std::numeric_limits<double>::quiet_NaN();  // of no fusion
-    if (measured.any()) {
-      update = fuse(filter, measured, names);
-    }
-    out.set(i, filter, measured, update);
+    fuse_row(filter, log, names, i, measured, out);
   }
 }
 
-template <typename Filter>
-void require_forward(const Items& time, Index row, const Filter& filter) {
-  if (!(time[0][row] >= filter.time())) {
+void require_forward(const Items& time, Index row, double before) {
+  if (!(time[0][row] >= before)) {
     value_error("times must not go backwards, but times[" + std::to_string(row) + "] is " + text(time[0][row]) +
-                " s after " + text(filter.time()) + " s");
+                " s after " + text(before) + " s");
   }
 }
 
@@ -106,7 +113,7 @@ py::object PythonGuaranteedFilter::run(const py::object& times, const py::object
             if (wheels) {
               inputs.wheel_momentum = Eigen::Map<const Vector3<double>>(wheels->row(i));
             }
-            require_forward(time, i, filter);
+            require_forward(time, i, filter.time());
             predict_to(filter, time[0][i], inputs);
           };
           run_rows(filter, log, names, rows, predict, out, row);
@@ -121,7 +128,7 @@ py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::
                                              const py::object& directions, const py::object& reference,
                                              const py::object& bounds, const py::object& attitude,
                                              const py::object& attitude_bound, const py::object& sensors,
-                                             const py::object& vertical) {
+                                             const py::object& vertical, const py::object& threads) {
   const std::unique_lock lock = exclusive(*mutex_);
   if (!has_gyro()) {
     throw py::type_error("run_turns is for a GuaranteedGyroFlow; a turn does not tell a rigid body's rate");
@@ -134,21 +141,20 @@ py::object PythonGuaranteedFilter::run_turns(const py::object& times, const py::
   const Items turn = single(turns, "turns", {rows, 3});
   const Items angle(turn_bounds, "turn_bounds", {rows}, Items::Require::anything, Items::Batch::none);
   const Anchors from(anchors, rows);
+  constexpr double worth = 1 << 10;  // rows
+  const Index taken = thread_count(threads, static_cast<double>(rows) / worth);
   const auto loop = [&](AnyFilter& any, LogRows& out, Index& row) {
-    auto& filter = std::get<GyroFilter>(any);
-    GyroFilter anchor = filter;
-    const auto predict = [&](Index i) {
-      require_forward(time, i, filter);  // from the row before, which need not be the anchor
-      if (from.begins_at_row_before(i)) {
-        anchor = filter;
-      } else {
-        filter = anchor;
-      }
+    const auto run_row = [&](GyroFilter& filter, Index i, bool is_first) {
+      // From the row before, which need not be the anchor.
+      require_forward(time, i, is_first ? filter.time() : time[0][i - 1]);
       const std::string place = "[" + std::to_string(i) + "]";
       turn_to(filter, time[0][i], Eigen::Map<const Vector3<double>>(turn[0] + 3 * i), "turns" + place, angle[0][i],
               "turn_bounds" + place);
+      Measured measured;
+      fuse_row(filter, log, names, i, measured, out);
     };
-    run_rows(filter, log, names, rows, predict, out, row);
+    const py::gil_scoped_release release;
+    AnchoredRows<GyroFilter, decltype(run_row)>(from, rows, taken, run_row).run(std::get<GyroFilter>(any), row);
   };
   return run_log(time, log.directions(), vertical, loop);
 }

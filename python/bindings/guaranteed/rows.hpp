@@ -26,6 +26,14 @@ class Anchors {
     return rows_[0][row] == static_cast<double>(row - 1);
   }
 
+  /// One beyond the last row that has the same anchor as a row, which is the first of these.
+  [[nodiscard]] Index end_of_group(Index row) const noexcept {
+    do {
+      ++row;
+    } while (row < rows_.item()[0] && !begins_at_row_before(row));
+    return row;
+  }
+
  private:
   Items rows_;
 };

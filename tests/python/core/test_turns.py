@@ -1,6 +1,7 @@
 """A turn that is known but for an angle: `predict_turn`, and a log from anchors by `run_turns`."""
 
 import copy
+import dataclasses
 import re
 
 import elliptude as el
@@ -95,6 +96,58 @@ def test_log_is_what_its_rows_are(estimate_vector):
     assert (log.forms(truth.as_matrix()) <= 1.0).all()
 
 
+def assert_same_log(one, other):
+    for field in dataclasses.fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), err_msg=field.name)
+
+
+@pytest.mark.parametrize("group", [1, 2, 8, 700, 10_000])
+def test_threads_change_nothing(group):
+    rows = 5000
+    rng = np.random.default_rng(5)
+    times, _, turns, directions, angles = some_log(rng, rows)
+    turns["turns"] += 0.02 * rng.normal(size=(rows, 3))  # now and then it contradicts
+    turns["anchors"] = np.maximum(np.arange(rows) - 1, 0) // group * group
+    turns["anchors"][0] = -1
+    turns["turn_bounds"] = np.full(rows, 0.01)
+    rows_of = {"directions": directions, "reference": REFERENCE, "bounds": angles, "vertical": [0.0, 0.0, 1.0]}
+    found = []
+    for threads in (1, 2, 5, None):
+        filter_ = started(vector_bound=0.05, estimate_vector=False, policy="drop_measurement")
+        found.append((filter_.run_turns(times, **turns, **rows_of, threads=threads), filter_.to_dict()))
+    assert len(np.unique(found[0][0].claims)) > 1
+    for log, after in found[1:]:
+        assert_same_log(log, found[0][0])
+        assert after == found[0][1]
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+@pytest.mark.parametrize("first_wrong", [2, 7, 8, 9, 3001, 4096])
+def test_the_first_row_that_contradicts_is_named(first_wrong, threads):
+    """Whether it is an anchor, one of the rows before the next, or one after others that contradict, too."""
+    rows = 5000
+    times, truth, turns, directions, _ = some_log(np.random.default_rng(6), rows)
+    angles = np.full((rows, 2), 0.02)
+    wrong = np.array([first_wrong, *range(first_wrong + 3, rows, 7)])
+    directions[wrong, 1] = Rotation.from_rotvec([0.0, 0.0, 1.0]).apply(directions[wrong, 1])
+    turned = truth[np.maximum(turns["anchors"], 0)].inv() * truth
+    turns["turns"][1:] = turned.as_rotvec()[1:]
+    filter_ = started(size=0.1, vector_bound=0.05, estimate_vector=False)
+    rows_of = {"directions": directions, "reference": REFERENCE, "bounds": angles, "threads": threads}
+    with pytest.raises(el.InconsistentMeasurement) as caught:
+        filter_.run_turns(times, **turns, **rows_of)
+    assert caught.value.row == first_wrong
+    assert filter_.time == times[first_wrong]
+    before = started(size=0.1, vector_bound=0.05, estimate_vector=False)
+    last = (first_wrong - 1) // 8 * 8
+    until = {name: value[: last + 1] for name, value in turns.items()}
+    before.run_turns(
+        times[: last + 1], **until, directions=directions[: last + 1], reference=REFERENCE, bounds=angles[: last + 1]
+    )
+    before.predict_turn(times[first_wrong], turns["turns"][first_wrong], turns["turn_bounds"][first_wrong])
+    np.testing.assert_array_equal(filter_.ellipsoid.shape, before.ellipsoid.shape)
+
+
 def test_anchor_without_an_attitude_leaves_the_rows_after_it_to_their_measurements():
     flow = el.GuaranteedFilter(FLOW, vector_bound=0.1)
     log = flow.run_turns(
@@ -143,6 +196,7 @@ def test_bad_turns_leave_the_filter_as_it_was(time, turn, angle, message):
         ({"times": [0.0, 2.0, 1.0, 3.0]}, 2, "times must not go backwards, but times[2] is 1 s after 2 s"),
         ({"turns": np.full((4, 3), 1e300)}, 0, "turns[0] is a turn of"),
         ({"turns": np.zeros((3, 3))}, None, "turns"),
+        ({"threads": 0}, None, "threads must be"),
     ],
 )
 def test_bad_logs_name_the_row(change, row, message):
