@@ -54,12 +54,18 @@ class RowFault : public std::runtime_error {
 /// \throws ValueError unless positive.
 void check_most_steps(long most_steps);
 
-/// The message for a prediction with more steps than its flow allows.
+/// For a prediction with more steps than its flow allows.
 [[noreturn]] void raise_too_many_steps(double time, double from, long most_steps);
+
+/// \throws `elliptude.errors.PredictionError`, a ValueError: the arguments are right, and no set can be given after the interval.
+[[noreturn]] void prediction_error(const std::string& message);
 
 /// \param subject the argument or operation that the status is about, for the message.
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.
 [[noreturn]] void raise(Status status, const std::string& subject);
+
+/// \throws `elliptude.errors.PredictionError` for any status of a prediction whose arguments are right.
+[[noreturn]] void raise_unpredicted(Status status, const std::string& subject);
 
 /// In loops use `raise` instead: it makes the subject only when it is needed.
 inline void raise_unless_ok(Status status, const std::string& subject) {

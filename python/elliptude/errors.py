@@ -79,6 +79,10 @@ class InconsistentMeasurement(ValueError):
         return InconsistentMeasurement(self.args[0], self.margin, self.time, self.sensor, self.row, place)
 
 
+class PredictionError(ValueError):
+    """A prediction whose arguments are right, after which no set can be given: too long a step, or too large a set."""
+
+
 # --- what the bindings say of all their functions and objects alike ---------------------------------------------------
 
 _NUMBER = "typing.SupportsInt | typing.SupportsIndex"

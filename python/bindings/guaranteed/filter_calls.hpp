@@ -52,8 +52,8 @@ template <typename Filter>
 }
 
 [[noreturn]] inline void raise_turn_too_far(const std::string& what, double turn, const std::string& unit) {
-  value_error(what + " a turn of " + text(turn) + " rad, of which nothing is left to be known; is its unit " + unit +
-              "?");
+  prediction_error(what + " a turn of " + text(turn) + " rad, of which nothing is left to be known; is its unit " +
+                   unit + "?");
 }
 
 /// `predict` of a filter. What a potential in Python raises is raised again, also where the flow could do without that call, and the filter
@@ -96,11 +96,11 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
     }
   }
   if (status == Status::step_too_long) {
-    value_error("step of the flow is too long: the angular velocity is " +
-                text(vector_part(filter.ellipsoid().center).norm()) + " rad/s at " + text(filter.time()) +
-                " s, and the motion in a step must be given by a short series; take a shorter step");
+    prediction_error("step of the flow is too long: the angular velocity is " +
+                     text(vector_part(filter.ellipsoid().center).norm()) + " rad/s at " + text(filter.time()) +
+                     " s, and the motion in a step must be given by a short series; take a shorter step");
   }
-  raise(status, "predict");
+  raise_unpredicted(status, "predict");
 }
 
 template <typename Filter>
@@ -119,7 +119,9 @@ void turn_to(Filter& filter, double time, const Vector3<double>& turn, const std
   if (status == Status::out_of_range) {
     raise_backwards(time, filter.time());
   }
-  raise_unless_ok(status, "predict_turn");
+  if (status != Status::ok) {
+    raise_unpredicted(status, "predict_turn");
+  }
 }
 
 [[noreturn]] inline void raise_inconsistent(const std::string& sensor, double time, double margin) {

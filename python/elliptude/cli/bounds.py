@@ -129,6 +129,15 @@ def bounds(
         Literal["point", "comma"] | None,
         typer.Option(help="The decimal mark of a CSV file, if two readings fit.", show_default=False),
     ] = None,
+    packet_rate_hz: Annotated[
+        float | None,
+        quantity(
+            "How many packets of Xsens' PacketCounter there are in a second, if the file does not say it.",
+            least=1.0,
+            greatest=10_000.0,
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -147,7 +156,7 @@ def bounds(
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
-    stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal])
+    stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal], packet_rate_hz=packet_rate_hz)
     tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest)
     state_field(tables, field_ut, config)
     if carried != "hand" and "rule" in tables:

@@ -52,10 +52,13 @@ def tables_of(
         else:
             found = mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())
         if found is not None:
+            for unknown in [] if isinstance(file, CsvFolder) else mapping.unknown_units(file.columns):
+                typer.secho(f"passed over: {unknown}", fg=typer.colors.YELLOW, err=True)
             return found, log
+        why = "" if isinstance(file, CsvFolder) else f" ({mapping.why_not_stated(file.columns)})"
         raise FileError(
-            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does: "
-            "give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
+            f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does"
+            f"{why}: give a configuration, --like, or --time, --gyro, --gyro-unit and so on"
         )
     sensors: dict[str, tuple[Sequence[str], str]] = {}
     for name, (columns, unit) in named.items():
@@ -87,7 +90,8 @@ def stated_csv(tables: Tables, by_options: Stated) -> Stated:
     """How a CSV file is written, by options and by a configuration."""
     if not isinstance(said := tables.get("csv", {}), dict):
         return by_options
-    known = {key: value for key, value in said.items() if key in {"delimiter", "decimal", "encoding", "units_row"}}
+    names = {field.name for field in dataclasses.fields(Stated)}
+    known = {key: value for key, value in said.items() if key in names}
     return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
 
 

@@ -23,7 +23,6 @@ from elliptude.configuration.configuration import Configuration, read_configurat
 from elliptude.configuration.estimator import BestEstimate, Question
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
-from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.questions import columns as answer_columns
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
@@ -36,7 +35,7 @@ from elliptude.logs.repair import Repaired, Survey
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
-from elliptude.smoothing.smoother import smoothed_run
+from elliptude.smoothing.smoother import smoothed_answers, smoothed_run
 
 _DROPPED = "dropped.csv"
 
@@ -240,7 +239,9 @@ def _estimate_pieces(
     found = Survey()
     read = _noting_repairs(logs.read_pieces(log, configuration), found)
     pieces = plausibility.plausible_pieces(ahead(read), configuration, str(log), heard)
-    estimator = PieceEstimator(configuration, smoothed_run if smooth else run_guaranteed)
+    estimator = PieceEstimator(configuration)
+    if smooth:
+        estimator = PieceEstimator(configuration, smoothed_run, smoothed_answers)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)

@@ -17,20 +17,27 @@ from elliptude.cli.options import (
     ShownAxes,
     SummaryAsJson,
     TruthConfig,
-    reference_error,
     with_repair,
 )
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
-from elliptude.io.files import FileError
 from elliptude.io.spool import recording
-from elliptude.logs.quaternion_readings import readings
-from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
 from elliptude.report.run import Run, read_run
 
 Results: TypeAlias = Annotated[
     Path, typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False)
+]
+
+OtherReference: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        help=f"Reference attitudes: a table with time_s and qw,qx,qy,qz, from body to reference axes; {LOG_HELP}",
+        show_default=False,
+    ),
+]
+ReferenceLabel: TypeAlias = Annotated[
+    str | None, typer.Option(help="What the reference attitude is called.", show_default=False)
 ]
 
 _PICTURES = ("angles.png", "bands.png", "size.png", "axes.png")
@@ -39,19 +46,11 @@ _PICTURES = ("angles.png", "bands.png", "size.png", "axes.png")
 def make_report(
     result: Results,
     out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("report.html"),
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            help="Reference attitudes: a table with time_s and qw,qx,qy,qz, from body to reference axes.",
-            show_default=False,
-        ),
-    ] = None,
+    reference: OtherReference = None,
     config: TruthConfig = None,
     largest_gap_s: LargestGap = 0.0,
     reference_error_deg: ReferenceErrorDeg = None,
-    label: Annotated[
-        str | None, typer.Option(help="Name of the reference attitude in the report.", show_default=False)
-    ] = None,
+    label: ReferenceLabel = None,
     pictures: Annotated[
         Path | None,
         typer.Option(help="Folder for the same pictures as PNG; created if missing.", show_default=False),
@@ -69,28 +68,12 @@ def make_report(
     """
     files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
     require_outputs(files, force=force, folder=pictures)
-    if reference is None and config is not None:
-        raise typer.BadParameter("says what the columns of a --reference are", param_hint="--config")
-    if reference is None and reference_error_deg is not None:
-        raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
+    if reference is None:
+        _require_none_of_reference("--config", config, reference_error_deg)
     run, read_label = read_run(result)
     run = replace(run, axes=axes)
     if reference is not None:
-        configuration = None if config is None else read_configuration(config)
-        error_deg, _ = reference_error(reference_error_deg, configuration)
-        attitudes = read_reference(reference, configuration)
-        truth = None if configuration is None else configuration.truth
-        choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
-        misread = comparison.misread_reference(run, attitudes, choices, largest_gap=largest_gap_s)
-        if misread is not None:
-            raise FileError(f"{reference}: {misread}: its quaternions are not as declared")
-        run = run.against(attitudes, largest_gap_s, math.radians(error_deg))
-        read_label = reference.name
-        if not run.compared.any():
-            raise FileError(
-                f"{result}, {reference}: no row with a set has a reference of its time; rows are from "
-                f"{run.times[0]:g} s to {run.times[-1]:g} s, and --largest-gap-s is {largest_gap_s:g}"
-            )
+        run, read_label = _against(run, reference, config, largest_gap_s, reference_error_deg)
     label, title = label or read_label, title or _title(result)
     from elliptude.report import page  # imports Matplotlib, which would slow every command
 
@@ -123,26 +106,36 @@ def view(
         Path | None, typer.Option(help="The configuration that the results are of.", show_default=False)
     ] = None,
     repair: Repair = False,
+    reference: OtherReference = None,
+    reference_config: TruthConfig = None,
+    largest_gap_s: LargestGap = 0.0,
+    reference_error_deg: ReferenceErrorDeg = None,
+    label: ReferenceLabel = None,
     axes: ShownAxes = "reference",
     force: Force = False,
 ) -> None:
     """Show a result in Rerun, to go through it in time: the body's axes, where they may point, bounds and claims.
 
-    The viewer stays open when the command ends. It is in the package's extra `rerun`.
+    The viewer stays open when the command ends. It is in the package's extra `rerun`. The truth that `estimate` found
+    is shown, or another attitude (--reference), or none.
     """
     if out is not None:
         require_outputs([out], force=force)
     if (log is None) != (config is None):
         raise typer.BadParameter("belong together: give both, or none", param_hint="--log and --config")
+    if reference is None:
+        _require_none_of_reference("--reference-config", reference_config, reference_error_deg)
     from elliptude import view as views  # imports Matplotlib, which would slow every command
 
     views.sdk()
-    run, label = read_run(result)
+    run, read_label = read_run(result)
     run, measured = replace(run, axes=axes), None
+    if reference is not None:
+        run, read_label = _against(run, reference, reference_config, largest_gap_s, reference_error_deg)
     if log is not None and config is not None:
         configuration = with_repair(read_configuration(config), repair)
         measured = views.measured_directions(recording(log), configuration, run)
-    title = _title(result)
+    label, title = label or read_label, _title(result)
     if out is None:
         drawn = views.show(run, title, label=label, measured=measured)
     else:
@@ -150,6 +143,24 @@ def view(
     typer.echo(f"{result}: {views.in_words(drawn)}")
     if out is not None:
         typer.echo(f"  {out}")
+
+
+def _require_none_of_reference(option: str, config: Path | None, error_deg: float | None) -> None:
+    """Raise if an option that is of a --reference is given without one."""
+    if config is not None:
+        raise typer.BadParameter("says what the columns of a --reference are", param_hint=option)
+    if error_deg is not None:
+        raise typer.BadParameter("is of a --reference", param_hint="--reference-error-deg")
+
+
+def _against(
+    run: Run, reference: Path, config: Path | None, largest_gap_s: float, error_deg: float | None
+) -> tuple[Run, str]:
+    """The run compared with a reference, and what that is called."""
+    file, error = recording(reference), None if error_deg is None else math.radians(error_deg)
+    configuration = None if config is None else read_configuration(config)
+    compared = comparison.run_against(run, file, configuration, largest_gap=largest_gap_s, reference_error=error)
+    return compared, file.name
 
 
 def _title(result: Path) -> str:

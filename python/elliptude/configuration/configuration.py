@@ -87,7 +87,8 @@ from elliptude.io.files import FileError
 from elliptude.io.toml import (
     Column,
     Model,
-    read_toml,
+    load_toml,
+    validate,
 )
 
 _SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "unit_ut", "axes", "at_rest"}
@@ -368,7 +369,13 @@ def read_configuration(path: str | os.PathLike[str]) -> Configuration:
     FileError
         If the file cannot be read, is not TOML, or does not fit; with the file and every key at fault.
     """
-    configuration = read_toml(path, Configuration)
+    tables = load_toml(path)
+    if "flow" not in tables and tables.keys() >= {"rest", "motion"}:
+        raise FileError(
+            f"{path}: a rule for bounds, and no configuration; one names it by [rule] with kind = 'file' and file = "
+            f"{str(path)!r} (docs/logs.md), and `elliptude bounds LOG --out FILE` writes one"
+        )
+    configuration = validate(path, tables, Configuration)
     if isinstance(configuration.calibration, CalibrationFile):
         found = configuration.calibration.beside(path)
         found.calibration()

@@ -358,6 +358,7 @@ def apply_rule(
             every=every,
         )
 
+    _require_heading(reference, error)
     # The reference is the field where the recording starts: there nothing disturbs it.
     field = field_within(everywhere, magnetometer.disturbance_ut)
     field = _known_better(field, rest, field_within(rest, 0.0))
@@ -446,6 +447,16 @@ def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> Win
         chosen(bounds.lengths, there.lengths),
         chosen(bounds.radii, there.radii),
     )
+
+
+def _require_heading(reference: FloatArray, error: float) -> None:
+    """Refuse a field (0, horizontal, vertical), µT, that may point anywhere about up."""
+    if not error < reference[1]:
+        raise ValueError(
+            f"at rest the magnetometer shows a field of {np.linalg.norm(reference):.3g} µT with a horizontal part of "
+            f"{reference[1]:.3g} µT, which may be off by {error:.3g} µT: it says nothing of the heading. The Earth's "
+            "field is 20 to 70 µT: is the unit right? If it is, leave the magnetometer out"
+        )
 
 
 def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: FloatArray) -> tuple[FloatArray, float]:

@@ -88,10 +88,12 @@ class Csv(Model):
     encoding: Encoding | None = None
     # Whether the row below the header has units.
     units_row: bool | None = None
+    # How many packets of Xsens there are in a second; in the place of what the file says.
+    packet_rate_hz: Positive | None = None
 
     def stated(self) -> Stated:
         """For the reader."""
-        return Stated(self.delimiter, self.decimal, self.encoding, self.units_row)
+        return Stated(self.delimiter, self.decimal, self.encoding, self.units_row, self.packet_rate_hz)
 
 
 class Timing(Model):

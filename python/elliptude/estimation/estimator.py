@@ -32,6 +32,8 @@ from elliptude.results import FilterLog
 
 Guaranteed: TypeAlias = Callable[[Log, Configuration], GuaranteedRun]
 """What makes a run in the guaranteed mode."""
+Answering: TypeAlias = Callable[[GuaranteedRun, Configuration], Answers | None]
+"""What answers a configuration's questions to such a run; None if it asks none."""
 _UPDATED, _REFUSED = 0, 2  # FilterLog.outcomes
 
 
@@ -54,7 +56,12 @@ class Estimation:
     """What the configuration asks of each row by itself, in the guaranteed mode."""
 
 
-def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> Estimation:
+def estimate(
+    log: Log,
+    configuration: Configuration,
+    guaranteed: Guaranteed = run_guaranteed,
+    answering: Answering = answers_of,
+) -> Estimation:
     """Run the filter over a log.
 
     Parameters
@@ -63,6 +70,8 @@ def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = ru
     configuration : Configuration
     guaranteed : callable
         What makes the run in the guaranteed mode.
+    answering : callable
+        What answers the configuration's questions to that run.
 
     Returns
     -------
@@ -76,7 +85,7 @@ def estimate(log: Log, configuration: Configuration, guaranteed: Guaranteed = ru
         If no row can be the start, the log does not fit the filter, or the set or what it is compared with is not
         finite.
     """
-    estimator = PieceEstimator(configuration, guaranteed)
+    estimator = PieceEstimator(configuration, guaranteed, answering)
     (result,) = estimator.run([log])
     return Estimation(
         result=result,
@@ -97,9 +106,15 @@ class PieceEstimator:
     follow from the whole log.
     """
 
-    def __init__(self, configuration: Configuration, guaranteed: Guaranteed = run_guaranteed) -> None:
+    def __init__(
+        self,
+        configuration: Configuration,
+        guaranteed: Guaranteed = run_guaranteed,
+        answering: Answering = answers_of,
+    ) -> None:
         self._configuration = configuration
         self._run_guaranteed = guaranteed
+        self._answers_of = answering
         self._filter: elliptude.AttitudeFilter | None = None
         self._last: Log | None = None
         self.elapsed = 0.0
@@ -150,7 +165,7 @@ class PieceEstimator:
         with _placed(log):
             self.guaranteed = self._run_guaranteed(log, self._configuration)
         self.best = best_estimate(self.guaranteed, self._configuration)
-        self.answers = answers_of(self.guaranteed, self._configuration)
+        self.answers = self._answers_of(self.guaranteed, self._configuration)
         result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best, self.answers)
         self.elapsed += time.perf_counter() - begin
         self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -54,7 +55,7 @@ def ahrs(
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
-    for question in questions:
+    for question in (questions := [questions] if isinstance(questions, str) else questions):
         if question not in _QUESTIONS:
             raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
@@ -175,6 +176,9 @@ def _rule(statements: str | os.PathLike[str]) -> Tables:
         if statements == carried:
             stated = rule_for(carried).model_dump(mode="json", exclude_none=True)
             return {"kind": "hand_held"} if carried == "hand" else {"kind": "stated"} | stated
+    if not Path(statements).exists():
+        words = ", ".join(repr(word) for word in (*get_args(Carried), "recording"))
+        raise ValueError(f"statements: {os.fspath(statements)!r} is none of {words}, and there is no such file")
     return {"kind": "file", "file": os.fspath(statements)}
 
 

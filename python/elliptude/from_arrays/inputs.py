@@ -30,8 +30,8 @@ def times_of(time: Any) -> FloatArray:
     back = np.diff(times, prepend=-np.inf) <= 0.0
     if back.any():
         k = int(np.argmax(back))
-        before = f"time[{k - 1}], {times[k - 1]:.17g}"
-        raise ValueError(f"time[{k}] is {times[k]:.17g}, not after {before}: times must increase")
+        before = f"time[{k - 1}], {float(times[k - 1])!r}"
+        raise ValueError(f"time[{k}] is {float(times[k])!r}, not after {before}: times must increase")
     return times
 
 

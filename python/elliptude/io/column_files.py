@@ -20,8 +20,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.arrow import Table
-from elliptude.io.readers.base import require_columns
+from elliptude.io.readers.base import Table, require_columns
 from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.typing import FloatArray

@@ -1,5 +1,6 @@
 """What known formats leave open, and options say: which way gravity points, what a time stamp or a unit counts."""
 
+import math
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -8,10 +9,10 @@ from elliptude import units
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.folder import SUM, SensorLogger
+from elliptude.io.readers.xsens import COUNTER, PACKET_TIME, STAMP, UTC_TIME, XsensTable
 
 AtRest: TypeAlias = Literal["up", "down"]
 
-_STAMP = "SampleTimeFine"
 # s; no sensor of Xsens is sampled more seldom. A DOT counts 1 µs, so that its steps would seem a hundred times as long.
 _LONGEST_STEP = 0.25
 _TICK = 1e-4
@@ -71,35 +72,69 @@ def _by_metadata(file: SensorLogger) -> AtRest:
     )
 
 
-def require_stamps(file: LogFile) -> None:
-    """Refuse an export without time stamps, or one whose stamps count something else than 0.1 ms.
+def complete_xsens(tables: dict[str, Any], file: LogFile) -> None:
+    """Say in the preset's tables which column has the times: SampleTimeFine, the time of day, or counted packets.
 
     Parameters
     ----------
+    tables : dict
+        Those of the preset; changed.
     file : LogFile
 
     Raises
     ------
     FileError
-        With what to do instead.
+        If stamps count something else than 0.1 ms, or nothing says the time; with what to do instead.
     """
-    if _STAMP not in file.columns:
-        return  # others say which columns there are
-    cells = next(file.batches([_STAMP]), {}).get(_STAMP)
-    if cells is None:
+    if _has_stamps(file):
         return
-    ticks = cells.values[~cells.empty & np.isfinite(cells.values)]
-    if not len(ticks):
+    if UTC_TIME in file.columns:
+        tables["time_column"], tables["time_unit"] = UTC_TIME, "ns"
+    elif PACKET_TIME in file.columns and isinstance(file, XsensTable):
+        step = _median_step(file, PACKET_TIME) * file.rate_hz
+        if abs(step - 1.0) > 0.01:
+            raise FileError(
+                f"{file.path}: {COUNTER} goes up by {step:g} from row to row (median), so that it does not count what "
+                f"the update rate of {file.rate_hz:g} Hz is of. With --packet-rate-hz say by how much it goes up in a "
+                "second, and put a column of times in its place if it is no counter of samples"
+            )
+        tables["time_column"], tables["time_unit"] = PACKET_TIME, "s"
+    else:
+        lacks = f"{STAMP} is empty" if STAMP in file.columns else f"there is no {STAMP}"
+        if isinstance(file, XsensTable) and not file.rate_hz:
+            raise FileError(
+                f"{file.path}: {lacks}; {COUNTER} counts packets, and no line above the header states their rate, as "
+                "'// Update Rate: 100.0Hz' does: say it with --packet-rate-hz"
+            )
         raise FileError(
-            f"{file.path}: {_STAMP} is empty: export it with MT Manager, or put a column of times in its place. "
-            "PacketCounter alone begins anew at 65536 and says nothing of the rate"
+            f"{file.path}: {lacks}, and there is neither a time of day (UTC_Year to UTC_Nano) nor {COUNTER}: export it "
+            "with one of them from MT Manager, or put a column of times in its place"
         )
-    step = _TICK * float(np.median(np.diff(ticks))) if len(ticks) > 1 else 0.0
-    if step > _LONGEST_STEP:
+
+
+def _has_stamps(file: LogFile) -> bool:
+    """Whether a file has stamps that count 0.1 ms."""
+    if STAMP not in file.columns:
+        return False
+    step = _median_step(file, STAMP)
+    if step * _TICK > _LONGEST_STEP:
         raise FileError(
-            f"{file.path}: {_STAMP} would have steps of {step:.3g} s if it counted 0.1 ms, as MT Manager exports it. A "
-            "Movella DOT counts 1 µs, and shows rates in deg/s: --time SampleTimeFine --time-unit us --gyro ..."
+            f"{file.path}: {STAMP} would have steps of {step * _TICK:.3g} s if it counted 0.1 ms, as MT Manager "
+            "exports it. A Movella DOT counts 1 µs, and shows rates in deg/s: --time SampleTimeFine --time-unit us "
+            "--gyro ..."
         )
+    return not np.isnan(step)
+
+
+def _median_step(file: LogFile, column: str) -> float:
+    """Of the first rows; 0 if only one has a number, NaN if none has."""
+    cells = next(file.batches([column]), {}).get(column)
+    if cells is None:
+        return 0.0  # others say that there are no rows
+    there = cells.values[~cells.empty & np.isfinite(cells.values)]
+    if len(there) < 2:
+        return 0.0 if len(there) else math.nan
+    return float(np.median(np.diff(there)))
 
 
 def scale_field(tables: dict[str, Any], unit_ut: float | None) -> None:

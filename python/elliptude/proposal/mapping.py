@@ -26,7 +26,7 @@ from elliptude.io.readers.folder import CsvFolder
 from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
-from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, require_stamps, turn_at_rest
+from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, complete_xsens, turn_at_rest
 from elliptude.proposal.proposals import Recording
 from elliptude.typing import FloatArray
 
@@ -80,7 +80,7 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
     if name == "sensor-logger":
         complete_sensor_logger(tables, file, at_rest)
     if name == "xsens":
-        require_stamps(file)
+        complete_xsens(tables, file)
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
     if "directions" in tables:
@@ -258,6 +258,59 @@ def _sensors_of(columns: Sequence[str]) -> dict[str, tuple[Sequence[str], str]] 
     return sensors
 
 
+def unknown_units(columns: Sequence[str]) -> list[str]:
+    """Headers of a sensor's axis with a unit that is not known for it, in words: such columns are passed over.
+
+    Parameters
+    ----------
+    columns : sequence of str
+
+    Returns
+    -------
+    list of str
+    """
+    found = []
+    for name in map(str.strip, columns):
+        match = _HEADER.fullmatch(name)
+        if match is None or len(match["sensor"]) == 1:
+            continue
+        unit = _SPELLINGS.get(match["unit"].strip(), match["unit"].strip())
+        for sensor, beginning in _SENSORS.items():
+            if beginning.fullmatch(match["sensor"]) and unit not in _UNITS[sensor]:
+                known = ", ".join(str(one) for one in _UNITS[sensor])
+                found.append(f"{match['unit'].strip()!r} of {name!r} is no unit of the {sensor} ({known})")
+    return found
+
+
+def why_not_stated(columns: Sequence[str]) -> str:
+    """What headers lack to say by themselves which columns are which sensors, in words.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Headers of a file of which `of_headers` makes nothing.
+
+    Returns
+    -------
+    str
+    """
+    headers = [column.strip() for column in columns]
+    if twice := [name for name in dict.fromkeys(headers) if headers.count(name) > 1]:
+        return f"two columns are called {twice[0]!r}"
+    if unknown := unknown_units(columns):
+        return unknown[0]
+    times = [name for name in headers if TIME_HEADER.fullmatch(name)]
+    if len(times) > 1:
+        return f"{' and '.join(map(repr, times))} are two columns of times"
+    sensors = _sensors_of(columns)
+    if times and sensors is None:
+        return "two sensors of a kind state their axes: which one counts?"
+    lacks = [] if times else ["times, such as 'Time (s)'"]
+    if sensors is not None and "gyroscope" not in sensors:
+        lacks.append("a gyroscope's three axes with their unit, such as 'Gyroscope X (deg/s)'")
+    return f"no columns state {' or '.join(lacks)}"
+
+
 def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:
     """A configuration to read the log with. Missing bounds are filled in with numbers that mean nothing.
 
@@ -322,7 +375,9 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
     samples = {one.name: one for one in log.read_samples(path, configuration)}
     gyro = samples["the gyro"]
     if len(gyro.times) < 3:
-        raise FileError(f"{name}: has {len(gyro.times)} rows; bounds cannot be proposed from fewer than 3")
+        raise FileError(
+            f"{name}: bounds cannot be proposed from fewer than 3 rows of the gyro, and it has {len(gyro.times)}"
+        )
     vectors: dict[str, FloatArray] = {}
     together = np.ones(len(gyro.times), dtype=np.bool_)
     for sensor in configuration.directions:

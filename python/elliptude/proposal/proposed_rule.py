@@ -245,7 +245,10 @@ def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list
     if field is not None:
         share = numbers["magnetometer"]["disturbance_ut"] / field.magnitude
         if share >= 1.0:
-            lines.append("The magnetometer says nothing: the disturbance may be as large as the field.")
+            lines.append(
+                "The magnetometer says nothing: the disturbance may be as large as the field, "
+                f"{field.magnitude:.3g} µT. The Earth's is 20 to 70 µT: is the unit right?"
+            )
         else:
             lines.append(
                 f"The disturbance alone may turn the field by {math.degrees(math.asin(share)):.2g} degrees, and the "

@@ -3,6 +3,8 @@
 What evo calls absolute and relative pose errors of rotations are computed as evo does (github.com/MichaelGrupp/evo).
 """
 
+import math
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -12,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.about_axes import half_widths_along
-from elliptude.io.files import replacing
-from elliptude.logs.quaternion_readings import Reading, misread
-from elliptude.logs.reference_attitudes import Reference, attitudes_at
+from elliptude.configuration.configuration import Configuration
+from elliptude.io.files import FileError, replacing
+from elliptude.logs.quaternion_readings import Reading, misread, readings
+from elliptude.logs.reference_attitudes import Reference, attitudes_at, read_reference
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
@@ -281,6 +284,58 @@ def compare(
         alignment=alignment,
         turned=turned,
     )
+
+
+def run_against(
+    run: Run,
+    path: str | os.PathLike[str],
+    configuration: Configuration | None = None,
+    *,
+    largest_gap: float = 0.0,
+    reference_error: float | None = None,
+) -> Run:
+    """The run compared with the reference attitudes of a file, for pictures.
+
+    Parameters
+    ----------
+    run : Run
+    path : path-like
+        As in `elliptude.logs.reference_attitudes.read_reference`.
+    configuration : Configuration, optional
+        Its section ``truth`` says what the columns are.
+    largest_gap : float
+        As in `compare`.
+    reference_error : float, optional
+        Angle by which the reference may itself be off, rad; if left out, what the configuration states, or 0.
+
+    Returns
+    -------
+    Run
+        With errors and forms against them.
+
+    Raises
+    ------
+    FileError
+        If there are none, they are misread, or no row with a set has one.
+    """
+    reference = read_reference(path, configuration)
+    truth = None if configuration is None else configuration.truth
+    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+    if reference_error is None:
+        reference_error = 0.0 if truth is None else math.radians(truth.error_deg)
+    found = misread_reference(run, reference, choices, largest_gap=largest_gap)
+    if found is not None:
+        raise FileError(f"{path}: {found}: its quaternions are not as declared")
+    try:
+        compared = run.against(reference, largest_gap, reference_error)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
+    if not compared.compared.any():
+        raise FileError(
+            f"{path}: no row with a set has a reference of its time; rows are from {run.times[0]:g} s to "
+            f"{run.times[-1]:g} s, and the largest gap that the reference is interpolated over is {largest_gap:g} s"
+        )
+    return compared
 
 
 def misread_reference(

@@ -288,7 +288,7 @@ class Run:
 
         Raises
         ------
-        FileError
+        ValueError
             If the heading counts from the first row and that has no reference.
         """
         errors, forms = np.full((len(self.times), 3), np.nan), np.full(len(self.times), np.nan)
@@ -305,7 +305,7 @@ class Run:
     def _counted_from_start(self, rows: NDArray[np.intp], true: Rotation) -> Rotation:
         """References turned so that the first one differs from the first estimate by a tilt alone, section 18.6."""
         if rows[0] != np.flatnonzero(self.known)[0]:
-            raise FileError(
+            raise ValueError(
                 f"the heading counts from the first row, at {self.times[0]:.6f} s, and the reference has nothing there"
             )
         estimated = Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)

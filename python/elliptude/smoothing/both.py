@@ -42,6 +42,8 @@ class Both:
     """Rows where the passes prove that a statement is wrong."""
     contested: NDArray[np.bool_]
     """Rows where a pass claims less since the other one has found a contradiction, shape (n,)."""
+    counts: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    """Rows whose set rests on the pass forward, and rows whose set rests on the one backward, shape (n,) each."""
 
 
 def both_passes(passes: Passes, configuration: Configuration) -> Both:
@@ -75,7 +77,8 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
     apart = equal & ~meet & both_unconditional
     known = np.isfinite(fused.shapes[:, 0, 0])
     # Where both hold, about two centers: that of the pass forward, about which no bound gets wider, and the common one.
-    single = _rows_of(forward, backward, backward.claims < forward.claims)
+    stronger = backward.claims < forward.claims
+    single = _rows_of(forward, backward, stronger)
     common_set = _rows_of(single, fused, known)
     if up is not None and forward.question_bounds is not None:
         of_forward, of_backward = (Sets.of(_only(one, equal & meet), up) for one in (forward, backward))
@@ -99,10 +102,11 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         takes[0] = False
     return Both(
         _rows_of(single, common_set, takes),
-        _chosen_vertical(before, vertical, of_common, takes, takes | (backward.claims < forward.claims)),
+        _chosen_vertical(before, vertical, of_common, takes, takes | stronger),
         caps,
         np.flatnonzero(apart | caps_apart),
         contested,
+        ((forward.claims < _NONE) & ~stronger, stronger | (equal & meet)),
     )
 
 

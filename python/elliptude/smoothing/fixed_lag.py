@@ -1,5 +1,6 @@
 """Fixed lag, for streams: a guaranteed filter that remembers its last moments; theory, section 20.5."""
 
+import copy
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import elliptude
+from elliptude.errors import PredictionError
 from elliptude.results import CLAIMS
 from elliptude.smoothing.fusion import StateSets, common, log_sizes
 from elliptude.smoothing.mirror import mirrored_flow
@@ -55,6 +57,32 @@ class _Moment:
     """Whether the claim was conditional, after any update of this moment."""
 
 
+@dataclass(frozen=True, eq=False)
+class _ByMotion:
+    """The way back over a prediction; no function within a function, so that pickle can store it."""
+
+    motion: dict[str, Any]
+    """What `predict` of the mirrored flow is given, by its names."""
+
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float) -> None:
+        back.predict(until, **self.motion)
+
+
+@dataclass(frozen=True, eq=False)
+class _ByTurn:
+    """The way back over a turn."""
+
+    opposite: FloatArray
+    bound: float
+
+    def __call__(self, back: elliptude.GuaranteedFilter, until: float) -> None:
+        back.predict_turn(until, self.opposite, self.bound)
+
+
+def _nowhere(_back: elliptude.GuaranteedFilter, _until: float) -> None:
+    """The way back from the first moment."""
+
+
 class FixedLagSmoother:
     """A guaranteed filter and its last moments: what was possible then, with what was measured since.
 
@@ -70,7 +98,8 @@ class FixedLagSmoother:
     Parameters
     ----------
     filter : GuaranteedFilter
-        As it is now: the first moment. Predictions and updates are to go through the smoother from now on.
+        As it is now: the first moment. Predictions and updates are to go through the smoother from now on. A copy of
+        the smoother has a filter of its own. What pickle stores is as `GuaranteedFilter`'s.
     lag : int
         How many moments are remembered besides the present one, 1 or more.
 
@@ -88,6 +117,10 @@ class FixedLagSmoother:
         self._moments: deque[_Moment] = deque(maxlen=lag + 1)
         self._has_contradicted: bool = False
         self._begin()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What copies and pickle keep: what changes is the copy's own."""
+        return vars(self) | {"_filter": copy.copy(self._filter), "_moments": self._moments.copy()}
 
     @property
     def filter(self) -> elliptude.GuaranteedFilter:
@@ -119,15 +152,14 @@ class FixedLagSmoother:
         for name in ("gyro", "wheel_momentum"):
             if name in kept:
                 kept[name] = -kept[name]
-        self._append(duration, lambda back, until: back.predict(until, **kept))
+        self._append(duration, _ByMotion(kept))
 
     def predict_turn(self, time: float, turn: FloatArray, turn_bound: float) -> None:
         """Predict as `GuaranteedFilter.predict_turn`."""
         self._refuse_other_use()
         duration = time - self._filter.time
         self._filter.predict_turn(time, turn, turn_bound)
-        opposite = -np.array(turn, dtype=np.float64)
-        self._append(duration, lambda back, until: back.predict_turn(until, opposite, turn_bound), is_turn=True)
+        self._append(duration, _ByTurn(-np.array(turn, dtype=np.float64), float(turn_bound)), is_turn=True)
 
     def update(self, *measured: Any, **more: Any) -> elliptude.GuaranteedUpdate:
         """Update as `GuaranteedFilter.update`."""
@@ -193,7 +225,7 @@ class FixedLagSmoother:
     def _begin(self) -> None:
         self._moments.clear()
         self._has_contradicted = False
-        self._moments.append(_Moment(self._filter.time, 0.0, lambda _back, _until: None, *self._present()))
+        self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, *self._present()))
 
     def _present(self) -> tuple[_Known, bool]:
         known = _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
@@ -223,7 +255,10 @@ class FixedLagSmoother:
         return not self._filter.estimate_vector and self._filter.vector_bound is not None
 
     def _backward(self, later: _Moment, known: _Known) -> _Known:
-        """From a set at the end of an interval to one at its beginning; none where it cannot be followed."""
+        """From a set at the end of an interval to one at its beginning; none where it cannot be followed.
+
+        What a user's torque raises comes out, as it does from a prediction.
+        """
         if known.ellipsoid is None:
             return _Known(None, _NONE)
         bound = self._filter.vector_bound
@@ -238,7 +273,7 @@ class FixedLagSmoother:
         )
         try:
             later.move_back(back, -later.time + later.duration)
-        except (ValueError, elliptude.InconsistentMeasurement):
+        except PredictionError:
             return _Known(None, _NONE)
         found = back.ellipsoid
         return _Known(None, _NONE) if found is None else _Known(_mirrored(found), known.claim)

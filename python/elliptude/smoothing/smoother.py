@@ -11,11 +11,14 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.estimation import estimator
 from elliptude.estimation.estimator import Estimation
 from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun, gaps_between, run_filter, run_guaranteed
+from elliptude.estimation.questions.answers import Answers, answers_of
 from elliptude.estimation.vertical import followed
 from elliptude.logs.log import Log
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from elliptude.smoothing.both import Passes, both_passes
 from elliptude.smoothing.mirror import caps_turned_round, mirrored, mirrored_set, turned_round
+from elliptude.smoothing.questions import Answered, answers_of_both
+from elliptude.smoothing.questions import turned_round as answers_turned_round
 from elliptude.typing import FloatArray
 
 _NONE = CLAIMS.index("none")
@@ -29,6 +32,10 @@ class SmoothedRun(GuaranteedRun):
     """Rows where both passes claim sets (or caps) without a condition, and these have nothing in common."""
     contested: NDArray[np.bool_] | None = None
     """Rows where a pass claims less since the other one has found a contradiction, shape (n,)."""
+    backward: GuaranteedRun | None = None
+    """The pass over the mirrored log, in its own order."""
+    counts: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    """Rows whose set rests on the pass forward, and rows whose set rests on the one backward, shape (n,) each."""
 
 
 def smooth(log: Log, configuration: Configuration) -> Estimation:
@@ -53,11 +60,11 @@ def smooth(log: Log, configuration: Configuration) -> Estimation:
         As `elliptude.estimation.estimate`; also in another mode, or if the motion cannot be followed backward.
     """
     require_guaranteed(configuration)
-    return estimator.estimate(log, configuration, smoothed_run)
+    return estimator.estimate(log, configuration, smoothed_run, smoothed_answers)
 
 
 def require_guaranteed(configuration: Configuration) -> None:
-    """Refuse a configuration of another mode, or with questions, which both passes do not answer together.
+    """Refuse a configuration of another mode.
 
     Raises
     ------
@@ -67,17 +74,16 @@ def require_guaranteed(configuration: Configuration) -> None:
     mode = configuration.estimator.mode
     if mode != "guaranteed":
         raise ValueError(f"smoothing needs estimator.mode = 'guaranteed', not {mode!r}")
-    if configuration.estimator.questions:
-        raise ValueError("estimator.questions are asked of one pass forward, not of two: leave them out, or smoothing")
 
 
 def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
     """As `elliptude.estimation.guaranteed_run.run_guaranteed`, with sets that use the whole recording."""
     forward = run_guaranteed(log, configuration)
     try:
-        backward, caps = _backward(forward, configuration)
+        passed, caps = _backward(forward, configuration)
     except (elliptude.InconsistentMeasurement, elliptude.RowError) as error:
         raise _in_order(error, forward.log) from error
+    backward = turned_round(passed.sets, forward.given.times)
     found = both_passes(Passes(forward, backward, caps), configuration)
     if len(found.disagreements) and configuration.estimator.policy == "raise":
         row = int(found.disagreements[0])
@@ -102,11 +108,31 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
         forward=forward,
         disagreements=found.disagreements,
         contested=found.contested,
+        backward=passed,
+        counts=found.counts,
     )
 
 
-def _backward(forward: GuaranteedRun, configuration: Configuration) -> tuple[GuaranteedLog, DirectionLog | None]:
-    """The pass backward, in the order of the rows, and what it knows of up by itself; theory, section 20.2."""
+def smoothed_answers(run: GuaranteedRun, configuration: Configuration) -> Answers | None:
+    """As `elliptude.estimation.questions.answers.answers_of`, by both passes of a `SmoothedRun`."""
+    assert isinstance(run, SmoothedRun)
+    assert run.forward is not None
+    assert run.backward is not None
+    assert run.counts is not None
+    forward, backward = answers_of(run.forward, configuration), answers_of(run.backward, configuration)
+    if forward is None or backward is None:
+        return None
+    of_backward = turned_round(run.backward.sets, run.forward.given.times)
+    return answers_of_both(
+        run,
+        Answered(run.forward.sets, forward, run.counts[0]),
+        Answered(of_backward, answers_turned_round(backward), run.counts[1]),
+        configuration,
+    )
+
+
+def _backward(forward: GuaranteedRun, configuration: Configuration) -> tuple[GuaranteedRun, DirectionLog | None]:
+    """The pass over the mirrored log, and, in the order of the rows, what it knows of up by itself; section 20.2."""
     back = mirrored(forward, configuration)
     start, weakest = None, 0
     if forward.start is not None:
@@ -115,10 +141,11 @@ def _backward(forward: GuaranteedRun, configuration: Configuration) -> tuple[Gua
         weakest = int(forward.sets.claims[-1]) if start is not None else 0
     if forward.contradictions:
         weakest = max(weakest, CONDITIONAL)
-    sets = turned_round(run_filter(back.given, start, configuration, forward.rows.up), forward.given.times)
+    sets = run_filter(back.given, start, configuration, forward.rows.up)
     sets = replace(sets, claims=np.maximum(sets.claims, weakest).astype(np.uint8))
     caps = followed(configuration, back.rows, back.turns)
-    return sets, None if caps is None else caps_turned_round(caps)
+    passed = replace(forward, given=back.given, start=start, sets=sets, rows=back.rows, vertical=None, caps=None)
+    return passed, None if caps is None else caps_turned_round(caps)
 
 
 def _in_order(

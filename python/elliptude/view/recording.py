@@ -13,6 +13,7 @@ from elliptude.bounds.about_axes import ErrorAxes
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.io.spool import recording
+from elliptude.report.comparison import run_against
 from elliptude.report.run import Run, read_run
 from elliptude.view.curves import PIECES, send_curves
 from elliptude.view.directions import MeasuredDirections, measured_directions
@@ -40,6 +41,10 @@ def to_rerun(
     *,
     log: str | os.PathLike[str] | None = None,
     config: str | os.PathLike[str] | None = None,
+    reference: str | os.PathLike[str] | None = None,
+    reference_config: str | os.PathLike[str] | None = None,
+    largest_gap: float = 0.0,
+    reference_error: float | None = None,
     axes: ErrorAxes = "reference",
 ) -> Drawn:
     """Write the results of `elliptude estimate` as a recording for Rerun.
@@ -52,6 +57,14 @@ def to_rerun(
         Path of the recording, ``.rrd``; it is replaced if it is there.
     log, config : path-like, optional
         The log and the configuration that they were estimated from, to draw the measured directions too.
+    reference : path-like, optional
+        Other attitudes to compare with than the truth that `estimate` found: a table with ``time_s,qw,qx,qy,qz``.
+    reference_config : path-like, optional
+        A configuration whose section ``truth`` says what the reference's columns are, if it is another log.
+    largest_gap : float
+        The reference is interpolated between two samples that are no further apart, s.
+    reference_error : float, optional
+        Angle by which the reference may itself be off, rad; if left out, what ``reference_config`` states, or 0.
     axes : {"reference", "body"}
         About which axes errors and half-widths are drawn.
 
@@ -63,16 +76,23 @@ def to_rerun(
     Raises
     ------
     FileError
-        If Rerun is not installed, a file cannot be read or written, or the log is not that of the results.
+        If Rerun is not installed, a file cannot be read or written, the log is not that of the results, or no row has
+        a reference.
     ValueError
-        If ``log`` is given without ``config``, or the other way around.
+        If ``log`` is given without ``config``, or the other way around, or what is of a reference without one.
     """
+    if reference is None and (reference_config is not None or reference_error is not None):
+        raise ValueError("reference_config and reference_error are of a reference: give it, too")
     if (log is None) != (config is None):
         raise ValueError("log and config belong together: give both, or none")
     run, label = read_run(result)
     measured = None
     if log is not None and config is not None:
         measured = measured_directions(recording(Path(log)), read_configuration(Path(config)), run)
+    if reference is not None:
+        of = None if reference_config is None else read_configuration(Path(reference_config))
+        run = run_against(run, reference, of, largest_gap=largest_gap, reference_error=reference_error)
+        label = Path(reference).name
     return write_view(replace(run, axes=axes), path, Path(result).resolve().name, label=label, measured=measured)
 
 

@@ -193,6 +193,25 @@ TEST_CASE("fixed lag: only the last moments are kept, and predictions over no ti
   CHECK(FixedLag<BodyScene::Filter, 3>::make({}, unmade) == Status::out_of_range);
 }
 
+TEST_CASE("fixed lag: a filter whose flow has not been made is refused, one that knows no rate is not") {
+  using Filter = GyroScene::Filter;
+  using Lag = FixedLag<Filter, 3>;
+  Lag lag;
+  CHECK(Lag::make({}, lag) == Status::out_of_range);
+  Filter filter;
+  REQUIRE(Filter::make({}, {}, 2, filter) == Status::ok);
+  CHECK(Lag::make(filter, lag) == Status::out_of_range);
+  CHECK(lag.time() == 0);
+  // It is told turns alone.
+  GyroUncertainty<double> uncertainty;
+  uncertainty.longest_interval = 0;
+  Filter::Flow flow;
+  REQUIRE(Filter::Flow::make(uncertainty, Filter::Flow::IntervalRate::first_sample, flow) == Status::ok);
+  REQUIRE(Filter::make(flow, {}, 2, filter) == Status::ok);
+  CHECK(Lag::make(filter, lag) == Status::ok);
+  CHECK(lag.time() == 2);
+}
+
 TEST_CASE("fixed lag: by stamps") {
   GyroScene scene(24);
   using Lag = FixedLag<GyroScene::Filter, 3>;

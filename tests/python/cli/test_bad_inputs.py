@@ -207,7 +207,7 @@ def test_bad_files_and_options(tmp_path):
     assert "none.csv: no such file" in estimate(tmp_path, tmp_path / "none.csv", config)
     assert "none.toml: no such file" in estimate(tmp_path, log, tmp_path / "none.toml")
     (tmp_path / "folder").mkdir()
-    assert "not a regular file" in estimate(tmp_path, tmp_path / "folder", config)
+    assert "folder: a folder without CSV files, and no ROS 2 bag" in estimate(tmp_path, tmp_path / "folder", config)
     assert "a folder, where a file is needed" in estimate(tmp_path, log, tmp_path)
     within = refused(tmp_path, "estimate", log, "--config", config, "--out", log / "out")
     assert "within a file, where a folder is needed" in within

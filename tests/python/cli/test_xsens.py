@@ -53,7 +53,7 @@ def test_an_export_of_mt_manager(tmp_path, mark):
 def test_an_export_that_cannot_be_read_so(tmp_path):
     log = tmp_path / "log.txt"
     log.write_text(exported(made(), stamped=False))
-    assert "SampleTimeFine is empty: export it" in refuse("bounds", log, "--like", "xsens")
+    assert "SampleTimeFine is empty; PacketCounter counts packets" in refuse("bounds", log, "--like", "xsens")
     log.write_text(exported(made(), tick=1e-6))
     said = refuse("bounds", log, "--like", "xsens")
     assert "steps of 0.5 s if it counted 0.1 ms" in said

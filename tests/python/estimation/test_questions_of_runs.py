@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomlkit
 from datasets import broad, needs_datasets
-from elliptude import cli, estimation, logs, smoothing
+from elliptude import cli, estimation, logs
 from elliptude.configuration import Configuration
 from elliptude.configuration.estimator import Question
 from elliptude.estimation.guaranteed_run import run_guaranteed
@@ -396,6 +396,14 @@ def test_command(tmp_path):
     assert found.turns_body is None
     assert found.vector_ranges is None
     assert np.nanmax(found.own_forms) <= 1.0
+    smoothed = command(*common, "--out", tmp_path / "smoothed", "--questions", "attitude, reference_turns", "--smooth")
+    assert smoothed.exit_code == 0, smoothed.output
+    both = Result.read(tmp_path / "smoothed" / "results.csv")
+    assert np.nanmax(both.own_forms) <= 1.0
+    assert np.nanmax(both.turns_reference_forms) <= 1.0
+    volumes = [np.linalg.det(one.own_shapes) for one in (both, found)]
+    assert (volumes[0] <= volumes[1] * (1.0 + 1e-12)).all()
+    assert volumes[0].mean() < 0.999 * volumes[1].mean()
 
 
 @pytest.mark.parametrize(
@@ -403,7 +411,6 @@ def test_command(tmp_path):
     [
         (("--questions", "turns"), {}, 2, "'turns' is none of reference_turns, body_turns, vector, attitude"),
         (("--questions", "vector"), {}, 1, "'vector' asks for the gyro's bias, which is not estimated"),
-        (("--questions", "attitude", "--smooth"), {}, 1, "estimator.questions are asked of one pass forward"),
         ((), {"questions": ["vector"]}, 1, "'vector' asks for the gyro's bias"),
         ((), {"mode": "first_order", "questions": ["attitude"]}, 1, "questions needs mode = 'guaranteed'"),
     ],
@@ -430,5 +437,3 @@ def test_questions_need_the_guaranteed_mode():
     )
     with pytest.raises(ValueError, match=r"estimator\.questions: needs mode = 'guaranteed'"):
         other.with_questions(["attitude"])
-    with pytest.raises(ValueError, match="asked of one pass forward"):
-        smoothing.smooth(body_log(count=5), body(("attitude",)))

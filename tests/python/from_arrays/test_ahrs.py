@@ -241,7 +241,7 @@ GOOD = {"time": TIMES, "gyr": RATES, "acc": FORCES, "mag": FIELDS, "mag_unit": "
     [
         ({"time": TIMES[:-1]}, r"gyr: shape \(300, 3\), not \(299, 3\)"),
         ({"time": TIMES[:, None]}, r"time: shape \(300, 1\), not \(N,\)"),
-        ({"time": changed(TIMES, 7, 0.0)}, r"time\[7\] is 0, not after time\[6\]"),
+        ({"time": changed(TIMES, 7, 0.0)}, r"time\[7\] is 0\.0, not after time\[6\]"),
         ({"time": changed(TIMES, 7, np.nan)}, r"time\[7\] is nan, not finite"),
         ({"time": "now"}, "time: str, not an array"),
         ({"gyr": RATES[:, :2]}, r"gyr: shape \(300, 2\), not \(300, 3\)"),

@@ -232,7 +232,7 @@ def test_parquet_of_other_programs(tmp_path):
         (HEADER + "0,1,,\n2,1,,\n2,1,,\n", "line 4, column 1 (time_s): not after the time of the row before: '2'"),
         (HEADER + '0,1,,"two\nlines"\n1,x,,\n', "not a number: 'x'"),
         (HEADER.encode() + b"0,\xff\x00,,\n", "line 2, column 2 (x): not a number"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "no column 'time_s'"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "not text"),
     ],
 )
 def test_bad_csv_is_refused_with_its_place(tmp_path, text, message):

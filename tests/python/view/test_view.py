@@ -283,6 +283,117 @@ def test_the_modes_of_first_order(simulated, tmp_path):
     np.testing.assert_allclose(np.arccos(np.array(circle)[:, 1]), BOUND, atol=1e-5)
 
 
+# --- what it is compared with -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def without_truth(simulated, tmp_path_factory):
+    """The same log without its truth: its results, its configuration, and the truth in a file of its own."""
+    log, config, _ = simulated
+    folder = tmp_path_factory.mktemp("without_truth")
+    (folder / "config.toml").write_text(config.read_text().split("[truth]")[0] + '[estimator]\nmode = "guaranteed"\n')
+    table = np.genfromtxt(log, delimiter=",", skip_header=1, names=True)
+    truth = np.column_stack([table[name] for name in ("time_s", "qw", "qx", "qy", "qz")])
+    np.savetxt(folder / "camera.csv", truth, delimiter=",", header="time_s,qw,qx,qy,qz", comments="")
+    done = run_cli("estimate", log, "--config", folder / "config.toml", "--out", folder / "result")
+    assert done.exit_code == 0, done.output
+    return folder / "result", folder / "config.toml", folder / "camera.csv"
+
+
+def test_without_any_reference(simulated, without_truth, tmp_path):
+    """Sets, circles and bounds as with one, and nothing of a truth."""
+    result, config, _ = without_truth
+    out = tmp_path / "view.rrd"
+    done = run_cli("view", result, "--log", simulated[0], "--config", config, "--out", out)
+    assert done.exit_code == 0, done.output
+    found = Recording(out)
+    assert {"/sphere/may_point/x", "/sphere/measured/direction1/within", "/size"} <= found.paths
+    assert not any(
+        "compared_with" in path or path.endswith("/reference") for path in found.paths - {"/sphere/reference"}
+    )
+    assert set(found.curves("/bounds/X")) == {"least", "most"}
+    ((notes,),) = found.column("/notes", "TextDocument:text", is_static=True)
+    assert "Violet" not in notes
+
+
+def test_another_reference(simulated, without_truth, written, tmp_path):
+    """A reference of its own draws what the truth in the log does, by its own name and with its own error."""
+    result, _, camera = without_truth
+    arguments = ("view", result, "--reference", camera, "--reference-error-deg", "0.5")
+    done = run_cli(*arguments, "--out", tmp_path / "view.rrd")
+    assert done.exit_code == 0, done.output
+    found = Recording(tmp_path / "view.rrd")
+    ours, theirs = (
+        np.array(one.column(f"/sphere/compared_with/{name}", "Points3D:positions")[1:])
+        for one, name in ((found, "camera.csv"), (written, "truth"))
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    np.testing.assert_allclose(
+        found.curves("/bounds/X")["error against camera.csv"],
+        written.curves("/bounds/X")["error against truth"],
+        atol=1e-5,
+    )
+    ((notes,),) = found.column("/notes", "TextDocument:text", is_static=True)
+    assert "Violet is camera.csv, which may itself be off by 0.5°." in notes
+    done = run_cli(*arguments, "--label", "optical", "--out", tmp_path / "named.rrd")
+    assert done.exit_code == 0, done.output
+    assert "/sphere/compared_with/optical" in Recording(tmp_path / "named.rrd").paths
+
+
+def test_a_log_as_the_reference(simulated, without_truth, tmp_path):
+    """Its configuration says which columns are its truth, and how far that may be off."""
+    log, config, _ = simulated
+    stated = tmp_path / "truth.toml"
+    stated.write_text(config.read_text().replace("[truth]", "[truth]\nerror_deg = 0.25"))
+    view.to_rerun(without_truth[0], tmp_path / "view.rrd", reference=log, reference_config=stated)
+    found = Recording(tmp_path / "view.rrd")
+    assert "error against measurements.csv" in found.curves("/bounds/X")
+    ((notes,),) = found.column("/notes", "TextDocument:text", is_static=True)
+    assert "Violet is measurements.csv, which may itself be off by 0.25°." in notes
+    view.to_rerun(
+        without_truth[0],
+        tmp_path / "other.rrd",
+        reference=log,
+        reference_config=stated,
+        reference_error=np.deg2rad(2.0),
+    )
+    ((notes,),) = Recording(tmp_path / "other.rrd").column("/notes", "TextDocument:text", is_static=True)
+    assert "which may itself be off by 2°." in notes
+
+
+def test_a_reference_that_is_none(without_truth, tmp_path):
+    result, _, camera = without_truth
+    lines = camera.read_text().splitlines()
+    numbers = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
+
+    def reference(name, changed):
+        np.savetxt(tmp_path / name, changed, delimiter=",", header=lines[0], comments="")
+        return tmp_path / name
+
+    out = tmp_path / "view.rrd"
+    for arguments, code, message in (
+        (
+            ("--reference", reference("later.csv", np.add(numbers, [1000, 0, 0, 0, 0]))),
+            1,
+            "later.csv: no row with a set has",
+        ),
+        (
+            ("--reference", reference("inverse.csv", numbers * [1, -1, 1, 1, 1])),
+            1,
+            "its quaternions are not as declared",
+        ),
+        (("--reference", tmp_path / "none.csv"), 1, "none.csv: no such file"),
+        (("--reference-error-deg", "1"), 2, "is of a --reference"),
+        (("--reference-config", camera), 2, "says what the columns of a --reference are"),
+    ):
+        done = run_cli("view", result, *arguments, "--out", out)
+        assert done.exit_code == code
+        assert message in " ".join(done.output.replace("│", " ").split())
+        assert not out.exists()
+    with pytest.raises(ValueError, match="are of a reference: give it, too"):
+        view.to_rerun(result, out, reference_error=0.1)
+
+
 # --- the viewer -------------------------------------------------------------------------------------------------------
 
 

@@ -352,9 +352,10 @@ class GuaranteedGyroFlow {
     return with_added(ellipsoid.center, ellipsoid.shape, others, result);
   }
 
-  /// No interval is covered, and no rate is known.
+  /// No interval is covered, and no rate is known. By the scale error it is none that `make` takes.
   [[nodiscard]] static GyroUncertainty<Scalar> unmade() noexcept {
     GyroUncertainty<Scalar> uncertainty;
+    uncertainty.scale = Scalar(-1);
     uncertainty.longest_interval = Scalar(0);
     return uncertainty;
   }

@@ -23,7 +23,7 @@ class FixedLag {
   static constexpr std::size_t lag = Lag;
 
   /// \param filter as it is now: the first moment.
-  /// \return the status of `Mirror<Flow>::flow`: of a body, if the filter's flow has not been made.
+  /// \return the status of `Mirror<Flow>::flow`: `out_of_range`, if the filter's flow has not been made.
   [[nodiscard]] static Status make(const Filter& filter, FixedLag& result) noexcept {
     typename Mirror<Flow>::Backward backward;
     if (const Status status = Mirror<Flow>::flow(filter.flow(), backward); status != Status::ok) {

@@ -56,7 +56,7 @@ def answers_of(run: GuaranteedRun, configuration: Configuration) -> Answers | No
     questions = configuration.estimator.questions
     if not questions:
         return None
-    answers = _of_sets(run.sets, questions)
+    answers = answers_of_sets(run.sets, questions)
     is_volume = configuration.estimator.criterion == "volume"
     size = np.linalg.det if is_volume else np.trace
     for row, asked in enumerate(_after_each_row(run, configuration)):
@@ -81,8 +81,18 @@ def answers_of(run: GuaranteedRun, configuration: Configuration) -> Answers | No
     return answers
 
 
-def _of_sets(sets: GuaranteedLog, questions: Sequence[Question]) -> Answers:
-    """What the sets say, which answer all questions at once. It stands where a search finds no better bound."""
+def answers_of_sets(sets: GuaranteedLog, questions: Sequence[Question]) -> Answers:
+    """What sets say, which answer all questions at once. It stands where a search finds no better bound.
+
+    Parameters
+    ----------
+    sets : GuaranteedLog
+    questions : sequence of Question
+
+    Returns
+    -------
+    Answers
+    """
     is_attitude, shapes = "attitude" in questions, sets.shapes[:, :3, :3]
     of_vector = np.sqrt(np.diagonal(sets.shapes[:, 3:, 3:], axis1=1, axis2=2))
     of_vector = of_vector + _ROUNDING * (of_vector + np.abs(sets.vectors))

@@ -5,6 +5,7 @@ import io
 import os
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,8 +19,7 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, as_path, system_fault
-from elliptude.io.readers.arrow import cells_of
-from elliptude.io.readers.base import Batch, NumbersAlone
+from elliptude.io.readers.base import Batch, NumbersAlone, cells_of
 from elliptude.io.readers.dialect import (
     ALL_FOUND_OUT,
     DELIMITERS,
@@ -67,6 +67,8 @@ class CsvTable(NumbersAlone):
     ) -> None:
         self.path = as_path(path)
         self.label = ""
+        self.comments: list[str] = []
+        """The lines above the header that begin with # or //."""
         self.lenient = lenient
         self.units: tuple[str, ...] = ()
         """What a row below the header says, a unit for each column."""
@@ -76,6 +78,7 @@ class CsvTable(NumbersAlone):
             for self._header_line, line in enumerate(text, start=1):
                 if line.startswith(("#", "//")):
                     self.label = self.label or line.removeprefix("#").strip()
+                    self.comments.append(line)
                 elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
                     stated = replace(
                         stated, delimiter=stated.delimiter or next(mark for mark in DELIMITERS if mark == match[1])
@@ -87,12 +90,15 @@ class CsvTable(NumbersAlone):
 
     def _begin(self, header: str, text: io.TextIOWrapper, stated: Stated) -> None:
         """Look at the header and the rows below it."""
+        if any(unicodedata.category(letter) == "Cc" for letter in header.rstrip("\r\n").replace("\t", "")):
+            raise FileError(f"{self.path}: not text, but its name is not that of another format that is read")
         beginning = text.read(_BEGINNING)
         lines = beginning.splitlines()
         rows = [line for line in (lines if len(beginning) < _BEGINNING else lines[:-1]) if line.strip()]
         self.dialect = find_dialect(self.path, header, rows, self.dialect.encoding, stated)
         mark = self.dialect.delimiter
-        self.columns = tuple(cells_of_line(header, mark))
+        self.written = tuple(cells_of_line(header, mark))
+        self.columns = self.written
         if self.dialect.units_row:
             self.units = tuple(cell.strip("[]() ") for cell in cells_of_line(rows[0], mark))
 
@@ -119,10 +125,10 @@ class CsvTable(NumbersAlone):
         """The first cell of each column that is not empty, or a word for that."""
         found: dict[str, str] = {}
         for _, cells in islice(self._rows(), 1000):
-            for name, cell in zip(self.columns, cells, strict=False):
+            for name, cell in zip(self.written, cells, strict=False):
                 if name not in found and cell.strip(" \t") not in ("", *MISSING):
                     found[name] = cell.strip(" \t")
-            if len(found) == len(set(self.columns)):
+            if len(found) == len(set(self.written)):
                 break
         return found
 
@@ -149,7 +155,7 @@ class CsvTable(NumbersAlone):
                 yield from pa.csv.open_csv(
                     stream,
                     read_options=pa.csv.ReadOptions(
-                        column_names=self.columns,
+                        column_names=self.written,
                         skip_rows=self._header_line + self._units_lines,
                         block_size=BATCH_BYTES,
                     ),
@@ -172,11 +178,11 @@ class CsvTable(NumbersAlone):
         """See `Table`."""
         if bad.any():
             line, cells = next(islice(self._rows(), int(np.argmax(bad)), None))
-            self._fail(line, name, fault, cells[self.columns.index(name)])
+            self._fail(line, name, fault, cells[self.written.index(name)])
 
     def place(self, column: str, row: int) -> str:
         """See `LogFile`."""
-        return f"{self.places_of_rows([row])[0]}, column {self.columns.index(column) + 1} ({column})"
+        return f"{self.places_of_rows([row])[0]}, column {self.written.index(column) + 1} ({column})"
 
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
@@ -193,7 +199,7 @@ class CsvTable(NumbersAlone):
         worded: list[int] = []
         words = set(MISSING)
         for line, cells in self._all_rows():
-            if len(cells) != len(self.columns):
+            if len(cells) != len(self.written):
                 uneven.append(line)
             elif not words.isdisjoint(cells):
                 worded.append(line)
@@ -201,14 +207,14 @@ class CsvTable(NumbersAlone):
 
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():
-            if len(cells) != len(self.columns):
+            if len(cells) != len(self.written):
                 mark = DELIMITERS[self.dialect.delimiter]
                 raise FileError(
-                    f"{self.path}: line {line}: {len(cells)} columns, but the header has {len(self.columns)}, "
+                    f"{self.path}: line {line}: {len(cells)} columns, but the header has {len(self.written)}, "
                     f"separated by {mark}"
                 )
             for name, kind in types.items():
-                cell = cells[self.columns.index(name)].strip(" \t")
+                cell = cells[self.written.index(name)].strip(" \t")
                 if not cell or kind == pa.string() or (self.lenient and cell in MISSING):
                     continue
                 if pa.types.is_timestamp(kind):
@@ -220,13 +226,13 @@ class CsvTable(NumbersAlone):
                     fault = "not a number"
                     if self._is_number(cell.replace(",", ".") if self.dialect.decimal == "." else cell):
                         fault += "; [csv] decimal = ',' in a configuration reads a decimal comma"
-                    self._fail(line, name, fault, cells[self.columns.index(name)])
+                    self._fail(line, name, fault, cells[self.written.index(name)])
                 if kind == pa.int64() and not re.fullmatch(r"[+-]?\d{1,18}|[+-]?[0-8]\d{18}", cell, re.ASCII):
                     self._fail(line, name, "not a whole number, as the first one in the column is", cell)
 
     def _fail(self, line: int, name: str, fault: str, cell: str) -> NoReturn:
         content = textwrap.shorten(cell, 40, placeholder="...")
-        place = f"line {line}, column {self.columns.index(name) + 1} ({name})"
+        place = f"line {line}, column {self.written.index(name) + 1} ({name})"
         raise FileError(f"{self.path}: {place}: {fault}" + (f": {content!r}" if content else ""))
 
     @property
@@ -240,7 +246,7 @@ class CsvTable(NumbersAlone):
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """The rows below the header, each with the number of its last line, without those that are left out."""
-        return (row for row in self._all_rows() if not self.lenient or len(row[1]) == len(self.columns))
+        return (row for row in self._all_rows() if not self.lenient or len(row[1]) == len(self.written))
 
     def _all_rows(self) -> Iterator[tuple[int, list[str]]]:
         """All rows below the header; no empty lines, as Arrow skips them."""

@@ -65,6 +65,8 @@ class Dialect:
     encoding: str = "utf-8"
     units_row: bool = False
     """Whether the row below the header has units."""
+    packet_rate_hz: float | None = None
+    """What ``Stated`` says of it."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,8 @@ class Stated:
     decimal: Decimal | None = None
     encoding: str | None = None
     units_row: bool | None = None
+    packet_rate_hz: float | None = None
+    """How many packets of Xsens there are in a second, if the file does not say it, or says it wrongly."""
 
 
 ALL_FOUND_OUT = Stated()
@@ -138,7 +142,7 @@ def find_dialect(path: os.PathLike[str], header: str, rows: Sequence[str], encod
     if units_row is None:
         units_row = len(cells) > 0 and _has_units(cells[0], names)
     decimal = stated.decimal or _decimal(path, cells[1:] if units_row else cells, delimiter)
-    return Dialect(delimiter, decimal, encoding, units_row)
+    return Dialect(delimiter, decimal, encoding, units_row, stated.packet_rate_hz)
 
 
 def _delimiter(path: os.PathLike[str], header: str, rows: Sequence[str]) -> Delimiter:

@@ -6,13 +6,13 @@ from typing import TypeAlias
 
 from elliptude.io.files import FileError, as_path
 from elliptude.io.readers.base import LogFile
-from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
 from elliptude.io.readers.folder import csv_files, open_folder
 from elliptude.io.readers.npz import NpzFile
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
 from elliptude.io.readers.ulog import UlogFile
+from elliptude.io.readers.xsens import open_table
 
 LogSource: TypeAlias = str | os.PathLike[str] | LogFile
 """A log: the path of a file, or what is open already, such as arrays in memory."""
@@ -36,7 +36,7 @@ def open_log(
     stated : Stated
         How a CSV file is written; what is not stated is found out.
     lenient : bool
-        As in `CsvTable`.
+        As in `elliptude.io.readers.csv.CsvTable`.
 
     Returns
     -------
@@ -56,7 +56,8 @@ def open_log(
     if place.is_dir() and csv_files(place):
         return open_folder(path, stated, lenient=lenient)
     if not place.is_file():
-        raise FileError(f"{path}: {'not a regular file' if place.exists() else 'no such file'}")
+        fault = "a folder without CSV files, and no ROS 2 bag" if place.is_dir() else "not a regular file"
+        raise FileError(f"{path}: {fault if place.exists() else 'no such file'}")
     match place.suffix:
         case ".parquet":
             return ParquetTable(path)
@@ -69,4 +70,4 @@ def open_log(
         case ".bag" | ".mcap" | ".db3":
             return BagFile(path)
         case _:
-            return CsvTable(path, stated, lenient=lenient)
+            return open_table(path, stated, lenient=lenient)

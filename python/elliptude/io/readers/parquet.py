@@ -9,8 +9,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, as_path
-from elliptude.io.readers.arrow import cells_of
-from elliptude.io.readers.base import BATCH_ROWS, Batch, NumbersAlone
+from elliptude.io.readers.base import BATCH_ROWS, Batch, NumbersAlone, cells_of
 
 
 class ParquetTable(NumbersAlone):

@@ -1,0 +1,103 @@
+"""What a new user's first files lack, and what is said of it: the place, and what to do."""
+
+import dataclasses
+
+import elliptude as el
+import numpy as np
+import pytest
+from elliptude.configuration import rules
+from test_proposals import made
+from two_commands import HEADER, app, columns_of, succeed
+from typer.testing import CliRunner
+
+RULE = rules.__file__.replace("configuration/rules.py", "data/bounds/hand_held.toml")
+
+
+def refuse(*arguments):
+    done = CliRunner().invoke(app(), [str(argument) for argument in arguments])
+    assert done.exit_code == 1, done.output
+    return " ".join(done.output.split())
+
+
+def write(folder, header, rows):
+    log = folder / "first.csv"
+    np.savetxt(log, rows, delimiter=",", header=",".join(header), comments="", fmt="%.9g")
+    return log
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({0: "Clock"}, "no columns state times, such as 'Time (s)'"),
+        (
+            {1: "Gyroscope X (rpm)"},
+            "'rpm' of 'Gyroscope X (rpm)' is no unit of the gyroscope (rad/s, deg/s)",
+        ),
+        ({1: "Rate X", 2: "Rate Y", 3: "Rate Z"}, "no columns state a gyroscope's three axes with their unit"),
+        ({0: "Clock", 1: "X"}, "no columns state times, such as 'Time (s)' or a gyroscope's three axes"),
+        ({9: HEADER[8]}, f"two columns are called {HEADER[8]!r}"),
+        ({9: "Time (ms)"}, "'Time (s)' and 'Time (ms)' are two columns of times"),
+        (
+            {i: f"Gyr {'xyz'[i - 7]} (deg/s)" for i in (7, 8, 9)},
+            "two sensors of a kind state their axes: which one counts?",
+        ),
+    ],
+)
+def test_what_a_header_lacks(tmp_path, changed, said):
+    header = [changed.get(i, name) for i, name in enumerate(HEADER)]
+    message = refuse("bounds", write(tmp_path, header, columns_of(made())[:50]))
+    assert "first.csv: its columns do not state sensor, axis and unit" in message
+    assert f"beside 'Time (s)' does ({said}" in message
+    assert "--time, --gyro, --gyro-unit" in message
+
+
+def test_a_sensor_in_an_unknown_unit_is_passed_over_and_named(tmp_path):
+    header = [name.replace("(g)", "(mm/s^2)") for name in HEADER]
+    said = succeed("bounds", write(tmp_path, header, columns_of(made())))
+    for axis in "XYZ":
+        assert f"passed over: 'mm/s^2' of 'Accelerometer {axis} (mm/s^2)' is no unit of the accelerometer" in said
+    assert "passed over" not in succeed("bounds", write(tmp_path, HEADER, columns_of(made())))
+
+
+def test_files_that_are_no_log(tmp_path):
+    (tmp_path / "photo.csv").write_bytes(bytes(range(256)) * 20)
+    assert "photo.csv: not text, but its name is not that of another format" in refuse("bounds", tmp_path / "photo.csv")
+    (tmp_path / "empty").mkdir()
+    assert "empty: a folder without CSV files, and no ROS 2 bag" in refuse("bounds", tmp_path / "empty")
+    log = write(tmp_path, HEADER, columns_of(made())[:1])
+    assert "fewer than 3 rows of the gyro, and it has 1" in refuse("bounds", log)
+
+
+def test_a_rule_in_the_place_of_a_configuration(tmp_path):
+    log = write(tmp_path, HEADER, columns_of(made())[:50])
+    said = refuse("estimate", log, "--config", RULE, "--out", tmp_path / "out")
+    assert "hand_held.toml: a rule for bounds, and no configuration; one names it by [rule] with kind = 'file'" in said
+
+
+def test_a_field_that_is_too_weak_to_say_anything(tmp_path):
+    """µT whose header says nT: `bounds` asks for the unit, and so does `estimate` if it is not mended."""
+    log = write(tmp_path, [name.replace("uT", "nT") for name in HEADER], columns_of(made()))
+    said = succeed("bounds", log, "--out", tmp_path / "config.toml")
+    assert "The magnetometer says nothing: the disturbance may be as large as the field, 0.0457 µT." in said
+    assert "The Earth's is 20 to 70 µT: is the unit right?" in said
+    said = refuse("estimate", log, "--config", tmp_path / "config.toml", "--out", tmp_path / "out")
+    assert "first.csv: at rest the magnetometer shows a field of 0.0457 µT with a horizontal part of 0.018 µT" in said
+    assert "is the unit right?" in said
+
+
+def test_arrays():
+    recording = dataclasses.replace(made())
+    arrays = (recording.angular_velocities, recording.specific_forces, recording.fields * 1e-6)
+    for statements in ("foot", "foot.toml"):
+        with pytest.raises(
+            ValueError, match=f"statements: '{statements}' is none of 'hand', .*, 'recording', and there"
+        ):
+            el.ahrs(recording.times, *arrays, statements=statements)
+    with pytest.raises(ValueError, match="questions: 'turns' is none of reference_turns"):
+        el.ahrs(recording.times, *arrays, questions="turns")
+    asked = el.ahrs(recording.times, *arrays, questions="reference_turns")
+    assert any(name.startswith("turn") for name in asked.columns)
+    times = recording.times.copy()
+    times[500] = 2.49
+    with pytest.raises(ValueError, match=r"time\[500\] is 2\.49, not after time\[499\], 2\.495: times must increase"):
+        el.ahrs(times, *arrays)
