@@ -511,6 +511,8 @@ class GuaranteedFilter:
     def _rests_on_drops(self) -> bool: ...
     @property
     def _disputed_updates(self) -> int: ...
+    @property
+    def _contradictions(self) -> int: ...
     def _resume(
         self,
         ellipsoid: StateEllipsoid | None,
@@ -518,6 +520,7 @@ class GuaranteedFilter:
         rests_on_drops: bool,
         agreeing_updates: int,
         disputed_updates: int = 0,
+        contradictions: int = 0,
     ) -> None: ...
     def forget(self) -> None: ...
     def predict(

@@ -123,6 +123,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             "rests_on_drops": self._rests_on_drops,
             "agreeing_updates": self._agreeing_updates,
             "disputed_updates": self._disputed_updates,
+            "contradictions": self._contradictions,
         }
 
     @classmethod
@@ -146,6 +147,7 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             fields["rests_on_drops"],
             fields["agreeing_updates"],
             fields.get("disputed_updates", 0),  # not in what older versions stored
+            fields.get("contradictions", 0),  # nor is this
         )
         return stored
 
@@ -168,5 +170,10 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             estimate_vector=other.estimate_vector,
         )
         self._resume(
-            other.ellipsoid, other._vector, other._rests_on_drops, other._agreeing_updates, other._disputed_updates
+            other.ellipsoid,
+            other._vector,
+            other._rests_on_drops,
+            other._agreeing_updates,
+            other._disputed_updates,
+            other._contradictions,
         )

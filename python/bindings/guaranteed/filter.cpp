@@ -86,8 +86,9 @@ ValueError
       .def_property_readonly("_vector", &Filter::vector)
       .def_property_readonly("_rests_on_drops", &Filter::rests_on_drops)
       .def_property_readonly("_disputed_updates", &Filter::disputed_updates)
+      .def_property_readonly("_contradictions", &Filter::contradictions)
       .def("_resume", &Filter::resume, "ellipsoid"_a, "vector"_a, "rests_on_drops"_a, "agreeing_updates"_a,
-           "disputed_updates"_a = 0)
+           "disputed_updates"_a = 0, "contradictions"_a = 0)
       .def("forget", &Filter::forget, R"(forget(self)
 --
 

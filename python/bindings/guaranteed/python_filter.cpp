@@ -151,7 +151,8 @@ py::object PythonGuaranteedFilter::vector() const {
 }
 
 void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector,
-                                    bool rests_on_drops, int agreeing_updates, int disputed_updates) {
+                                    bool rests_on_drops, int agreeing_updates, int disputed_updates,
+                                    int contradictions) {
   std::optional<Ellipsoid<double, 3>> known;
   if (!vector.is_none()) {
     known = vector_bound_of(vector);
@@ -159,12 +160,16 @@ void PythonGuaranteedFilter::resume(const std::optional<AnyStateEllipsoid>& elli
   if (ellipsoid && !ellipsoid->is_gibbs) {
     value_error("a stored set must be in the chart 'gibbs'");
   }
+  if (contradictions < 0) {
+    value_error("contradictions must not be negative, but is " + std::to_string(contradictions));
+  }
   const auto go = [&](auto& filter) {
     using Set = typename std::decay_t<decltype(filter)>::Set;
     using State = typename std::decay_t<decltype(filter)>::State;
     const std::optional<Set> set = ellipsoid ? std::optional<Set>(ellipsoid->as<State, GibbsChart>()) : std::nullopt;
-    return filter.resume(set ? &*set : nullptr, known ? &*known : nullptr,
-                         Trust(rests_on_drops, agreeing_updates, disputed_updates));
+    return filter.resume(
+        set ? &*set : nullptr, known ? &*known : nullptr,
+        Trust(rests_on_drops, agreeing_updates, disputed_updates, static_cast<unsigned>(contradictions)));
   };
   constraints_.reset();
   raise_unless_ok(std::visit(go, filter_), "ellipsoid, vector, agreeing_updates, disputed_updates");

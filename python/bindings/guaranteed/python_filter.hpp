@@ -57,8 +57,12 @@ class PythonGuaranteedFilter {
     return std::visit([](const auto& filter) { return filter.trust().rests_on_drops(); }, filter_);
   }
 
+  [[nodiscard]] unsigned contradictions() const {
+    return std::visit([](const auto& filter) { return filter.trust().contradictions(); }, filter_);
+  }
+
   void resume(const std::optional<AnyStateEllipsoid>& ellipsoid, const py::object& vector, bool rests_on_drops,
-              int agreeing_updates, int disputed_updates);
+              int agreeing_updates, int disputed_updates, int contradictions);
 
   void forget();
 

@@ -72,6 +72,8 @@ class GuaranteedRun:
     """Whether the heading counts from the first row, because nothing else determines it."""
     gaps: tuple[Gap, ...] = ()
     """Gaps of the gyro, which its error bounds do not cover."""
+    turns: Turns | None = None
+    """How the body turned to each row by the gyro, which ``caps`` follow; None where it is not known."""
     forward: "GuaranteedRun | None" = None
     """The pass forward alone, if the sets use the whole recording; else None."""
 
@@ -138,6 +140,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         caps=caps,
         starts_heading=starts_heading,
         gaps=gaps_between(log, configuration, rows, guaranteed),
+        turns=turns,
     )
 
 

@@ -13,7 +13,7 @@ from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun
 from elliptude.estimation.vertical import Vertical, vertical_of
 from elliptude.monitoring import Sets, arcs, monitor
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
-from elliptude.smoothing import disputes
+from elliptude.smoothing.disputes import Disputes, contested
 from elliptude.smoothing.fusion import StateSets, common, log_sizes
 from elliptude.typing import FloatArray
 
@@ -29,6 +29,10 @@ class Passes:
     """In the order of the rows."""
     caps: DirectionLog | None
     """Of the pass backward, in the order of the rows."""
+    disputes: tuple[Disputes, Disputes] | None = None
+    """Of the sets forward and backward, in the order of the rows; None where neither pass has met a contradiction."""
+    disputes_of_caps: tuple[Disputes, Disputes] | None = None
+    """Of the caps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +65,15 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
     forward, backward = passes.forward.sets, passes.backward
     up = passes.forward.rows.up
     both_unconditional = _both_unconditional(forward.claims, backward.claims)
-    left = _claims_left(forward.claims, backward.claims, disputes.of_sets(forward), disputes.of_sets(backward))
-    contested = (left[0] != forward.claims) | (left[1] != backward.claims)
+    left = _claims_left(forward.claims, backward.claims, passes.disputes)
+    weaker = (left[0] != forward.claims) | (left[1] != backward.claims)
     forward, backward = replace(forward, claims=left[0]), replace(backward, claims=left[1])
     of_cap = caps = passes.forward.caps
     caps_apart = np.zeros(len(forward.claims), dtype=np.bool_)
     if of_cap is not None and passes.caps is not None:
         first, second = of_cap.claims, passes.caps.claims
-        left = _claims_left(first, second, disputes.of_caps(of_cap), disputes.of_caps(passes.caps))
-        contested |= (left[0] != first) | (left[1] != second)
+        left = _claims_left(first, second, passes.disputes_of_caps)
+        weaker |= (left[0] != first) | (left[1] != second)
         of_cap, other_cap = replace(of_cap, claims=left[0]), replace(passes.caps, claims=left[1])
         caps, caps_apart = common_caps(of_cap, other_cap, _both_unconditional(first, second))
     equal = (forward.claims == backward.claims) & (forward.claims < _NONE)
@@ -85,7 +89,7 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         of_fused = Sets.of(_only(fused, known))
         single = _narrowed(single, [of_backward, of_fused], up)
         common_set = _narrowed(common_set, [of_forward, of_backward, of_fused], up)
-    before = passes.forward.vertical if not contested.any() else vertical_of(forward, of_cap, up)
+    before = passes.forward.vertical if not weaker.any() else vertical_of(forward, of_cap, up)
     if apart.any() or caps_apart.any():
         # A statement is wrong, and may be wrong elsewhere without showing it.
         single, common_set, weakened = (
@@ -105,7 +109,7 @@ def both_passes(passes: Passes, configuration: Configuration) -> Both:
         _chosen_vertical(before, vertical, of_common, takes, takes | stronger),
         caps,
         np.flatnonzero(apart | caps_apart),
-        contested,
+        weaker,
         ((forward.claims < _NONE) & ~stronger, stronger | (equal & meet)),
     )
 
@@ -115,14 +119,13 @@ def _both_unconditional(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDA
 
 
 def _claims_left(
-    forward: NDArray[np.uint8],
-    backward: NDArray[np.uint8],
-    forward_disputed: NDArray[np.bool_],
-    backward_disputed: NDArray[np.bool_],
+    forward: NDArray[np.uint8], backward: NDArray[np.uint8], disputes: tuple[Disputes, Disputes] | None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """What each of two passes claims once the contradictions that the other one has found are known."""
-    of_backward = disputes.contested(backward_disputed, forward_disputed)
-    of_forward = disputes.contested(forward_disputed[::-1], backward_disputed[::-1])[::-1]
+    if disputes is None:
+        return forward, backward
+    of_backward = contested(disputes[1], disputes[0])
+    of_forward = contested(disputes[0].turned_round(), disputes[1].turned_round())[::-1]
     return _weakened(forward, of_forward), _weakened(backward, of_backward | of_forward)
 
 

@@ -53,8 +53,8 @@ class _Moment:
     move_back: _Move
     """Predicts a filter of the mirrored flow to a time over that interval."""
     known: _Known
-    is_disputed: bool
-    """Whether the claim was conditional, after any update of this moment."""
+    contradictions: int
+    """How many updates had contradicted until then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +194,12 @@ class FixedLagSmoother:
         moments = list(self._moments)[::-1]
         contradicted = self._has_contradicted
         shown = carried = of_vector = _weakened(moments[0].known, contradicted)
-        after_dispute = carries_alone = False
+        before_contradiction = carries_alone = False
         for later, earlier in pairwise(moments[: age + 1]):
             future = self._backward(later, _weakened(carried, contradicted))
             (shown, smallest, of_vector), contradicts = self._both(_weakened(earlier.known, contradicted), future)
-            after_dispute = after_dispute or later.is_disputed
-            carries_alone = carries_alone or (after_dispute and earlier.known.claim == _UNCONDITIONAL)
+            before_contradiction = before_contradiction or earlier.contradictions != later.contradictions
+            carries_alone = carries_alone or (before_contradiction and earlier.known.claim == _UNCONDITIONAL)
             carried = future if carries_alone else smallest
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
@@ -227,9 +227,8 @@ class FixedLagSmoother:
         self._has_contradicted = False
         self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, *self._present()))
 
-    def _present(self) -> tuple[_Known, bool]:
-        known = _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim))
-        return known, known.claim == _CONDITIONAL
+    def _present(self) -> tuple[_Known, int]:
+        return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim)), self._filter._contradictions
 
     def _refuse_other_use(self) -> None:
         if self._filter.time != self._moments[-1].time:
@@ -246,9 +245,7 @@ class FixedLagSmoother:
 
     def _replace_present(self) -> None:
         last = self._moments.pop()
-        known, is_disputed = self._present()
-        is_disputed = is_disputed or last.is_disputed
-        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, known, is_disputed))
+        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, *self._present()))
 
     @property
     def _is_product(self) -> bool:

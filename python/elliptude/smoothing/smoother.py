@@ -14,8 +14,10 @@ from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun, gaps
 from elliptude.estimation.questions.answers import Answers, answers_of
 from elliptude.estimation.vertical import followed
 from elliptude.logs.log import Log
-from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
+from elliptude.results import CLAIMS, GuaranteedLog
+from elliptude.smoothing import disputes
 from elliptude.smoothing.both import Passes, both_passes
+from elliptude.smoothing.disputes import Disputes
 from elliptude.smoothing.mirror import caps_turned_round, mirrored, mirrored_set, turned_round
 from elliptude.smoothing.questions import Answered, answers_of_both
 from elliptude.smoothing.questions import turned_round as answers_turned_round
@@ -80,11 +82,15 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
     """As `elliptude.estimation.guaranteed_run.run_guaranteed`, with sets that use the whole recording."""
     forward = run_guaranteed(log, configuration)
     try:
-        passed, caps = _backward(forward, configuration)
+        back = _backward(forward, configuration)
     except (elliptude.InconsistentMeasurement, elliptude.RowError) as error:
         raise _in_order(error, forward.log) from error
-    backward = turned_round(passed.sets, forward.given.times)
-    found = both_passes(Passes(forward, backward, caps), configuration)
+    backward = turned_round(back.run.sets, forward.given.times)
+    caps = None if back.run.caps is None else caps_turned_round(back.run.caps)
+    found = both_passes(
+        Passes(forward, backward, caps, back.disputes, back.disputes_of_caps),
+        configuration,
+    )
     if len(found.disagreements) and configuration.estimator.policy == "raise":
         row = int(found.disagreements[0])
         raise elliptude.InconsistentMeasurement(
@@ -108,7 +114,7 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
         forward=forward,
         disagreements=found.disagreements,
         contested=found.contested,
-        backward=passed,
+        backward=back.run,
         counts=found.counts,
     )
 
@@ -131,8 +137,17 @@ def smoothed_answers(run: GuaranteedRun, configuration: Configuration) -> Answer
     )
 
 
-def _backward(forward: GuaranteedRun, configuration: Configuration) -> tuple[GuaranteedRun, DirectionLog | None]:
-    """The pass over the mirrored log, and, in the order of the rows, what it knows of up by itself; section 20.2."""
+@dataclass(frozen=True, eq=False)
+class _Backward:
+    run: GuaranteedRun
+    """The pass over the mirrored log, in its own order."""
+    disputes: tuple[Disputes, Disputes]
+    """Of the sets forward and backward, in the order of the rows."""
+    disputes_of_caps: tuple[Disputes, Disputes] | None
+
+
+def _backward(forward: GuaranteedRun, configuration: Configuration) -> _Backward:
+    """The pass over the mirrored log, and where each of the two has met contradictions; theory, section 20.2."""
     back = mirrored(forward, configuration)
     start, weakest = None, 0
     if forward.start is not None:
@@ -142,10 +157,21 @@ def _backward(forward: GuaranteedRun, configuration: Configuration) -> tuple[Gua
     if forward.contradictions:
         weakest = max(weakest, CONDITIONAL)
     sets = run_filter(back.given, start, configuration, forward.rows.up)
-    sets = replace(sets, claims=np.maximum(sets.claims, weakest).astype(np.uint8))
     caps = followed(configuration, back.rows, back.turns)
-    passed = replace(forward, given=back.given, start=start, sets=sets, rows=back.rows, vertical=None, caps=None)
-    return passed, None if caps is None else caps_turned_round(caps)
+    forward_anchors = None if forward.given.turns is None else forward.given.turns.anchors
+    anchors = None if back.given.turns is None else back.given.turns.anchors
+    of_caps = None
+    if forward.caps is not None and caps is not None and forward.turns is not None and back.turns is not None:
+        of_caps = (
+            disputes.of_caps(forward.caps, forward.turns.anchors),
+            disputes.of_caps(caps, back.turns.anchors).turned_round(),
+        )
+    of_sets = disputes.of_sets(forward.sets, forward_anchors), disputes.of_sets(sets, anchors).turned_round()
+    sets = replace(sets, claims=np.maximum(sets.claims, weakest).astype(np.uint8))
+    run = replace(
+        forward, given=back.given, start=start, sets=sets, rows=back.rows, vertical=None, caps=caps, turns=back.turns
+    )
+    return _Backward(run, of_sets, of_caps)
 
 
 def _in_order(

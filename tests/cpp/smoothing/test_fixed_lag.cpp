@@ -403,27 +403,71 @@ TEST_CASE("fixed lag: a lie that is found out late makes no earlier set wrong") 
   CHECK_FALSE(lag.has_contradicted());
 }
 
-TEST_CASE("fixed lag: a dispute that is over within its moment is one") {
-  const auto moment = [](double time, double about_x, double within, bool is_disputed) {
+TEST_CASE("backward pass: a dispute that is over within one moment, of moments that a program keeps") {
+  using Filter = GyroScene::Filter;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.noise = 0.03 * 0.03 * Matrix3d::Identity();
+  GyroScene::Flow flow;
+  REQUIRE(GyroScene::Flow::make(uncertainty, GyroScene::Flow::IntervalRate::mean, flow) == Status::ok);
+  Filter::Settings settings;
+  settings.policy = Policy::drop_measurement;
+  settings.regain_after = 1;
+  settings.estimates_vector = false;
+  Filter filter;
+  REQUIRE(Filter::make(flow, settings, 0, filter) == Status::ok);
+  REQUIRE(filter.bound_vector({Vector3d::Zero(), 1e-10 * Matrix3d::Identity()}) == Status::ok);
+  std::vector<FilterMoment<Filter>> moments;
+  // The lie comes at 2 s, and fits. Of two updates at 5 s the first contradicts it, and the second regains the claim.
+  for (const auto& [time, angle, within] :
+       {std::array{0.0, 0.01, 0.1}, {1, 0.01, 0.1}, {2, 0.11, 1e-3}, {5, 0, 1e-3}, {5, 0, 0.1}}) {
+    PredictedInterval<Filter> interval;
+    interval.duration = time - filter.time();
+    interval.input.angular_velocity.setZero();
+    const bool is_new = interval.duration > 0 || moments.empty();
+    REQUIRE(filter.predict(time, interval.input) == Status::ok);
+    const MeasuredAttitude<double> star{exp(Vector3d(angle, 0, 0)), within * within * Matrix3d::Identity()};
+    GuaranteedUpdate<double> report;
+    REQUIRE(filter.update(Measurements<double>{nullptr, 0, nullptr, &star}, report) == Status::ok);
+    if (is_new) {
+      moments.push_back(FilterMoment<Filter>::of(filter, interval));
+    } else {
+      moments.back() = FilterMoment<Filter>::of(filter, moments.back().interval);
+    }
+    CHECK((filter.claim() == Claim::conditional) == (within == 1e-3 && time == 5));
+  }
+  BackwardPass<Filter> pass(filter, moments.back());
+  for (std::size_t k = moments.size() - 1; k-- > 0;) {
+    REQUIRE(pass.to(moments[k]) == Status::ok);
+    CHECK(pass.smoothed().claim == Claim::unconditional);
+    const double form = form_in_product(pass.smoothed().set, {Matrix3d::Identity(), Vector3d::Zero()});
+    CHECK((form <= 1) == (k != 2));
+  }
+}
+
+TEST_CASE("backward pass: earlier contradictions are none of later moments") {
+  const auto moment = [](double time, double about_x, double within, unsigned contradictions) {
     FilterMoment<GyroScene::Filter> known;
     known.time = time;
     known.interval.duration = 1;
+    known.contradictions = contradictions;
     known.known = {{{exp(Vector3d(about_x, 0, 0)), Vector3d::Zero()}, within * within * Matrix6<double>::Identity()},
                    Claim::unconditional};
-    known.is_disputed = is_disputed;
     return known;
   };
   const GyroScene::Filter filter = GyroScene::filter(Policy::drop_measurement);
-  for (const bool is_disputed : {false, true}) {
-    for (const bool at_end : {false, true}) {
-      BackwardPass<GyroScene::Filter> pass(filter, moment(3, 0, 0.05, is_disputed && at_end));
-      REQUIRE(pass.to(moment(2, 0, 0.05, is_disputed && !at_end)) == Status::ok);
-      REQUIRE(pass.to(moment(1, 0.05, 1e-3, false)) == Status::ok);
-      CHECK(pass.smoothed().set.center.attitude.isApprox(exp(Vector3d(0.05, 0, 0)), 1e-2));
-      REQUIRE(pass.to(moment(0, 0, 0.1, false)) == Status::ok);
-      // Only without a dispute is the set of moment 1 carried to moment 0.
-      CHECK((form_of(pass.smoothed().set, {Matrix3d::Identity(), Vector3d::Zero()}) > 1) == !is_disputed);
-    }
+  const GyroState<double> truth{Matrix3d::Identity(), Vector3d::Zero()};
+  // How many updates had contradicted until moments 3, 2, 1 and 0: the set of moment 1 is carried to moment 0 if none did since.
+  for (const auto& [counts, carried] : {std::pair{std::array{5U, 5U, 5U, 5U}, true},
+                                        {std::array{5U, 5U, 5U, 4U}, true},
+                                        {std::array{6U, 5U, 5U, 5U}, false},
+                                        {std::array{6U, 6U, 5U, 5U}, false}}) {
+    BackwardPass<GyroScene::Filter> pass(filter, moment(3, 0, 0.05, counts[0]));
+    REQUIRE(pass.to(moment(2, 0, 0.05, counts[1])) == Status::ok);
+    REQUIRE(pass.to(moment(1, 0.05, 1e-3, counts[2])) == Status::ok);
+    CHECK(pass.smoothed().set.center.attitude.isApprox(exp(Vector3d(0.05, 0, 0)), 1e-2));
+    REQUIRE(pass.to(moment(0, 0, 0.1, counts[3])) == Status::ok);
+    const bool is_wrong = form_of(pass.smoothed().set, truth) > 1;
+    CHECK(is_wrong == carried);
   }
 }
 

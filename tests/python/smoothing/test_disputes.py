@@ -36,15 +36,25 @@ def proof(disputed, row, step):
     return {row} | (rests_on(disputed, before, step) if 0 <= before < len(disputed) else set())
 
 
+def disputes_of(met, anchors=None):
+    margins = np.where(met, -1.0, 1.0)
+    nan = np.full((len(met), 6, 6), np.nan)
+    flags = np.zeros(len(met), dtype=bool)
+    claims = met.astype(np.uint8)
+    sets = GuaranteedLog(margins, nan[:, :3, :3], nan[:, 0, :3], nan, claims, flags, flags, flags[:, None], margins)
+    return disputes.of_sets(sets, anchors)
+
+
 def test_what_has_contradicted_by_counting_rows():
     draws = np.random.default_rng(3)
     count = 0
     for _ in range(3000):
         n = draws.integers(1, 14)
         forward, backward = draws.random((2, n)) < draws.uniform(0.05, 0.6)
+        of_forward, of_backward = disputes_of(forward), disputes_of(backward[::-1]).turned_round()
         found = {
-            1: disputes.contested(forward[::-1], backward[::-1])[::-1],
-            -1: disputes.contested(backward, forward),
+            1: disputes.contested(of_forward.turned_round(), of_backward.turned_round())[::-1],
+            -1: disputes.contested(of_backward, of_forward),
         }
         passes = {1: forward, -1: backward}
         for step, own in passes.items():
@@ -60,7 +70,28 @@ def test_what_has_contradicted_by_counting_rows():
                 assert found[step][row] == expected
                 count += expected
     assert count > 1000
-    assert len(disputes.contested(np.zeros(0, dtype=bool), np.zeros(0, dtype=bool))) == 0
+    none = disputes_of(np.zeros(0, dtype=bool))
+    assert len(disputes.contested(none, none)) == 0
+
+
+def test_a_dispute_between_anchors_ends_where_it_began():
+    met = np.zeros(9, dtype=bool)
+    met[[2, 4, 7]] = True  # between two anchors; an anchor, which the next four rows have it from; one of these
+    of_anchored = disputes_of(met, np.array([-1, 0, 0, 0, 0, 4, 4, 4, 4]))
+    np.testing.assert_array_equal(np.flatnonzero(of_anchored.inherited), [5, 6, 7, 8])
+    np.testing.assert_array_equal(np.flatnonzero(of_anchored.carried), [4])
+    met[4] = False
+    of_anchored = disputes_of(met, np.array([-1, 0, 0, 0, 0, 4, 4, 4, 4]))
+    assert not of_anchored.carried.any()
+    # A pass backward that has met a contradiction at one row rests at the rows before on what it rested on after it.
+    own = disputes_of(met[::-1], np.array([-1, 0, 0, 0, 0, 4, 4, 4, 4])).turned_round()
+    late = np.zeros(9, dtype=bool)
+    late[8] = True
+    found = disputes.contested(own, disputes_of(late))
+    np.testing.assert_array_equal(found, ~met)
+    # Each row that contradicts a set of an anchor is one more proof.
+    found = disputes.contested(disputes_of(np.zeros(9, dtype=bool)), of_anchored)
+    np.testing.assert_array_equal(np.flatnonzero(found), [0, 1, 2, 3, 4, 5, 6, 7])
 
 
 def test_rows_in_dispute():
@@ -69,6 +100,6 @@ def test_rows_in_dispute():
     nan = np.full((4, 6, 6), np.nan)
     flags = np.zeros(4, dtype=bool)
     sets = GuaranteedLog(margins, nan[:, :3, :3], nan[:, 0, :3], nan, claims, flags, flags, flags[:, None], margins)
-    np.testing.assert_array_equal(disputes.of_sets(sets), [False, True, False, True])
+    np.testing.assert_array_equal(disputes.of_sets(sets, None).met, [False, True, False, True])
     caps = DirectionLog(nan[:, 0, :3], nan[:, 0, 0], claims, np.array([True, False, False, True]))
-    np.testing.assert_array_equal(disputes.of_caps(caps), [False, True, False, True])
+    np.testing.assert_array_equal(disputes.of_caps(caps, None).met, [False, True, False, True])

@@ -47,7 +47,7 @@ class DirectionFilter {
   /// Forgets the direction, and what was dropped.
   void forget() noexcept {
     cap_ = {Vector3<Scalar>::UnitZ(), scalar::pi<Scalar>()};
-    trust_ = {};
+    trust_.forget();
   }
 
   [[nodiscard]] const Settings& settings() const noexcept { return settings_; }

@@ -83,7 +83,7 @@ class GuaranteedFilter {
     memory_.known.set = begin;
     memory_.known.has_attitude = true;
     memory_.known.has_vector = false;
-    memory_.trust = {};
+    memory_.trust.forget();
     memory_.claim = Claim::unconditional;
     return Status::ok;
   }

@@ -11,14 +11,19 @@ namespace elliptude {
 class Trust {
  public:
   Trust() = default;
-  Trust(bool rests_on_drops, int agreeing_updates, int disputed_updates) noexcept
-      : rests_on_drops_(rests_on_drops), agreeing_updates_(agreeing_updates), disputed_updates_(disputed_updates) {}
+  Trust(bool rests_on_drops, int agreeing_updates, int disputed_updates, unsigned contradictions = 0) noexcept
+      : rests_on_drops_(rests_on_drops),
+        agreeing_updates_(agreeing_updates),
+        disputed_updates_(disputed_updates),
+        contradictions_(contradictions) {}
 
   [[nodiscard]] bool rests_on_drops() const noexcept { return rests_on_drops_; }
   /// Updates in a row without contradiction.
   [[nodiscard]] int agreeing_updates() const noexcept { return agreeing_updates_; }
   /// Updates since the first contradiction, or since the past was last given up for one.
   [[nodiscard]] int disputed_updates() const noexcept { return disputed_updates_; }
+  /// Updates that contradicted, ever: whether any did between two moments.
+  [[nodiscard]] unsigned contradictions() const noexcept { return contradictions_; }
 
   /// Counts an update that measured something.
   /// \param taken_up whether there is a set or a vector that could rest on what was left out.
@@ -28,6 +33,7 @@ class Trust {
       one_more(disputed_updates_);
     }
     if (contradicted) {
+      ++contradictions_;
       agreeing_updates_ = 0;
       rests_on_drops_ = rests_on_drops_ || taken_up;
     } else {
@@ -46,10 +52,14 @@ class Trust {
     rests_on_drops_ = agreeing_updates_ < regain_after;
   }
 
+  /// Nothing is left that could rest on what was left out.
+  void forget() noexcept { *this = Trust(false, 0, 0, contradictions_); }
+
  private:
   bool rests_on_drops_ = false;
   int agreeing_updates_ = 0;
   int disputed_updates_ = 0;
+  unsigned contradictions_ = 0;
 };
 
 }  // namespace elliptude

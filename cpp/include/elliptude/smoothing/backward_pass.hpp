@@ -28,7 +28,7 @@ struct FilterMoment {
   typename Filter::Scalar time{0};
   PredictedInterval<Filter> interval;  ///< that led to it; ignored in the first moment
   ClaimedSet<typename Filter::State> known;
-  bool is_disputed = false;  ///< whether the claim was conditional, after any update of this moment
+  unsigned contradictions = 0;  ///< how many updates had contradicted until then
 
   /// What a filter knows now.
   [[nodiscard]] static FilterMoment of(const Filter& filter, const PredictedInterval<Filter>& interval) noexcept {
@@ -36,7 +36,7 @@ struct FilterMoment {
     moment.time = filter.time();
     moment.interval = interval;
     moment.known.claim = filter.claim();
-    moment.is_disputed = filter.claim() == Claim::conditional;
+    moment.contradictions = filter.trust().contradictions();
     if (filter.knows_attitude()) {
       moment.known.set = filter.ellipsoid();
     }
@@ -73,11 +73,14 @@ class BackwardPass {
   /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it is.
   /// \param has_contradicted whether a statement is known to be wrong already: no set is then unconditional.
   BackwardPass(const Filter& filter, const FilterMoment<Filter>& last, bool has_contradicted = false) noexcept
-      : filter_(filter), time_(last.time), interval_(last.interval), has_contradicted_(has_contradicted) {
+      : filter_(filter),
+        time_(last.time),
+        interval_(last.interval),
+        contradictions_(last.contradictions),
+        has_contradicted_(has_contradicted) {
     both_.smoothed = weakened(last.known);
     both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
     carried_ = both_.smoothed;
-    after_dispute_ = last.is_disputed;
   }
   BackwardPass(const Filter&&, const FilterMoment<Filter>&, bool = false) = delete;
 
@@ -101,10 +104,10 @@ class BackwardPass {
     both_ = both;
     has_contradicted_ = has_contradicted_ || both.contradict;
     both_.smoothed = weakened(both_.smoothed);
-    const bool before_dispute = after_dispute_ && earlier.known.claim == Claim::unconditional;
-    carries_alone_ = carries_alone_ || before_dispute;
+    before_contradiction_ = before_contradiction_ || earlier.contradictions != contradictions_;
+    carries_alone_ = carries_alone_ || (before_contradiction_ && earlier.known.claim == Claim::unconditional);
     carried_ = weakened(carries_alone_ ? future : both.smallest);
-    after_dispute_ = after_dispute_ || earlier.is_disputed;
+    contradictions_ = earlier.contradictions;
     time_ = earlier.time;
     interval_ = earlier.interval;
     return Status::ok;
@@ -182,11 +185,11 @@ class BackwardPass {
   const Filter& filter_;
   Scalar time_;
   PredictedInterval<Filter> interval_;
-  BothDirections<State> both_;  ///< at the moment where the pass is
-  ClaimedSet<State> carried_;   ///< what goes on to earlier moments
-  bool after_dispute_ = false;  ///< whether a moment from here on was disputed
-  bool carries_alone_ =
-      false;  ///< whether nothing that the filter knew is taken up any more: the pass is before a dispute
+  unsigned contradictions_;
+  BothDirections<State> both_;         ///< at the moment where the pass is
+  ClaimedSet<State> carried_;          ///< what goes on to earlier moments
+  bool before_contradiction_ = false;  ///< whether an update has contradicted after the moment where the pass is
+  bool carries_alone_ = false;         ///< whether nothing that the filter knew is taken up any more: before a dispute
   bool has_contradicted_ = false;
 };
 

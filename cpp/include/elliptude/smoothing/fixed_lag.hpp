@@ -79,7 +79,7 @@ class FixedLag {
   [[nodiscard]] Status update(const Measured& measurements, Reports&... reports) noexcept {
     const Status status = filter_.update(measurements, reports...);
     if (status == Status::ok) {
-      renew_present();
+      moment(0) = FilterMoment<Filter>::of(filter_, moment(0).interval);
     }
     return status;
   }
@@ -120,21 +120,13 @@ class FixedLag {
     if (predicted != Status::ok) {
       return predicted;
     }
-    if (!(interval.duration > Scalar(0) || interval.is_turn)) {
-      renew_present();
-      return Status::ok;
+    const bool is_new = interval.duration > Scalar(0) || interval.is_turn;
+    if (is_new) {
+      newest_ = (newest_ + 1) % (Lag + 1);
+      count_ += count_ <= Lag ? 1 : 0;
     }
-    newest_ = (newest_ + 1) % (Lag + 1);
-    count_ += count_ <= Lag ? 1 : 0;
-    moment(0) = FilterMoment<Filter>::of(filter_, interval);
+    moment(0) = FilterMoment<Filter>::of(filter_, is_new ? interval : moment(0).interval);
     return Status::ok;
-  }
-
-  /// What the filter knows now, of a moment that there is.
-  void renew_present() noexcept {
-    const bool was_disputed = moment(0).is_disputed;
-    moment(0) = FilterMoment<Filter>::of(filter_, moment(0).interval);
-    moment(0).is_disputed = moment(0).is_disputed || was_disputed;
   }
 
   Filter filter_;

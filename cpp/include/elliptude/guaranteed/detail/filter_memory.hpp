@@ -33,7 +33,7 @@ struct FilterMemory {
     constraints.count = 0;
     known.has_attitude = false;
     known.has_vector = false;
-    trust = {};
+    trust.forget();
     claim = Claim::none;
   }
 

@@ -73,7 +73,7 @@ class FilterPrediction {
     filter_.known.has_vector = has_vector;
     filter_.known.has_attitude = false;
     if (!has_vector) {
-      filter_.trust = {};  // nothing is left that could rest on what was dropped
+      filter_.trust.forget();
     }
     filter_.claim = Claim::none;
     filter_.time = time;
