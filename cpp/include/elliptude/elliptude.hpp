@@ -66,6 +66,9 @@
 #include "elliptude/first_order/convergence.hpp"
 #include "elliptude/first_order/estimator.hpp"
 #include "elliptude/first_order/filter.hpp"
+#if defined(__GNUC__)
+#include "elliptude/first_order/filter_ensemble.hpp"
+#endif
 
 #include "elliptude/guaranteed/torque_forms.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"
