@@ -8,7 +8,7 @@
 #include <cstddef>
 
 #include "elliptude/ensemble/pack.hpp"
-#include "elliptude/first_order/detail/lanewise_fusion.hpp"
+#include "elliptude/first_order/detail/lanewise_linear_fusion.hpp"
 #include "elliptude/first_order/detail/lanewise_measurement.hpp"
 #include "elliptude/first_order/detail/lanewise_prediction.hpp"
 #include "elliptude/first_order/filter.hpp"
@@ -96,12 +96,47 @@ class FilterEnsemble {
   /// \return how many filters went alone.
   std::size_t update(const Direction<Number>* directions, std::size_t count, const AngularVelocity<Number>* rates,
                      Lanes& lanes, Update<Number>* updates, Status* statuses) const noexcept {
-    static_assert(std::is_same_v<typename Filter::State, RigidBodyState<Number>>,
-                  "the gyro's rate is the input of GyroFlow, not a measurement");
+    static_assert(measures_rate, "the gyro's rate is the input of GyroFlow, not a measurement");
     const Mask usual = update_together(directions, count, rates, lanes, updates);
     return finish(usual, lanes, statuses, [&](Filter& filter, std::size_t i) {
       return filter.update(directions + i * count, count, rates[i], updates[i]);
     });
+  }
+
+  /// The same with directions alone.
+  std::size_t update(const Direction<Number>* directions, std::size_t count, Lanes& lanes, Update<Number>* updates,
+                     Status* statuses) const noexcept {
+    const Mask usual = update_together(directions, count, lanes, updates);
+    return finish(usual, lanes, statuses, [&](Filter& filter, std::size_t i) {
+      return filter.update(directions + i * count, count, updates[i]);
+    });
+  }
+
+  /// The same with a whole attitude of each filter.
+  std::size_t update(const MeasuredAttitude<Number>* attitudes, Lanes& lanes, Update<Number>* updates,
+                     Status* statuses) const noexcept {
+    MeasuredAttitude<Scalar> measured;
+    for (std::size_t i = 0; i < width; ++i) {
+      set_lane(measured.attitude, i, attitudes[std::min(i, lanes.size - 1)].attitude);
+      set_lane(measured.bound, i, attitudes[std::min(i, lanes.size - 1)].bound);
+    }
+    const Mask usual = fuse_attitude(detail::lanewise::is_rotation(measured.attitude), measured, lanes, updates);
+    return finish(usual, lanes, statuses,
+                  [&](Filter& filter, std::size_t i) { return filter.update(attitudes[i], updates[i]); });
+  }
+
+  /// The same with an angular velocity alone.
+  std::size_t update(const AngularVelocity<Number>* rates, Lanes& lanes, Update<Number>* updates,
+                     Status* statuses) const noexcept {
+    static_assert(measures_rate, "the gyro's rate is the input of GyroFlow, not a measurement");
+    const LinearMeasurement<Scalar, 3> linear =
+        linear_angular_velocity(lanes.ellipsoid.center.angular_velocity, gathered_rate(rates, lanes.size));
+    Fusion<PackedState> fusion;
+    const Mask usual =
+        detail::lanewise::fuse(linear, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
+    accept(usual, fusion, lanes, updates);
+    return finish(usual, lanes, statuses,
+                  [&](Filter& filter, std::size_t i) { return filter.update(rates[i], updates[i]); });
   }
 
  private:
@@ -110,6 +145,7 @@ class FilterEnsemble {
   using PackedState = typename Lanes::State;
   using PackedFlow = decltype(std::declval<const Flow&>().template cast<Scalar>());
   static constexpr auto width = static_cast<std::size_t>(Width);
+  static constexpr bool measures_rate = std::is_same_v<typename Filter::State, RigidBodyState<Number>>;
 
   static void put_lane(const Filter& filter, std::size_t i, Lanes& lanes) noexcept {
     Vector3<Scalar> vector = vector_part(lanes.ellipsoid.center);
@@ -178,6 +214,24 @@ class FilterEnsemble {
     return result;
   }
 
+  using PackedDirections = std::array<Direction<Scalar>, most_directions>;
+  static void gather(const Direction<Number>* directions, std::size_t count, std::size_t size,
+                     PackedDirections& packed) noexcept {
+    for (std::size_t k = 0; k < count; ++k) {
+      packed[k] = gathered_direction(directions, count, k, size);
+    }
+  }
+
+  [[nodiscard]] static AngularVelocity<Scalar> gathered_rate(const AngularVelocity<Number>* rates,
+                                                             std::size_t size) noexcept {
+    AngularVelocity<Scalar> rate;
+    for (std::size_t i = 0; i < width; ++i) {
+      set_lane(rate.value, i, rates[std::min(i, size - 1)].value);
+      set_lane(rate.bound, i, rates[std::min(i, size - 1)].bound);
+    }
+    return rate;
+  }
+
   /// \return in which lanes the update is made.
   [[nodiscard]] Mask update_together(const Direction<Number>* directions, std::size_t count,
                                      const AngularVelocity<Number>* rates, Lanes& lanes,
@@ -185,19 +239,36 @@ class FilterEnsemble {
     if (count < 2 || count > most_directions) {
       return nowhere();
     }
-    std::array<Direction<Scalar>, most_directions> packed;
-    for (std::size_t k = 0; k < count; ++k) {
-      packed[k] = gathered_direction(directions, count, k, lanes.size);
-    }
-    AngularVelocity<Scalar> rate;
-    for (std::size_t i = 0; i < width; ++i) {
-      set_lane(rate.value, i, rates[std::min(i, lanes.size - 1)].value);
-      set_lane(rate.bound, i, rates[std::min(i, lanes.size - 1)].bound);
-    }
+    PackedDirections packed;
+    gather(directions, count, lanes.size, packed);
     StateEllipsoid<PackedState> measured;
-    Mask usual = detail::lanewise::measured_state(packed.data(), count, rate, packed_criterion_, measured);
+    Mask usual = detail::lanewise::measured_state(packed.data(), count, gathered_rate(rates, lanes.size),
+                                                  packed_criterion_, measured);
     Fusion<PackedState> fusion;
     usual = usual && detail::lanewise::fuse(measured, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
+    accept(usual, fusion, lanes, updates);
+    return usual;
+  }
+  [[nodiscard]] Mask update_together(const Direction<Number>* directions, std::size_t count, Lanes& lanes,
+                                     Update<Number>* updates) const noexcept {
+    if (count < 2 || count > most_directions) {
+      return nowhere();
+    }
+    PackedDirections packed;
+    gather(directions, count, lanes.size, packed);
+    MeasuredAttitude<Scalar> measured;
+    const Mask usual = detail::lanewise::measured_attitude(packed.data(), count, measured);
+    return fuse_attitude(usual, measured, lanes, updates);
+  }
+
+  /// \param usual lanes in which the attitude is a rotation.
+  /// \return in which lanes the update is made.
+  [[nodiscard]] Mask fuse_attitude(Mask usual, const MeasuredAttitude<Scalar>& measured, Lanes& lanes,
+                                   Update<Number>* updates) const noexcept {
+    const LinearMeasurement<Scalar, 3> linear =
+        detail::attitude_rows(lanes.ellipsoid.center.attitude, measured);
+    Fusion<PackedState> fusion;
+    usual = usual && detail::lanewise::fuse(linear, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
     accept(usual, fusion, lanes, updates);
     return usual;
   }

@@ -169,6 +169,23 @@ template <typename Scalar>
   return Status::ok;
 }
 
+namespace detail {
+
+/// `linear_attitude` of a rotation.
+template <typename Scalar>
+[[nodiscard]] LinearMeasurement<Scalar, 3> attitude_rows(const Matrix3<Scalar>& center,
+                                                         const MeasuredAttitude<Scalar>& measured) noexcept {
+  LinearMeasurement<Scalar, 3> linear;
+  linear.y = ExponentialChart::error(center, measured.attitude);
+  linear.h.setZero();
+  linear.h.template leftCols<3>().setIdentity();
+  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
+  linear.bound = moved * measured.bound * moved.transpose();
+  return linear;
+}
+
+}  // namespace detail
+
 /// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ + J_r⁻¹(ζ̃) ν.
 template <typename Scalar>
 [[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
@@ -179,11 +196,7 @@ template <typename Scalar>
   if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
     return Status::not_a_rotation;
   }
-  linear.y = ExponentialChart::error(center, measured.attitude);
-  linear.h.setZero();
-  linear.h.template leftCols<3>().setIdentity();
-  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
-  linear.bound = moved * measured.bound * moved.transpose();
+  linear = detail::attitude_rows(center, measured);
   return Status::ok;
 }
 

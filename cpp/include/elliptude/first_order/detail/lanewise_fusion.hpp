@@ -32,14 +32,18 @@ template <typename Scalar, int N>
   return at.quadric_slack >= Scalar(0) && at.ball_slack >= Scalar(0);
 }
 
+template <typename Scalar>
+[[nodiscard]] Scalar newton_move(const Scalar& slope, const Scalar& curvature, const Scalar& longest) noexcept {
+  const Scalar downhill = scalar::select(slope > Scalar(0), Scalar(-longest), longest);
+  const Scalar move = scalar::select(curvature > Scalar(0), Scalar(-slope / curvature), downhill);
+  return scalar::select(move > longest, longest, scalar::select(move < -longest, Scalar(-longest), move));
+}
+
 /// `newton_move` where the bracket has an upper end, else `newton_move_upward`.
 template <typename Scalar>
 [[nodiscard]] Scalar move_in_bracket(const Scalar& slope, const Scalar& curvature, const Scalar& longest,
                                      const Scalar& high) noexcept {
-  const Scalar downhill = scalar::select(slope > Scalar(0), Scalar(-longest), longest);
-  const Scalar within = scalar::select(curvature > Scalar(0), Scalar(-slope / curvature), downhill);
-  const Scalar newton =
-      scalar::select(within > longest, longest, scalar::select(within < -longest, Scalar(-longest), within));
+  const Scalar newton = lanewise::newton_move<Scalar>(slope, curvature, longest);
   const Truth<Scalar> bracketed = high - high == Scalar(0);
   if (scalar::all(bracketed)) {
     return newton;
@@ -122,15 +126,6 @@ void least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeS
   found.share = q / (Scalar(1) + q);
 }
 
-/// What `minimal_intersection` gives, in coordinates; where `second_alone`, the second set as it is.
-template <typename Scalar, int N>
-struct LanesIntersection {
-  Vector<Scalar, N> center;
-  Matrix<Scalar, N> shape;
-  Scalar share;
-  Truth<Scalar> second_alone;
-};
-
 /// Where `Problem::is_ill_conditioned` says no.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Truth<Scalar> is_well_conditioned(const Problem<Scalar, N, Slack>& problem, const Scalar& share,
@@ -138,6 +133,46 @@ template <typename Scalar, int N, typename Slack>
   const Scalar q = share / (Scalar(1) - share);
   const Scalar condition = (problem.m.trace() + Scalar(N) * q) * at.inverse.trace();
   return condition * condition * condition * rounding::share<Scalar>(1) <= Scalar(1);
+}
+
+/// What `minimal_intersection` gives, in coordinates.
+template <typename Scalar, int N>
+struct LanesIntersection {
+  Vector<Scalar, N> center;
+  Matrix<Scalar, N> shape;
+  Scalar share;
+  Truth<Scalar> first_alone;   ///< where the first set is to be taken as it is,
+  Truth<Scalar> second_alone;  ///< where the second
+};
+
+/// `minimal_intersection` of a quadric and the ball of x = origin + l u.
+/// \param valid lanes for which l and the problem are.
+/// \return where the search was as usual, and found that the two have a common point.
+template <typename Scalar, int N, typename Slack>
+[[nodiscard]] Truth<Scalar> minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& l,
+                                                 const Problem<Scalar, N, Slack>& problem,
+                                                 const RelativeSize<Scalar, N>& size, const Scalar& start,
+                                                 const Truth<Scalar>& valid,
+                                                 LanesIntersection<Scalar, N>& result) noexcept {
+  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
+  const Truth<Scalar> idle = slack_at_origin >= size.idle_slack(problem.m);
+  LanesFound<Scalar, N> found;
+  found.common_point = slack_at_origin >= Scalar(0);
+  found.first_alone = !everywhere<Scalar>();
+  found.usual = valid && start > Scalar(0) && start - start == Scalar(0);
+  lanewise::least_combination(problem, size, start, idle, found);
+
+  const Combination<Scalar, N>& best = found.combination;
+  result.first_alone = found.first_alone;
+  result.second_alone =
+      idle || (!found.first_alone && (!(size(best) < Scalar(0)) || found.share == Scalar(1)));
+  result.share = scalar::select(result.second_alone, Scalar(1),
+                                scalar::select(found.first_alone, Scalar(0), found.share));
+  const Matrix<Scalar, N> half = l.lazyProduct(best.root.transpose());
+  result.shape.noalias() = best.level * half.lazyProduct(half.transpose());
+  result.center = origin + l.lazyProduct(best.center);
+  return found.usual && found.common_point &&
+         (result.second_alone || found.first_alone || is_well_conditioned(problem, found.share, best));
 }
 
 /// Where `validate_combined` accepts a set of full dimension.
@@ -151,6 +186,7 @@ template <typename Scalar, int N>
 }
 
 /// `minimal_intersection` of ellipsoids about zero and about another center, with factors that `cholesky` and `definite_cholesky` found.
+/// Where the second set is to be taken as it is, there is no other.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> minimal_intersection(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& l1,
                                                  const Vector<Scalar, N>& center, const Matrix<Scalar, N>& l2,
@@ -166,30 +202,13 @@ template <typename Scalar, int N>
   };
   const Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
   const RelativeSize<Scalar, N> size(l2, present, criterion);
-  const Scalar start = problem.typical_weight();
-  const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
-  const Truth<Scalar> idle = slack_at_origin >= size.idle_slack(m);
-  LanesFound<Scalar, N> found;
-  found.common_point = slack_at_origin >= Scalar(0);
-  found.first_alone = !everywhere<Scalar>();
-  found.usual = valid && start > Scalar(0) && start - start == Scalar(0);
-  lanewise::least_combination(problem, size, start, idle, found);
-
-  const Combination<Scalar, N>& best = found.combination;
-  result.second_alone =
-      idle || (!found.first_alone && (!(size(best) < Scalar(0)) || found.share == Scalar(1)));
-  const Matrix<Scalar, N> half = l2.lazyProduct(best.root.transpose());
-  result.shape.noalias() = best.level * half.lazyProduct(half.transpose());
-  result.center = center + l2.lazyProduct(best.center);
-  const Truth<Scalar> combined = !result.second_alone && !found.first_alone;
   const Truth<Scalar> usual =
-      found.usual && found.common_point &&
-      (!combined || (is_well_conditioned(problem, found.share, best) && is_valid_combined(result.center, result.shape)));
-  result.shape = select(found.first_alone, first, result.shape);
-  result.center = select(found.first_alone, Vector<Scalar, N>(Vector<Scalar, N>::Zero()), result.center);
-  result.share = scalar::select(result.second_alone, Scalar(1),
-                                scalar::select(found.first_alone, Scalar(0), found.share));
-  return usual;
+      lanewise::minimal_intersection(center, l2, problem, size, problem.typical_weight(), valid, result);
+  const Truth<Scalar> valid_set =
+      result.second_alone || result.first_alone || is_valid_combined(result.center, result.shape);
+  result.shape = select(result.first_alone, first, result.shape);
+  result.center = select(result.first_alone, Vector<Scalar, N>(Vector<Scalar, N>::Zero()), result.center);
+  return usual && valid_set;
 }
 
 /// `a` in the lanes of the mask, else `b`.
@@ -208,6 +227,26 @@ template <typename Scalar>
   Matrix6<Scalar> transform = Matrix6<Scalar>::Identity();
   transform.template topLeftCorner<3, 3>() = g;
   return symmetrized(congruence(transform, shape));
+}
+
+/// `recentred`, where rounding leaves the shape definite.
+template <typename State>
+[[nodiscard]] StateEllipsoid<State> recentred(const State& center, const Vector6<StateScalar<State>>& x,
+                                              const Matrix6<StateScalar<State>>& shape,
+                                              Recentring recentring) noexcept {
+  using Scalar = StateScalar<State>;
+  if (recentring == Recentring::shifted) {
+    return {retract(center, x), shape};
+  }
+  return {retract(center, x), lanewise::with_attitude_transformed(
+                                  ExponentialChart::moved_to(Vector3<Scalar>(x.template head<3>())), shape)};
+}
+
+/// Where `is_kept` accepts a set that is definite.
+template <typename State>
+[[nodiscard]] Truth<StateScalar<State>> is_kept(const StateEllipsoid<State>& set) noexcept {
+  Matrix6<StateScalar<State>> factor;
+  return finite(set.shape) && in_domain(set.shape) && lanewise::cholesky(set.shape, factor);
 }
 
 /// `fuse` of measured sets with predictions.
@@ -233,16 +272,11 @@ template <typename State>
   Truth<Scalar> usual = lanewise::minimal_intersection(measured.shape, l1, center, l2, criterion, valid, intersection);
   usual = usual && overlap<Scalar, 6>(center, measured.shape, seen, fusion.margin) && fusion.margin >= Scalar(0);
 
-  StateEllipsoid<State> fused{retract(measured.center, intersection.center), intersection.shape};
-  if (is_first_order) {
-    fused.shape = lanewise::with_attitude_transformed(
-        ExponentialChart::moved_to(Vector3<Scalar>(intersection.center.template head<3>())), intersection.shape);
-  }
+  const StateEllipsoid<State> fused =
+      lanewise::recentred(measured.center, intersection.center, intersection.shape, recentring);
   fusion.ellipsoid = select(intersection.second_alone, predicted, fused);
   fusion.share = intersection.share;
-  Matrix6<Scalar> factor;
-  return usual && finite(fusion.ellipsoid.shape) && in_domain(fusion.ellipsoid.shape) &&
-         lanewise::cholesky(fusion.ellipsoid.shape, factor);
+  return usual && lanewise::is_kept(fusion.ellipsoid);
 }
 
 }  // namespace elliptude::detail::lanewise

@@ -100,6 +100,18 @@ template <typename Scalar>
   return usual;
 }
 
+/// `MeasuredDirections::measured_attitude` by least trace, of at least two directions. \return where it reaches less than a radian.
+template <typename Scalar>
+[[nodiscard]] Truth<Scalar> measured_attitude(const Direction<Scalar>* directions, std::size_t count,
+                                              MeasuredAttitude<Scalar>& measured) noexcept {
+  std::array<Matrix3<Scalar>, most_directions> terms;
+  const Truth<Scalar> usual = measured_directions(directions, count, measured.attitude, terms.data());
+  return usual &&
+         lanewise::minimal_sum<most_directions>(terms.data(), count, SizeCriterion<Scalar, 3>::trace(),
+                                                measured.bound) &&
+         measured.bound.trace() <= scalar::constant<Scalar>(0.9L);
+}
+
 /// `measured_state` of at least two directions and an angular velocity, for a criterion that `validate` accepts.
 template <typename Scalar>
 [[nodiscard]] Truth<Scalar> measured_state(const Direction<Scalar>* directions, std::size_t count,
