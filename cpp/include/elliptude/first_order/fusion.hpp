@@ -188,7 +188,7 @@ class SizeByRows {
  private:
   Vector<Scalar, Rows> values_;
   Vector<Scalar, Rows> along_;
-  Vector<Scalar, Rows> weights_;
+  Vector<Scalar, Rows> weights_ = Vector<Scalar, Rows>::Zero();
   Scalar rest_{0};
   bool by_volume_ = false;
 };
