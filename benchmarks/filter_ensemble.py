@@ -2,8 +2,8 @@
 
     python benchmarks/filter_ensemble.py
 
-Times of the processor, the least of several runs, on one thread: the spacecraft of docs/performance.md with three stars and its
-angular velocity, and a gyro with three stars.
+Times of the processor, the least of several runs, on one thread: the spacecraft of docs/performance.md with three
+stars and its angular velocity, and a gyro with three stars.
 """
 
 import time

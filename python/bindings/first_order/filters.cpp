@@ -17,7 +17,7 @@ Many filters with one flow, mode, criterion and time, that differ in their sets,
 
 Several filters go through one SIMD register, with the widest instructions that the processor has, and groups of them through
 threads. The numbers depend on neither, and not on how many filters there are; they are those of `AttitudeFilter` but for rounding,
-and for where a search ends because of it. A call that raises leaves all filters as they were. With a potential other than
+after one update within 1e-9 of a shape. A call that raises leaves all filters as they were. With a potential other than
 `FreeBody`, `UniformGravity` and `GravityGradient` predictions are made one after the other.
 
 Parameters
@@ -41,11 +41,11 @@ weight : (6, 6) array_like, optional
            "flow"_a, "attitude"_a, "vector"_a, "shape"_a, py::kw_only(), "time"_a = 0.0, "mode"_a = "first_order",
            "criterion"_a = "trace", "weight"_a = py::none())
       .def("__len__", &PythonFilters::count)
-      .def_property_readonly("flow", &PythonFilters::flow)
-      .def_property_readonly("mode", &PythonFilters::mode)
-      .def_property_readonly("criterion", &PythonFilters::criterion)
-      .def_property_readonly("weight", &PythonFilters::weight)
-      .def_property_readonly("time", &PythonFilters::time)
+      .def_property_readonly("flow", &PythonFilters::flow, "How the bodies move.")
+      .def_property_readonly("mode", &PythonFilters::mode, "'first_order' or 'paper'.")
+      .def_property_readonly("criterion", &PythonFilters::criterion, "The size that is minimised.")
+      .def_property_readonly("weight", &PythonFilters::weight, "The weight of the trace, (6, 6), or None.")
+      .def_property_readonly("time", &PythonFilters::time, "Of all filters, s.")
       .def_property_readonly(
           "attitude", [](const PythonFilters& self) { return self.matrices<3, 3>(FilterMemory::attitude); },
           "Centers of the sets, from body to reference axes, (n, 3, 3).")
@@ -84,10 +84,11 @@ Raises
 ValueError
     If a filter cannot be predicted to that time; it names the first of which that is so.
 )")
-      .def("update", &PythonFilters::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
-           "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
-           "rate_bound"_a = py::none(), "on_inconsistent"_a = "raise", "threads"_a = py::none(),
-           R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, on_inconsistent='raise', threads=None)
+      .def(
+          "update", &PythonFilters::update, py::kw_only(), "directions"_a = py::none(), "reference"_a = py::none(),
+          "bounds"_a = py::none(), "weights"_a = py::none(), "angular_velocity"_a = py::none(),
+          "rate_bound"_a = py::none(), "on_inconsistent"_a = "raise", "threads"_a = py::none(),
+          R"(update(self, *, directions=None, reference=None, bounds=None, weights=None, angular_velocity=None, rate_bound=None, on_inconsistent='raise', threads=None)
 --
 
 `AttitudeFilter.update` of all filters, with the same kinds of measurements.

@@ -164,7 +164,7 @@ PythonFilters::PythonFilters(py::object flow, const py::object& attitude, const 
     : flow_(std::move(flow)), mode_(std::move(mode)), criterion_(std::move(criterion)) {
   time_ = single(time, "time", {}).number(0);
   const SizeCriterion<double, 6> size = size_criterion_of(criterion_, weight);
-  settings_.criterion = criterion_ == "volume" ? FilterSettings::Criterion::volume
+  settings_.criterion = criterion_ == "volume"  ? FilterSettings::Criterion::volume
                         : criterion_ == "trace" ? FilterSettings::Criterion::trace
                                                 : FilterSettings::Criterion::weighted_trace;
   Eigen::Map<Matrix6<double>>(settings_.weight) = size.weight;
@@ -179,8 +179,9 @@ PythonFilters::PythonFilters(py::object flow, const py::object& attitude, const 
   Items shapes(shape, "shape", {6, 6});
   const Shape leading = broadcast({&centers, &vectors, &shapes});
   if (leading.size() != 1) {
-    value_error("attitude, vector and shape must be of n filters, with one dimension before that of each, but theirs are " +
-                text(leading));
+    value_error(
+        "attitude, vector and shape must be of n filters, with one dimension before that of each, but theirs are " +
+        text(leading));
   }
   count_ = leading[0];
   stride_ = (static_cast<std::size_t>(count_) + FilterMemory::widest_register - 1) / FilterMemory::widest_register *
@@ -268,9 +269,8 @@ void PythonFilters::predict(const py::object& time, const py::object& control_to
     throw py::type_error(
         "gyro is the input of a GyroFlow; for a RigidBodyFlow measured rates go to update as angular_velocity");
   }
-  const std::optional<LogInput> input = settings_.has_gyro
-                                            ? log_input(gyro, "gyro", {3}, count_)
-                                            : log_input(control_torque, "control_torque", {3}, count_);
+  const std::optional<LogInput> input = settings_.has_gyro ? log_input(gyro, "gyro", {3}, count_)
+                                                           : log_input(control_torque, "control_torque", {3}, count_);
   constexpr double least_steps = 1 << 11;  // for which a thread is worth its start
   const double steps = settings_.has_gyro ? 1.0 : std::max(1.0, (end - time_) / settings_.body.step);
   const Index taken = thread_count(threads, static_cast<double>(count_) * steps / least_steps);
@@ -281,9 +281,9 @@ void PythonFilters::predict(const py::object& time, const py::object& control_to
     constexpr std::array<double, 3> none{};
     StopOfAll stop;
     in_blocks(count_, block, taken, [&](Index first, Index size) {
-      elliptude_kernels::widest_for_filters().predict(
-          settings_, in_memory(working, first, size), end, input ? input->row(0) : none.data(),
-          input && input->has_rows() ? 3 : 0, stop.stop(), statuses.data());
+      elliptude_kernels::widest_for_filters().predict(settings_, in_memory(working, first, size), end,
+                                                      input ? input->row(0) : none.data(),
+                                                      input && input->has_rows() ? 3 : 0, stop.stop(), statuses.data());
       return !stop.asked();
     });
     raise_if_interrupted(stop.asked() ? Status::interrupted : Status::ok);
@@ -306,8 +306,7 @@ void PythonFilters::predict_alone(double time, const LogInput* input, std::vecto
                   "flow");
   raise_unless_ok(flow.set_most_steps(settings.most_steps), "most_steps");
   flow.set_interruption(interruption_by_signals());
-  const SizeCriterion<double, 6> criterion =
-      size_criterion_of(criterion_, weight());
+  const SizeCriterion<double, 6> criterion = size_criterion_of(criterion_, weight());
   const py::gil_scoped_release release;
   for (Index i = 0; i < count_; ++i) {
     AttitudeFilter<BodyFlow, PaperEstimator> filter;  // a prediction does not depend on the mode
@@ -319,9 +318,9 @@ void PythonFilters::predict_alone(double time, const LogInput* input, std::vecto
       status = filter.resume(matrix<6, 6>(FilterMemory::transition, i), matrix<6, 6>(FilterMemory::prior_shape, i));
     }
     if (status == Status::ok) {
-      status = filter.predict(
-          time, {input == nullptr ? Vector3<double>(Vector3<double>::Zero())
-                                  : Vector3<double>(Eigen::Map<const Vector3<double>>(input->row(i)))});
+      status =
+          filter.predict(time, {input == nullptr ? Vector3<double>(Vector3<double>::Zero())
+                                                 : Vector3<double>(Eigen::Map<const Vector3<double>>(input->row(i)))});
     }
     failure.rethrow();
     raise_if_interrupted(status);
@@ -345,8 +344,10 @@ void PythonFilters::raise_unless_predicted(double time, const std::vector<int>& 
       value_error("the set" + of_filter(i) + " has grown beyond all numbers by " + text(time) +
                   " s, without a measurement since " + text(time_) + " s");
     case Status::step_too_long:
-      value_error("step of the flow is too long: the turn within a stage must stay below a right angle, and the angular velocity" +
-                  of_filter(i) + " is " + text(matrix<3, 1>(FilterMemory::vector, i).norm()) + " rad/s");
+      value_error(
+          "step of the flow is too long: the turn within a stage must stay below a right angle, and the angular "
+          "velocity" +
+          of_filter(i) + " is " + text(matrix<3, 1>(FilterMemory::vector, i).norm()) + " rad/s");
     default:
       raise(status, "predict" + of_filter(i));
   }

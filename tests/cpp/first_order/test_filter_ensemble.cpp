@@ -137,16 +137,12 @@ struct Scene {
         [&](auto* updates, Status* statuses) {
           return ensemble.update(directions.data(), count, lanes, updates, statuses);
         },
-        [&](std::size_t i, auto& update) {
-          return alone[i].update(directions.data() + i * count, count, update);
-        });
+        [&](std::size_t i, auto& update) { return alone[i].update(directions.data() + i * count, count, update); });
   }
   template <typename Measurement>
   [[nodiscard]] std::vector<Status> update_by(const std::vector<Measurement>& measured) {
     return updated(
-        [&](auto* updates, Status* statuses) {
-          return ensemble.update(measured.data(), lanes, updates, statuses);
-        },
+        [&](auto* updates, Status* statuses) { return ensemble.update(measured.data(), lanes, updates, statuses); },
         [&](std::size_t i, auto& update) { return alone[i].update(measured[i], update); });
   }
 };
@@ -192,7 +188,8 @@ struct Bodies {
     for (std::size_t i = 0; i < truths.size(); ++i) {
       for (int k = 0; k < count; ++k) {
         const Vector3<Number> star = truths[i].stars.col(k % 3) + Number(k / 3) * truths[i].stars.col((k + 1) % 3);
-        const Vector3<Number> body = exp(random.in_ball(0.99 * scale(i))) * (truths[i].state.attitude.transpose() * star);
+        const Vector3<Number> body =
+            exp(random.in_ball(0.99 * scale(i))) * (truths[i].state.attitude.transpose() * star);
         result.push_back(Direction<Number>::within(star, body, Number(scale(i))));
         result.back().weight = Number(1 + k);
       }

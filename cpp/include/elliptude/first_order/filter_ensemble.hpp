@@ -87,7 +87,8 @@ class FilterEnsemble {
   /// \return how many filters went alone.
   std::size_t predict(const Number& time, const Input* inputs, Lanes& lanes, Status* statuses) const noexcept {
     const Mask usual = predict_together(time, inputs, lanes);
-    return finish(usual, lanes, statuses, [&](Filter& filter, std::size_t i) { return filter.predict(time, inputs[i]); });
+    return finish(usual, lanes, statuses,
+                  [&](Filter& filter, std::size_t i) { return filter.predict(time, inputs[i]); });
   }
 
   /// `AttitudeFilter::update` of each filter with directions and an angular velocity.
@@ -132,8 +133,7 @@ class FilterEnsemble {
     const LinearMeasurement<Scalar, 3> linear =
         linear_angular_velocity(lanes.ellipsoid.center.angular_velocity, gathered_rate(rates, lanes.size));
     Fusion<PackedState> fusion;
-    const Mask usual =
-        detail::lanewise::fuse(linear, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
+    const Mask usual = detail::lanewise::fuse(linear, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
     accept(usual, fusion, lanes, updates);
     return finish(usual, lanes, statuses,
                   [&](Filter& filter, std::size_t i) { return filter.update(rates[i], updates[i]); });
@@ -190,8 +190,7 @@ class FilterEnsemble {
       return nowhere();
     }
     usual = usual && detail::lanewise::finite(prediction.ellipsoid.shape) &&
-            detail::lanewise::in_domain(prediction.ellipsoid.shape) &&
-            detail::lanewise::finite(prediction.transition);
+            detail::lanewise::in_domain(prediction.ellipsoid.shape) && detail::lanewise::finite(prediction.transition);
     prediction.ellipsoid.center.attitude = renormalized(prediction.ellipsoid.center.attitude);
     lanes.ellipsoid = detail::lanewise::select(usual, prediction.ellipsoid, lanes.ellipsoid);
     lanes.transition = detail::lanewise::select(
@@ -265,8 +264,7 @@ class FilterEnsemble {
   /// \return in which lanes the update is made.
   [[nodiscard]] Mask fuse_attitude(Mask usual, const MeasuredAttitude<Scalar>& measured, Lanes& lanes,
                                    Update<Number>* updates) const noexcept {
-    const LinearMeasurement<Scalar, 3> linear =
-        detail::attitude_rows(lanes.ellipsoid.center.attitude, measured);
+    const LinearMeasurement<Scalar, 3> linear = detail::attitude_rows(lanes.ellipsoid.center.attitude, measured);
     Fusion<PackedState> fusion;
     usual = usual && detail::lanewise::fuse(linear, lanes.ellipsoid, Filter::recentring, packed_criterion_, fusion);
     accept(usual, fusion, lanes, updates);
@@ -278,8 +276,7 @@ class FilterEnsemble {
                      Update<Number>* updates) noexcept {
     lanes.ellipsoid = detail::lanewise::select(usual, fusion.ellipsoid, lanes.ellipsoid);
     lanes.prior_shape = detail::lanewise::select(usual, fusion.ellipsoid.shape, lanes.prior_shape);
-    lanes.transition =
-        detail::lanewise::select(usual, Matrix6<Scalar>(Matrix6<Scalar>::Identity()), lanes.transition);
+    lanes.transition = detail::lanewise::select(usual, Matrix6<Scalar>(Matrix6<Scalar>::Identity()), lanes.transition);
     for (std::size_t i = 0; i < lanes.size; ++i) {
       if (usual.lanes[i] != 0) {
         updates[i] = {fusion.share[i], fusion.margin[i]};

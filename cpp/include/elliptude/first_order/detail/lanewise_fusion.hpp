@@ -164,10 +164,9 @@ template <typename Scalar, int N, typename Slack>
 
   const Combination<Scalar, N>& best = found.combination;
   result.first_alone = found.first_alone;
-  result.second_alone =
-      idle || (!found.first_alone && (!(size(best) < Scalar(0)) || found.share == Scalar(1)));
-  result.share = scalar::select(result.second_alone, Scalar(1),
-                                scalar::select(found.first_alone, Scalar(0), found.share));
+  result.second_alone = idle || (!found.first_alone && (!(size(best) < Scalar(0)) || found.share == Scalar(1)));
+  result.share =
+      scalar::select(result.second_alone, Scalar(1), scalar::select(found.first_alone, Scalar(0), found.share));
   const Matrix<Scalar, N> half = l.lazyProduct(best.root.transpose());
   result.shape.noalias() = best.level * half.lazyProduct(half.transpose());
   result.center = origin + l.lazyProduct(best.center);
@@ -215,9 +214,9 @@ template <typename Scalar, int N>
 template <typename State>
 [[nodiscard]] StateEllipsoid<State> select(const Truth<StateScalar<State>>& mask, const StateEllipsoid<State>& a,
                                            const StateEllipsoid<State>& b) noexcept {
-  return {{select(mask, a.center.attitude, b.center.attitude),
-           select(mask, vector_part(a.center), vector_part(b.center))},
-          select(mask, a.shape, b.shape)};
+  return {
+      {select(mask, a.center.attitude, b.center.attitude), select(mask, vector_part(a.center), vector_part(b.center))},
+      select(mask, a.shape, b.shape)};
 }
 
 /// diag(G, I) P diag(G, I)ᵀ, where rounding leaves it definite: `with_attitude_transformed`.
@@ -261,8 +260,8 @@ template <typename State>
   const Vector6<Scalar> center = state_error(measured.center, predicted.center);
   const bool is_first_order = recentring == Recentring::first_order;
   const Matrix6<Scalar> seen =
-      is_first_order ? lanewise::with_attitude_transformed(ExponentialChart::seen_from(Vector3<Scalar>(center.template head<3>())),
-                                                 predicted.shape)
+      is_first_order ? lanewise::with_attitude_transformed(
+                           ExponentialChart::seen_from(Vector3<Scalar>(center.template head<3>())), predicted.shape)
                      : predicted.shape;
   Matrix6<Scalar> l1;
   Matrix6<Scalar> l2;

@@ -12,11 +12,9 @@ namespace elliptude::detail::lanewise {
 /// `unit` of a vector whose square is precise. \return where it is.
 template <typename Scalar>
 [[nodiscard]] Truth<Scalar> unit(const Vector3<Scalar>& v, Vector3<Scalar>& result) noexcept {
-  using Limits = std::numeric_limits<scalar::Value<Scalar>>;
-  constexpr scalar::Value<Scalar> least = Limits::min() / (Limits::epsilon() * Limits::epsilon());
   const Scalar square = v.squaredNorm();
   result = v / scalar::sqrt(square);
-  return square > Scalar(least) && square <= Scalar(Limits::max());
+  return scalar::has_precise_square(square);
 }
 
 /// Where `validate` accepts a bound without a zero width.
@@ -66,8 +64,7 @@ template <typename Scalar>
   const Scalar kappa = scalar::constant<Scalar>(0.5L) * (lambda * lambda - square);
   const Scalar zeta = kappa * lambda - determinant;
   attitude = foam_attitude(profile, cofactors, Scalar(kappa + square), lambda, zeta).attitude;
-  return size > Scalar(0) && settled &&
-         zeta > scalar::constant<Scalar>(least_share_of_foam) * lambda * lambda * lambda;
+  return size > Scalar(0) && settled && zeta > scalar::constant<Scalar>(least_share_of_foam) * lambda * lambda * lambda;
 }
 
 /// `MeasuredDirections::make` of at least two directions.
@@ -94,8 +91,8 @@ template <typename Scalar>
   const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
   const Matrix3<Scalar> inverse = curvature.inverse();
   for (std::size_t i = 0; i < count; ++i) {
-    terms[i] = direction_effect(attitude, inverse, Scalar(-directions[i].weight / largest), e[i], b[i],
-                                directions[i].bound);
+    terms[i] =
+        direction_effect(attitude, inverse, Scalar(-directions[i].weight / largest), e[i], b[i], directions[i].bound);
   }
   return usual;
 }

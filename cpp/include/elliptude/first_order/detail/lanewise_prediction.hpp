@@ -43,9 +43,9 @@ template <typename Scalar, typename Potential>
   const Scalar h = duration / Scalar(static_cast<Value>(steps));
   FlowLinearization<Scalar> linearization;
   if (scalar::all(flow.unknown_torque().cwiseAbs().sum() == Scalar(0))) {
-    status = integrate_linearized(flow.body(), flow.potential(), flow.composition(), time, h, steps,
-                                  input.control_torque, ellipsoid.center, prediction.ellipsoid.center, linearization,
-                                  flow.interruption());
+    status =
+        integrate_linearized(flow.body(), flow.potential(), flow.composition(), time, h, steps, input.control_torque,
+                             ellipsoid.center, prediction.ellipsoid.center, linearization, flow.interruption());
     prediction.transition = linearization.state;
     return transformed(linearization.state, ellipsoid.shape, prediction.ellipsoid.shape);
   }
@@ -85,7 +85,8 @@ template <typename Scalar>
   prediction.ellipsoid.center = motion.center;
   prediction.transition = motion.transition;
   std::array<Matrix6<Scalar>, 3> terms{Matrix6<Scalar>::Zero(), motion.noise, motion.drift};
-  const Truth<Scalar> usual = finite(input.angular_velocity) && transformed(motion.transition, ellipsoid.shape, terms[0]);
+  const Truth<Scalar> usual =
+      finite(input.angular_velocity) && transformed(motion.transition, ellipsoid.shape, terms[0]);
   return usual && lanewise::minimal_sum<3>(terms.data(), terms.size(), criterion, prediction.ellipsoid.shape);
 }
 
