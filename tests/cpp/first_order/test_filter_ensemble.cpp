@@ -199,9 +199,9 @@ struct Bodies {
   [[nodiscard]] std::vector<MeasuredAttitude<Number>> attitudes() {
     std::vector<MeasuredAttitude<Number>> result;
     for (std::size_t i = 0; i < truths.size(); ++i) {
-      Matrix3<Number> bound = Number(scale(i) * scale(i)) * Matrix3<Number>::Identity();
-      bound(2, 2) *= Number(16);
-      result.push_back({truths[i].state.attitude * exp(random.in_ball(0.99 * scale(i))), bound});
+      Matrix3<Number> shape = Number(scale(i) * scale(i)) * Matrix3<Number>::Identity();
+      shape(2, 2) *= Number(16);
+      result.push_back({truths[i].state.attitude * exp(random.in_ball(0.99 * scale(i))), shape});
     }
     return result;
   }
