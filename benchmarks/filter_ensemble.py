@@ -66,7 +66,7 @@ def row(name: str, flow: el.RigidBodyFlow | el.GyroFlow, **options: str) -> str:
         for step in range(STEPS):
             filters.predict(0.05 * (step + 1), **inputs, threads=1)
 
-    log = {
+    log: dict[str, Any] = {
         "directions": np.array([given["directions"][0] for given in told]),
         "reference": np.eye(3),
         "bounds": BOUND,
