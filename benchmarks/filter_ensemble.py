@@ -48,10 +48,10 @@ def recorded(flow: el.RigidBodyFlow | el.GyroFlow) -> tuple[np.ndarray, list[dic
     return start, rows
 
 
-def row(name: str, flow: el.RigidBodyFlow | el.GyroFlow, **options: str) -> str:
+def row(name: str, flow: el.RigidBodyFlow | el.GyroFlow, **options: Any) -> str:
     """A row of docs/performance.md."""
     start, told = recorded(flow)
-    inputs = {} if isinstance(flow, el.RigidBodyFlow) else {"gyro": np.zeros(3)}
+    inputs: dict[str, Any] = {} if isinstance(flow, el.RigidBodyFlow) else {"gyro": np.zeros(3)}
     vectors = start if isinstance(flow, el.RigidBodyFlow) else 0.0 * start
     shape = 0.02 * np.eye(6)
 
