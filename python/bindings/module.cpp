@@ -44,6 +44,7 @@ PYBIND11_MODULE(_core, module) {
   define_state_ellipsoids(module);
   define_flows(module);
   define_filter(module);
+  define_filters(module);
   define_guaranteed_flows(module);
   define_guaranteed_filter(module);
   define_direction_filter(module);

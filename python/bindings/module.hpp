@@ -23,6 +23,7 @@ void define_wahba(pybind11::module_& module);
 void define_state_ellipsoids(pybind11::module_& module);
 void define_flows(pybind11::module_& module);
 void define_filter(pybind11::module_& module);
+void define_filters(pybind11::module_& module);
 void define_guaranteed_flows(pybind11::module_& module);
 void define_guaranteed_filter(pybind11::module_& module);
 void define_direction_filter(pybind11::module_& module);

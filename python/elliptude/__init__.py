@@ -63,7 +63,7 @@ from elliptude._core import (
 )
 from elliptude._scipy import to_scipy
 from elliptude.errors import InconsistentMeasurement, RowError
-from elliptude.filter import AttitudeFilter
+from elliptude.filter import AttitudeFilter, AttitudeFilters
 from elliptude.guaranteed import GuaranteedFilter
 from elliptude.results import (
     AhrsResult,
@@ -83,6 +83,7 @@ from elliptude.results import (
     PrincipalAxes,
     Trajectory,
     Update,
+    Updates,
     WahbaSet,
     WahbaSolution,
 )
@@ -94,6 +95,7 @@ __all__ = [
     "AhrsResult",
     "AttitudeBounds",
     "AttitudeFilter",
+    "AttitudeFilters",
     "AttitudeSet",
     "Convergence",
     "DirectionFilter",
@@ -131,6 +133,7 @@ __all__ = [
     "Trajectory",
     "UniformGravity",
     "Update",
+    "Updates",
     "WahbaSet",
     "WahbaSolution",
     "__version__",

@@ -19,6 +19,7 @@ from elliptude.results import (
     PrincipalAxes,
     Trajectory,
     Update,
+    Updates,
     WahbaSet,
     WahbaSolution,
 )
@@ -410,6 +411,62 @@ class AttitudeFilter:
         control_torque: ArrayLike | None = None,
         on_inconsistent: str = "raise",
     ) -> FilterLog: ...
+
+class AttitudeFilters:
+    def __init__(
+        self,
+        flow: RigidBodyFlow | GyroFlow,
+        attitude: AttitudeLike,
+        vector: ArrayLike,
+        shape: ArrayLike,
+        *,
+        time: float = 0.0,
+        mode: str = "first_order",
+        criterion: str = "trace",
+        weight: ArrayLike | None = None,
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    @property
+    def flow(self) -> RigidBodyFlow | GyroFlow: ...
+    @property
+    def mode(self) -> str: ...
+    @property
+    def criterion(self) -> str: ...
+    @property
+    def weight(self) -> _Floats | None: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def attitude(self) -> _Floats: ...
+    @property
+    def vector(self) -> _Floats: ...
+    @property
+    def shape(self) -> _Floats: ...
+    @property
+    def transition(self) -> _Floats: ...
+    @property
+    def prior_shape(self) -> _Floats: ...
+    def _resume(self, transition: ArrayLike, prior_shape: ArrayLike) -> None: ...
+    def predict(
+        self,
+        time: float,
+        *,
+        control_torque: ArrayLike | None = None,
+        gyro: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> None: ...
+    def update(
+        self,
+        *,
+        directions: ArrayLike | None = None,
+        reference: ArrayLike | None = None,
+        bounds: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+        rate_bound: ArrayLike | None = None,
+        on_inconsistent: str = "raise",
+        threads: int | None = None,
+    ) -> Updates: ...
 
 @final
 class GuaranteedRigidBodyFlow:

@@ -1,5 +1,6 @@
 """The first-order filter, and how to store it."""
 
+import operator
 from typing import Any, Self
 
 import numpy as np
@@ -98,4 +99,39 @@ class AttitudeFilter(_core.AttitudeFilter, Stored):  # noqa: D101
         """Restores what `__getstate__` kept."""
         flow, ellipsoid, time, mode, criterion, weight, transition, prior_shape = state
         self.__init__(flow, ellipsoid, time=time, mode=mode, criterion=criterion, weight=weight)  # type: ignore[misc]
+        self._resume(transition, prior_shape)
+
+
+class AttitudeFilters(_core.AttitudeFilters):  # noqa: D101
+    __doc__ = _core.AttitudeFilters.__doc__
+
+    def __repr__(self) -> str:
+        """One line: how many, time and mode."""
+        return f"<AttitudeFilters: {len(self)}, time {self.time:.6g} s, mode {self.mode!r}>"
+
+    def __getitem__(self, index: int) -> AttitudeFilter:
+        """A copy of one filter, which goes on by itself."""
+        number = operator.index(index)
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"there are {len(self)} filters, so that there is none at {number}")
+        alone = AttitudeFilter(
+            self.flow,
+            _core.StateEllipsoid(self.attitude[number], self.vector[number], self.shape[number]),
+            time=self.time,
+            mode=self.mode,
+            criterion=self.criterion,
+            weight=self.weight,
+        )
+        alone._resume(self.transition[number], self.prior_shape[number])
+        return alone
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        """What pickle keeps; the flow is pickled, so a potential written in Python must be picklable."""
+        start = (self.flow, self.attitude, self.vector, self.shape)
+        return *start, self.time, self.mode, self.criterion, self.weight, self.transition, self.prior_shape
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Restores what `__getstate__` kept."""
+        *start, time, mode, criterion, weight, transition, prior_shape = state
+        self.__init__(*start, time=time, mode=mode, criterion=criterion, weight=weight)  # type: ignore[misc]
         self._resume(transition, prior_shape)

@@ -176,6 +176,17 @@ class Update(NamedTuple):
     """Diagnostics, if asked for: after two or more directions with an angular velocity."""
 
 
+class Updates(NamedTuple):
+    """What an update of n filters did."""
+
+    share: FloatArray
+    """0 is the measurement alone, 1 the prediction alone, which it also is where the update was skipped; shape (n,)."""
+    margin: FloatArray
+    """The least overlap of the sets that were fused, negative where they do not meet, shape (n,)."""
+    used: NDArray[np.bool_]
+    """Whether the filter took the measurement, shape (n,)."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FilterLog:
     """The result of a first-order filter for a log of n rows with m directions."""

@@ -38,7 +38,7 @@ def test_the_readme_programs_run(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_one_call_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks(LIBRARY, "python", 12)[0], "one call", "exec"), {})
+    exec(compile(blocks(LIBRARY, "python", 13)[0], "one call", "exec"), {})
     claim, angles = capsys.readouterr().out.split(maxsplit=1)
     assert claim == "unconditional"
     roll, pitch, yaw = (float(one) for one in angles.strip("[]\n").split())
@@ -48,13 +48,13 @@ def test_the_one_call_of_the_library_runs(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_the_guaranteed_program_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    claim, angle = printed(blocks(LIBRARY, "python", 12)[1], capsys)
+    claim, angle = printed(blocks(LIBRARY, "python", 13)[1], capsys)
     assert claim == "unconditional"
     assert 1 < angle < 5
 
 
 def test_the_programs_of_single_questions_run(capsys: pytest.CaptureFixture[str]) -> None:
-    programs = blocks(LIBRARY, "python", 12)
+    programs = blocks(LIBRARY, "python", 13)
     exec(compile(programs[2], "bounds", "exec"), {})
     tilt, least, most = (float(one) for one in capsys.readouterr().out.strip("[]\n").split())
     assert (tilt, least, most) == pytest.approx((2.0, -15.0, 15.0), rel=0.02)  # the cones alone
@@ -70,14 +70,14 @@ def test_the_programs_of_single_questions_run(capsys: pytest.CaptureFixture[str]
 
 
 def test_the_first_order_program_of_the_library_holds_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    inside, angle = printed(blocks(LIBRARY, "python", 12)[5], capsys)
+    inside, angle = printed(blocks(LIBRARY, "python", 13)[5], capsys)
     assert inside == "True"
     assert 0 < angle < 3
 
 
 def test_the_potentials_of_the_library_predict_and_state_what_is_true() -> None:
     names: dict[str, object] = {}
-    for program in blocks(LIBRARY, "python", 12)[6:9]:
+    for program in blocks(LIBRARY, "python", 13)[6:9]:
         exec(compile(program, "a potential", "exec"), names)
     panel, estimator = names["panel"], names["estimator"]
     assert isinstance(panel, el.StatedTorque)
@@ -96,20 +96,24 @@ def test_the_potentials_of_the_library_predict_and_state_what_is_true() -> None:
 
 
 def test_the_programs_of_many_problems_and_filters_run(capsys: pytest.CaptureFixture[str]) -> None:
-    programs = blocks(LIBRARY, "python", 12)
+    programs = blocks(LIBRARY, "python", 13)
     exec(compile(programs[9], "many attitudes", "exec"), {})
     *shape, cost, condition = capsys.readouterr().out.replace("(", "").replace(")", "").replace(",", "").split()
     assert shape == ["10000", "3", "3"]
     assert float(cost) < 1e-28
     assert float(condition) == pytest.approx(1.0)
-    exec(compile(programs[10], "many filters", "exec"), {})
+    exec(compile(programs[10], "many filters of first order", "exec"), {})
+    said = capsys.readouterr().out
+    assert said.startswith("True (1000, 6, 6) <AttitudeFilter: time 0.1 s, mode 'first_order', within ")
+    assert 1 < float(said.split()[-1].rstrip("°>")) < 2
+    exec(compile(programs[11], "many filters", "exec"), {})
     angles = [float(one) for one in capsys.readouterr().out.strip("[]\n").split()]
     assert len(angles) == 4
     assert 0 < angles[0] < angles[1] < angles[2] < angles[3] < 8
 
 
 def test_the_fixed_lag_of_the_library_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks(LIBRARY, "python", 12)[11], "a fixed lag", "exec"), {})
+    exec(compile(blocks(LIBRARY, "python", 13)[12], "a fixed lag", "exec"), {})
     time, claim, angle = capsys.readouterr().out.split()
     assert time == "0.0"
     assert claim == "unconditional"

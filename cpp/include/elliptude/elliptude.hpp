@@ -55,17 +55,18 @@
 #include "elliptude/dynamics/interpolation.hpp"
 #include "elliptude/dynamics/linearization.hpp"
 
-#if defined(__GNUC__)  // and Clang: their vectors
-#include "elliptude/ensemble/pack.hpp"
-#include "elliptude/ensemble/ensemble.hpp"
-#include "elliptude/ensemble/wahba.hpp"
-#endif
-
 #include "elliptude/first_order/flow.hpp"
 #include "elliptude/first_order/fusion.hpp"
 #include "elliptude/first_order/convergence.hpp"
 #include "elliptude/first_order/estimator.hpp"
 #include "elliptude/first_order/filter.hpp"
+
+#if defined(__GNUC__)  // and Clang: their vectors
+#include "elliptude/ensemble/pack.hpp"
+#include "elliptude/ensemble/ensemble.hpp"
+#include "elliptude/ensemble/wahba.hpp"
+#include "elliptude/first_order/filter_ensemble.hpp"
+#endif
 
 #include "elliptude/guaranteed/torque_forms.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"

@@ -15,22 +15,33 @@
 
 namespace elliptude_kernels {
 
-Kernels widest() noexcept {
+InstructionSet widest_set() noexcept {
 #if defined(__GNUC__) && defined(__x86_64__)
   static const bool has_avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq");
   static const bool has_avx2 = __builtin_cpu_supports("avx2");
-  if (has_avx512) {
-    return {&move_avx512, &solve_wahba_avx512};
-  }
-  if (has_avx2) {
-    return {&move_avx2, &solve_wahba_avx2};
-  }
+  return has_avx512 ? InstructionSet::avx512 : (has_avx2 ? InstructionSet::avx2 : InstructionSet::baseline);
+#elif defined(__GNUC__)
+  return InstructionSet::baseline;
+#else
+  return InstructionSet::none;
+#endif
+}
+
+Kernels widest() noexcept {
+  switch (widest_set()) {
+#if defined(__GNUC__) && defined(__x86_64__)
+    case InstructionSet::avx512:
+      return {&move_avx512, &solve_wahba_avx512};
+    case InstructionSet::avx2:
+      return {&move_avx2, &solve_wahba_avx2};
 #endif
 #if defined(__GNUC__)
-  return {&move_baseline, &solve_wahba_baseline};
-#else
-  return {nullptr, nullptr};
+    case InstructionSet::baseline:
+      return {&move_baseline, &solve_wahba_baseline};
 #endif
+    default:
+      return {nullptr, nullptr};
+  }
 }
 
 }  // namespace elliptude_kernels

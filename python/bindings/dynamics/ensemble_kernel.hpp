@@ -89,7 +89,12 @@ Outcome move_avx512(const Settings& settings, long steps, const Bodies& bodies, 
 Outcome solve_wahba_avx512(const WahbaInput& input, std::size_t count, const WahbaOutput& output) noexcept;
 #endif
 
-/// Those for the widest registers that this processor has; null where the compiler has no vectors.
+enum class InstructionSet : unsigned char { none, baseline, avx2, avx512 };
+
+/// The one with the widest registers that this processor has; none where the compiler has no vectors.
+[[nodiscard]] InstructionSet widest_set() noexcept;
+
+/// The kernels of that one; null where there is none.
 [[nodiscard]] Kernels widest() noexcept;
 
 }  // namespace elliptude_kernels

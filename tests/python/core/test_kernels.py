@@ -24,9 +24,10 @@ def test_what_is_shared_is_noticed():
     assert len(shared_with_others("avx512", symbols)) == 2
 
 
+@pytest.mark.parametrize("kernel", ["ensemble", "filter"])
 @pytest.mark.parametrize("instruction_set", ["baseline", "avx2", "avx512"])
-def test_kernels_share_no_function(instruction_set):
-    kernels = list(OBJECTS.rglob(f"ensemble_kernel_{instruction_set}.cpp.o"))
+def test_kernels_share_no_function(kernel, instruction_set):
+    kernels = list(OBJECTS.rglob(f"{kernel}_kernel_{instruction_set}.cpp.o"))
     if not kernels:
         pytest.skip("the package was not built here")
     if shutil.which("nm") is None:

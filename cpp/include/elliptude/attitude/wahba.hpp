@@ -174,6 +174,31 @@ template <typename Scalar>
   return false;
 }
 
+/// C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ (theory, eq. 8.6), and one step of Newton's method on the cost. No branch depends on a number.
+/// \param sum κ + ‖L‖².
+template <typename Scalar>
+[[nodiscard]] FoamSolution<Scalar> foam_attitude(const Matrix3<Scalar>& profile, const Matrix3<Scalar>& cofactors,
+                                                 const Scalar& sum, const Scalar& lambda, const Scalar& zeta) noexcept {
+  FoamSolution<Scalar> solution;
+  const Matrix3<Scalar> gram = profile.transpose().lazyProduct(profile);
+  const Matrix3<Scalar> rough =
+      renormalized<Scalar>((sum * profile + lambda * cofactors - profile.lazyProduct(gram)) / zeta);
+  const Matrix3<Scalar> a = rough.transpose().lazyProduct(profile);
+  solution.curvature = a.trace() * Matrix3<Scalar>::Identity() - symmetrized(a);
+  const Vector3<Scalar> k0 = solution.curvature.col(0);
+  const Vector3<Scalar> k1 = solution.curvature.col(1);
+  const Vector3<Scalar> k2 = solution.curvature.col(2);
+  const Vector3<Scalar> slope = vee(Matrix3<Scalar>(a - a.transpose()));
+  const Vector3<Scalar> k12 = k1.cross(k2);
+  const Vector3<Scalar> turn =
+      Vector3<Scalar>(k12.dot(slope), k2.cross(k0).dot(slope), k0.cross(k1).dot(slope)) / k0.dot(k12);
+  solution.attitude = renormalized<Scalar>(rough + rough.lazyProduct(hat(turn)));
+  return solution;
+}
+
+/// ζ/λ³ below which `solve_by_foam` leaves too few digits: at most twice the reciprocal of the condition.
+inline constexpr long double least_share_of_foam = 1e-3L;
+
 /// Markley's FOAM, and one step of Newton's method on the cost, for a profile of size one.
 /// \return whether the condition is below 2000, which leaves the method digits enough.
 template <typename Scalar>
@@ -192,25 +217,11 @@ template <typename Scalar>
     return false;
   }
   const Scalar kappa = scalar::constant<Scalar>(0.5L) * (lambda * lambda - square);
-  // ζ = (σ₁ + σ₂)(σ₂ + s₃)(s₃ + σ₁), so that ζ/λ³ is at most twice the reciprocal of the condition.
-  const Scalar zeta = kappa * lambda - determinant;
-  constexpr long double least_share = 1e-3L;
-  if (!(zeta > scalar::constant<Scalar>(least_share) * lambda * lambda * lambda)) {
+  const Scalar zeta = kappa * lambda - determinant;  // (σ₁ + σ₂)(σ₂ + s₃)(s₃ + σ₁)
+  if (!(zeta > scalar::constant<Scalar>(least_share_of_foam) * lambda * lambda * lambda)) {
     return false;
   }
-  const Matrix3<Scalar> gram = profile.transpose().lazyProduct(profile);
-  const Matrix3<Scalar> rough =
-      renormalized<Scalar>(((kappa + square) * profile + lambda * cofactors - profile.lazyProduct(gram)) / zeta);
-  const Matrix3<Scalar> a = rough.transpose().lazyProduct(profile);
-  solution.curvature = a.trace() * Matrix3<Scalar>::Identity() - symmetrized(a);
-  const Vector3<Scalar> k0 = solution.curvature.col(0);
-  const Vector3<Scalar> k1 = solution.curvature.col(1);
-  const Vector3<Scalar> k2 = solution.curvature.col(2);
-  const Vector3<Scalar> slope = vee(Matrix3<Scalar>(a - a.transpose()));
-  const Vector3<Scalar> k12 = k1.cross(k2);
-  const Vector3<Scalar> turn =
-      Vector3<Scalar>(k12.dot(slope), k2.cross(k0).dot(slope), k0.cross(k1).dot(slope)) / k0.dot(k12);
-  solution.attitude = renormalized<Scalar>(rough + rough.lazyProduct(hat(turn)));
+  solution = foam_attitude(profile, cofactors, Scalar(kappa + square), lambda, zeta);
   return true;
 }
 

@@ -37,6 +37,7 @@ class PredictionLimits {
     return Status::ok;
   }
   void set_interruption(const Interruption& interruption) noexcept { interruption_ = interruption; }
+  [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }
 
  protected:
   /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest`.
@@ -52,7 +53,6 @@ class PredictionLimits {
     steps = Scalar(static_cast<scalar::Value<Scalar>>(whole)) < wanted ? whole + 1 : whole;
     return Status::ok;
   }
-  [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }
 
  private:
   long most_steps_ = default_most_steps;

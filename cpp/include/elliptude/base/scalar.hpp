@@ -174,12 +174,18 @@ template <typename Derived>
   return isfinite(Scalar((entries - entries).sum()));
 }
 
-/// Whether the square of a vector's length has neither overflowed nor lost digits to underflow.
+/// Whether the square of a vector's length has neither overflowed nor lost digits to underflow, lane by lane.
 template <typename Scalar>
-[[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
+[[nodiscard]] auto has_precise_square(const Scalar& square) noexcept {
   using Limits = std::numeric_limits<Value<Scalar>>;
   constexpr Value<Scalar> least = Limits::min() / (Limits::epsilon() * Limits::epsilon());
-  return all(square > Scalar(least)) && all(square <= Scalar(Limits::max()));
+  return square > Scalar(least) && square <= Scalar(Limits::max());
+}
+
+/// The same in every lane.
+template <typename Scalar>
+[[nodiscard]] bool is_precise_square(const Scalar& square) noexcept {
+  return all(has_precise_square(square));
 }
 
 /// The length of a finite vector, however small or large its entries: Eigen's `stableNorm`, without the loop that makes it cost

@@ -117,24 +117,6 @@ class Ensemble {
     }
   };
 
-  template <int Rows, int Columns>
-  static void set_lane(Matrix<Scalar, Rows, Columns>& packed, std::size_t i,
-                       const Matrix<Number, Rows, Columns>& one) noexcept {
-    for (int k = 0; k < Rows * Columns; ++k) {
-      packed.data()[k].set(i, one.data()[k]);
-    }
-  }
-
-  template <int Rows, int Columns>
-  [[nodiscard]] static Matrix<Number, Rows, Columns> lane(const Matrix<Scalar, Rows, Columns>& packed,
-                                                          std::size_t i) noexcept {
-    Matrix<Number, Rows, Columns> one;
-    for (int k = 0; k < Rows * Columns; ++k) {
-      one.data()[k] = packed.data()[k][i];
-    }
-    return one;
-  }
-
   /// A pack fails if one of its members does: then each goes alone.
   template <typename Together, typename Alone>
   [[nodiscard]] static EnsembleStatus each_group(EnsembleMember<Number>* members, std::size_t count,

@@ -80,6 +80,20 @@ struct Pack {
     return all_of(a == Pack(a[0])) ? Pack(elementary::cos(a[0])) : map(a, [](Number x) { return elementary::cos(x); });
   }
 
+  friend Pack exp(const Pack& a) noexcept {
+    return map(a, [](Number x) { return elementary::exp(x); });
+  }
+  friend Pack log(const Pack& a) noexcept {
+    return map(a, [](Number x) { return elementary::log(x); });
+  }
+  friend Pack atan2(const Pack& y, const Pack& x) noexcept {
+    Pack result;
+    for (int i = 0; i < Width; ++i) {
+      result.lanes[i] = elementary::atan2(y.lanes[i], x.lanes[i]);
+    }
+    return result;
+  }
+
   template <typename Function>
   [[nodiscard]] static Pack map(const Pack& a, const Function& function) noexcept {
     Pack result;
@@ -94,6 +108,26 @@ template <typename Number, int Width>
 struct ScalarTraits<Pack<Number, Width>> {
   using Value = Number;
 };
+
+/// Puts a matrix of numbers into one lane of a matrix of packs.
+template <typename Number, int Width, int Rows, int Columns>
+void set_lane(Matrix<Pack<Number, Width>, Rows, Columns>& packed, std::size_t i,
+              const Matrix<Number, Rows, Columns>& one) noexcept {
+  for (int k = 0; k < Rows * Columns; ++k) {
+    packed.data()[k].set(i, one.data()[k]);
+  }
+}
+
+/// One lane of a matrix of packs.
+template <typename Number, int Width, int Rows, int Columns>
+[[nodiscard]] Matrix<Number, Rows, Columns> lane(const Matrix<Pack<Number, Width>, Rows, Columns>& packed,
+                                                 std::size_t i) noexcept {
+  Matrix<Number, Rows, Columns> one;
+  for (int k = 0; k < Rows * Columns; ++k) {
+    one.data()[k] = packed.data()[k][i];
+  }
+  return one;
+}
 
 }  // namespace elliptude
 

@@ -25,6 +25,7 @@ class AttitudeFilter {
   using State = typename Flow::State;
   using Input = typename Flow::Input;
   using Scalar = StateScalar<State>;
+  static constexpr Recentring recentring = Estimator::recentring;
 
   /// \param ellipsoid holds the state at `time`.
   /// \return the status of `validate` for the ellipsoid or the criterion; `not_finite` for the time.
@@ -120,7 +121,7 @@ class AttitudeFilter {
       return status;
     }
     Fusion<State> fusion;
-    const Status status = fuse(measured_ellipsoid, ellipsoid_, Estimator::recentring, criterion_, fusion);
+    const Status status = fuse(measured_ellipsoid, ellipsoid_, recentring, criterion_, fusion);
     if (status == Status::ok) {
       accept(fusion.ellipsoid);
     }
@@ -160,7 +161,7 @@ class AttitudeFilter {
         return made;
       }
       Fusion<State> fusion;
-      const Status fused = fuse(linear, ellipsoid, Estimator::recentring, criterion_, fusion);
+      const Status fused = fuse(linear, ellipsoid, recentring, criterion_, fusion);
       if (fused != Status::ok) {
         return report(fused, fusion, update);
       }
@@ -192,7 +193,7 @@ class AttitudeFilter {
   template <int Rows>
   [[nodiscard]] Status update(const LinearMeasurement<Scalar, Rows>& measurement, Update<Scalar>& update) noexcept {
     Fusion<State> fusion;
-    const Status status = fuse(measurement, ellipsoid_, Estimator::recentring, criterion_, fusion);
+    const Status status = fuse(measurement, ellipsoid_, recentring, criterion_, fusion);
     if (status == Status::ok) {
       accept(fusion.ellipsoid);
     }

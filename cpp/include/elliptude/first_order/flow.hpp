@@ -9,6 +9,8 @@
 ///
 /// which moves the ellipsoid by `duration` ≥ 0 from `time` under the input.
 
+#include <algorithm>
+
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/dynamics/linearization.hpp"
@@ -63,6 +65,28 @@ class RigidBodyFlow : public PredictionLimits {
 
   [[nodiscard]] const RigidBody<Scalar>& body() const noexcept { return body_; }
   [[nodiscard]] const Potential& potential() const noexcept { return potential_; }
+  [[nodiscard]] const Composition<Scalar>& composition() const noexcept { return composition_; }
+  [[nodiscard]] const Matrix3<Scalar>& unknown_torque() const noexcept { return unknown_torque_; }
+
+  /// The fewest equal steps of a positive duration. \return `too_many_steps`.
+  [[nodiscard]] Status count_steps(const Scalar& duration, long& steps) const noexcept {
+    return divide(duration, longest_step_, steps);
+  }
+
+  /// The same flow of another scalar, for potentials that have `cast`; of a pack, with the limits of this one (`count_steps`).
+  template <typename Other>
+  [[nodiscard]] auto cast() const noexcept {
+    using OtherPotential = decltype(potential_.template cast<Other>());
+    RigidBodyFlow<Other, OtherPotential> result;
+    result.body_ = body_.template cast<Other>();
+    result.potential_ = potential_.template cast<Other>();
+    result.composition_.stages = composition_.stages;
+    std::copy(composition_.weights.begin(), composition_.weights.end(), result.composition_.weights.begin());
+    result.longest_step_ = Other(longest_step_);
+    result.unknown_torque_ = unknown_torque_.template cast<Other>();
+    result.PredictionLimits::operator=(*this);
+    return result;
+  }
 
   /// \return `not_finite`, `not_a_rotation`, `step_too_long`, `callback_failed`; `out_of_range` of a negative duration;
   /// `too_many_steps`; `interrupted`; the status of `minimal_sum`.
@@ -103,6 +127,9 @@ class RigidBodyFlow : public PredictionLimits {
   }
 
  private:
+  template <typename, typename>
+  friend class RigidBodyFlow;
+
   /// The prediction in so many steps of h, with the unknown torque anything in its ellipsoid in each.
   [[nodiscard]] Status predict_pushed(const Scalar& time, const Scalar& h, long steps, const Input& input,
                                       const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
@@ -139,6 +166,15 @@ class RigidBodyFlow : public PredictionLimits {
   Composition<Scalar> composition_{};
   Scalar longest_step_{0};
   Matrix3<Scalar> unknown_torque_ = Matrix3<Scalar>::Zero();
+};
+
+/// A motion that a gyro measured: the state at its end, A, and the shapes of the effects of the gyro's noise and of its bias's drift.
+template <typename Scalar>
+struct GyroMotion {
+  GyroState<Scalar> center;
+  Matrix6<Scalar> transition;
+  Matrix6<Scalar> noise;
+  Matrix6<Scalar> drift;
 };
 
 /// A body about which only its gyro says something: ω̃ = ω + β + v, with the bias β in the state and v in an ellipsoid.
@@ -183,27 +219,14 @@ class GyroFlow {
       prediction = {ellipsoid, Matrix6<Scalar>::Identity()};
       return Status::ok;
     }
-    const Vector3<Scalar> turn = duration * (input.angular_velocity - ellipsoid.center.gyro_bias);
-    const Matrix3<Scalar> f = exp(turn);
-    const Matrix3<Scalar> by_rate = -duration * right_jacobian(turn);
-
+    const GyroMotion<Scalar> motion = this->motion(duration, input, ellipsoid.center);
     Prediction<State> result;
-    result.ellipsoid.center = {ellipsoid.center.attitude * f, ellipsoid.center.gyro_bias};
-    result.transition.setIdentity();
-    result.transition.template topLeftCorner<3, 3>() = f.transpose();
-    result.transition.template topRightCorner<3, 3>() = by_rate;
-
-    std::array<Ellipsoid<Scalar, 6>, 3> terms;
-    for (Ellipsoid<Scalar, 6>& term : terms) {
-      term = {Vector6<Scalar>::Zero(), Matrix6<Scalar>::Zero()};
-    }
-    terms[0].shape = transformed_shape(result.transition, ellipsoid.shape);
-    terms[1].shape.template topLeftCorner<3, 3>() = symmetrized(congruence(by_rate, noise_));
-    // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
-    Matrix<Scalar, 6, 3> by_drift;
-    by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
-    by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
-    terms[2].shape = symmetrized(congruence(by_drift, drift_));
+    result.ellipsoid.center = motion.center;
+    result.transition = motion.transition;
+    const Vector6<Scalar> zero = Vector6<Scalar>::Zero();
+    const std::array<Ellipsoid<Scalar, 6>, 3> terms{
+        Ellipsoid<Scalar, 6>{zero, transformed_shape(motion.transition, ellipsoid.shape)},
+        Ellipsoid<Scalar, 6>{zero, motion.noise}, Ellipsoid<Scalar, 6>{zero, motion.drift}};
     Ellipsoid<Scalar, 6> sum;
     if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
       return status;
@@ -211,6 +234,36 @@ class GyroFlow {
     result.ellipsoid.shape = sum.shape;
     prediction = result;
     return Status::ok;
+  }
+
+  /// What the state becomes over a duration, and what adds to its set. No branch depends on a number.
+  [[nodiscard]] GyroMotion<Scalar> motion(const Scalar& duration, const Input& input,
+                                          const State& state) const noexcept {
+    const Vector3<Scalar> turn = duration * (input.angular_velocity - state.gyro_bias);
+    const Matrix3<Scalar> f = exp(turn);
+    const Matrix3<Scalar> by_rate = -duration * right_jacobian(turn);
+    GyroMotion<Scalar> result;
+    result.center = {state.attitude * f, state.gyro_bias};
+    result.transition.setIdentity();
+    result.transition.template topLeftCorner<3, 3>() = f.transpose();
+    result.transition.template topRightCorner<3, 3>() = by_rate;
+    result.noise.setZero();
+    result.noise.template topLeftCorner<3, 3>() = symmetrized(congruence(by_rate, noise_));
+    // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
+    Matrix<Scalar, 6, 3> by_drift;
+    by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
+    by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
+    result.drift = symmetrized(congruence(by_drift, drift_));
+    return result;
+  }
+
+  /// The same flow of another scalar.
+  template <typename Other>
+  [[nodiscard]] GyroFlow<Other> cast() const noexcept {
+    GyroFlow<Other> result;
+    result.noise_ = noise_.template cast<Other>();
+    result.drift_ = drift_.template cast<Other>();
+    return result;
   }
 
   /// The angular velocity ω = ω̃ − β − v at a sample, with its bound: an output here.
@@ -224,6 +277,9 @@ class GyroFlow {
   }
 
  private:
+  template <typename>
+  friend class GyroFlow;
+
   Matrix3<Scalar> noise_ = Matrix3<Scalar>::Zero();
   Matrix3<Scalar> drift_ = Matrix3<Scalar>::Zero();
 };

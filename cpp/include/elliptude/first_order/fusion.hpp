@@ -126,21 +126,26 @@ class SizeByRows {
         !(eigen.values(Rows - 1) > Scalar(0))) {
       return false;
     }
-    result.values_ = eigen.values;
-    result.along_ = eigen.vectors.transpose().lazyProduct(y);
-    result.by_volume_ = size.by_volume();
-    if (!size.by_volume()) {
-      const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
-      const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
-      result.weights_ = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
-      result.rest_ = size.weight().trace() - result.weights_.sum();
-    }
+    result = SizeByRows(y, b, size, eigen);
     return true;
   }
 
-  /// The first and second derivative of the logarithm of the size with respect to log q.
-  /// \return whether the sets meet, as far as this q shows.
-  [[nodiscard]] bool derivatives(const Scalar& q, Scalar& slope, Scalar& curvature) const noexcept {
+  SizeByRows() noexcept = default;
+  /// \param eigen of BBᵀ, positive definite.
+  SizeByRows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b, const RelativeSize<Scalar, N>& size,
+             const SymmetricEigen<Scalar, Rows>& eigen) noexcept
+      : values_(eigen.values), along_(eigen.vectors.transpose().lazyProduct(y)), by_volume_(size.by_volume()) {
+    if (!by_volume_) {
+      const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
+      const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
+      weights_ = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
+      rest_ = size.weight().trace() - weights_.sum();
+    }
+  }
+
+  /// The first and second derivative of the logarithm of the size with respect to log q. No branch depends on a number.
+  /// \return whether the sets meet, as far as this q shows; if not, neither is of use.
+  [[nodiscard]] Truth<Scalar> derivatives(const Scalar& q, Scalar& slope, Scalar& curvature) const noexcept {
     Scalar level = Scalar(1) + q;
     Scalar level1(1);
     Scalar level2(0);
@@ -165,9 +170,6 @@ class SizeByRows {
         trace2 += Scalar(2) * part * inverse * inverse;
       }
     }
-    if (!(level > Scalar(0))) {
-      return false;
-    }
     const Scalar relative = level1 / level;
     slope = relative;
     curvature = level2 / level - relative * relative;
@@ -180,15 +182,15 @@ class SizeByRows {
     }
     curvature = q * slope + q * q * curvature;  // now with respect to log q
     slope = q * slope;
-    return true;
+    return level > Scalar(0);
   }
 
  private:
   Vector<Scalar, Rows> values_;
   Vector<Scalar, Rows> along_;
-  Vector<Scalar, Rows> weights_;
+  Vector<Scalar, Rows> weights_ = Vector<Scalar, Rows>::Zero();
   Scalar rest_{0};
-  bool by_volume_;
+  bool by_volume_ = false;
 };
 
 /// The q of least size for a few rows, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start:

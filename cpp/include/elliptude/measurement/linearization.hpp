@@ -12,6 +12,22 @@
 
 namespace elliptude {
 
+namespace detail {
+
+/// 𝒜ⁱ Sⁱ 𝒜ⁱᵀ of one direction, with 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), Aᵢ = b̃ᵢ eᵢᵀ Ĉ (paper, eq. zetakpm).
+/// \param inverse (tr(A) I − A)⁻¹, \param share −wᵢ, in the units that A has.
+template <typename Scalar>
+[[nodiscard]] Matrix3<Scalar> direction_effect(const Matrix3<Scalar>& attitude, const Matrix3<Scalar>& inverse,
+                                               const Scalar& share, const Vector3<Scalar>& e, const Vector3<Scalar>& b,
+                                               const Matrix3<Scalar>& bound) noexcept {
+  const Matrix3<Scalar> ai = b * (attitude.transpose() * e).transpose();
+  const Matrix3<Scalar> sensitivity = share * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
+  const Matrix3<Scalar> term = sensitivity * bound * sensitivity.transpose();
+  return symmetrized(term);
+}
+
+}  // namespace detail
+
 /// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq. zetakpm):
 /// 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
 template <typename Scalar>
@@ -52,11 +68,8 @@ class MeasuredDirections {
     for (std::size_t i = 0; i < count; ++i) {
       const Vector3<Scalar> e = scalar::unit(directions[i].reference);
       const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      const Matrix3<Scalar> ai = b * (result.attitude_.transpose() * e).transpose();
-      const Matrix3<Scalar> sensitivity =
-          Scalar(-directions[i].weight / largest) * inverse * (ai.trace() * Matrix3<Scalar>::Identity() - ai);
-      const Matrix3<Scalar> term = sensitivity * directions[i].bound * sensitivity.transpose();
-      result.terms_[i] = symmetrized(term);
+      result.terms_[i] = detail::direction_effect(result.attitude_, inverse, Scalar(-directions[i].weight / largest), e,
+                                                  b, directions[i].bound);
     }
     result.count_ = count;
     measured = result;
@@ -156,6 +169,23 @@ template <typename Scalar>
   return Status::ok;
 }
 
+namespace detail {
+
+/// `linear_attitude` of a rotation.
+template <typename Scalar>
+[[nodiscard]] LinearMeasurement<Scalar, 3> attitude_rows(const Matrix3<Scalar>& center,
+                                                         const MeasuredAttitude<Scalar>& measured) noexcept {
+  LinearMeasurement<Scalar, 3> linear;
+  linear.y = ExponentialChart::error(center, measured.attitude);
+  linear.h.setZero();
+  linear.h.template leftCols<3>().setIdentity();
+  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
+  linear.bound = moved * measured.bound * moved.transpose();
+  return linear;
+}
+
+}  // namespace detail
+
 /// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ + J_r⁻¹(ζ̃) ν.
 template <typename Scalar>
 [[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
@@ -166,11 +196,7 @@ template <typename Scalar>
   if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
     return Status::not_a_rotation;
   }
-  linear.y = ExponentialChart::error(center, measured.attitude);
-  linear.h.setZero();
-  linear.h.template leftCols<3>().setIdentity();
-  const Matrix3<Scalar> moved = ExponentialChart::seen_from(linear.y);
-  linear.bound = moved * measured.bound * moved.transpose();
+  linear = detail::attitude_rows(center, measured);
   return Status::ok;
 }
 

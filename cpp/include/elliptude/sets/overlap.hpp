@@ -19,29 +19,39 @@ struct OverlapAt {
   Scalar step;
 };
 
+/// \param l Cholesky's factor of λP₁ + (1−λ)P₂. No branch depends on a number.
+template <typename Scalar, int N>
+[[nodiscard]] OverlapAt<Scalar> overlap_with_factor(const Scalar& lambda, const Matrix<Scalar, N>& first,
+                                                    const Matrix<Scalar, N>& second, const Vector<Scalar, N>& d,
+                                                    const Matrix<Scalar, N>& l) noexcept {
+  const Scalar rest = Scalar(1) - lambda;
+  const Vector<Scalar, N> y = solve_lower_transposed(l, solve_lower(l, d));
+  const Vector<Scalar, N> y1 = first.lazyProduct(y);
+  const Vector<Scalar, N> y2 = second.lazyProduct(y);
+  const Scalar p1 = y.dot(y1);
+  const Scalar p2 = y.dot(y2);
+  const Vector<Scalar, N> dy = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(y2 - y1)));
+  const Scalar curvature =
+      Scalar(-2) * (lambda * p1 + rest * p2) + Scalar(2) * (rest * rest * y2.dot(dy) - lambda * lambda * y1.dot(dy));
+  OverlapAt<Scalar> at;
+  at.value = lambda * rest * d.dot(y);
+  at.slope = rest * rest * p2 - lambda * lambda * p1;
+  at.step = -at.slope / curvature;
+  return at;
+}
+
 /// \param may_be_flat towards the end where one set is alone, and perhaps flat, the mixture may be flat to rounding.
 /// \return `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status overlap_at(const Scalar& lambda, const Ellipsoid<Scalar, N>& first,
                                 const Ellipsoid<Scalar, N>& second, const Vector<Scalar, N>& d, bool may_be_flat,
                                 OverlapAt<Scalar>& at) noexcept {
-  const Scalar rest = Scalar(1) - lambda;
-  const Matrix<Scalar, N> mixed = lambda * first.shape + rest * second.shape;
+  const Matrix<Scalar, N> mixed = lambda * first.shape + (Scalar(1) - lambda) * second.shape;
   Matrix<Scalar, N> l;
   if (const Status status = may_be_flat ? cholesky_semidefinite(mixed, l) : cholesky(mixed, l); status != Status::ok) {
     return status;
   }
-  const Vector<Scalar, N> y = solve_lower_transposed(l, solve_lower(l, d));
-  const Vector<Scalar, N> y1 = first.shape.lazyProduct(y);
-  const Vector<Scalar, N> y2 = second.shape.lazyProduct(y);
-  const Scalar p1 = y.dot(y1);
-  const Scalar p2 = y.dot(y2);
-  const Vector<Scalar, N> dy = solve_lower_transposed(l, solve_lower(l, Vector<Scalar, N>(y2 - y1)));
-  const Scalar curvature =
-      Scalar(-2) * (lambda * p1 + rest * p2) + Scalar(2) * (rest * rest * y2.dot(dy) - lambda * lambda * y1.dot(dy));
-  at.value = lambda * rest * d.dot(y);
-  at.slope = rest * rest * p2 - lambda * lambda * p1;
-  at.step = -at.slope / curvature;
+  at = overlap_with_factor(lambda, first.shape, second.shape, d, l);
   return Status::ok;
 }
 
