@@ -475,8 +475,8 @@ def _read_summary(path: Path) -> _Summary:
         return _Summary()
     try:
         read = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(f"{path}: {system_fault(error)}") from error
+    except OSError as fault:
+        raise FileError(f"{path}: {system_fault(fault)}") from fault
     except ValueError:
         read = None
     if not isinstance(read, dict):
