@@ -23,7 +23,9 @@ from elliptude.configuration.configuration import Configuration, read_configurat
 from elliptude.configuration.estimator import BestEstimate, Question
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.estimator import PieceEstimator
+from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.questions import columns as answer_columns
+from elliptude.estimation.questions.answers import answers_of
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.column_files import write_columns, writing_columns
@@ -239,9 +241,8 @@ def _estimate_pieces(
     found = Survey()
     read = _noting_repairs(logs.read_pieces(log, configuration), found)
     pieces = plausibility.plausible_pieces(ahead(read), configuration, str(log), heard)
-    estimator = PieceEstimator(configuration)
-    if smooth:
-        estimator = PieceEstimator(configuration, smoothed_run, smoothed_answers)
+    made, answering = (smoothed_run, smoothed_answers) if smooth else (run_guaranteed, answers_of)
+    estimator = PieceEstimator(configuration, made, answering)
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)

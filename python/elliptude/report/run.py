@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.bounds.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms
 from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, system_fault
 from elliptude.io.tables import (
     ATTITUDE_ERRORS,
     ATTITUDE_HALF_WIDTHS,
@@ -373,7 +373,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     Raises
     ------
     FileError
-        If there is no such table; the message names file, line and column.
+        If there is no such table; the message names file, line and column. Or if the summary beside it is damaged.
     """
     table = _table_of(Path(result))
     names = column_names(table, "results")
@@ -471,12 +471,19 @@ class _Summary(NamedTuple):
 
 def _read_summary(path: Path) -> _Summary:
     """What the errors are against, how far that may be off, and which sensors were left out altogether."""
+    if not path.exists():
+        return _Summary()
     try:
         read = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return _Summary()
+    except OSError as fault:
+        raise FileError(f"{path}: {system_fault(fault)}") from fault
+    except ValueError:
+        read = None
     if not isinstance(read, dict):
-        return _Summary()
+        # It may say that the sets are no guarantee, or where the heading counts from.
+        raise FileError(
+            f"{path}: damaged, not the summary that `estimate` wrote; without that file the table is read alone"
+        )
     label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
     best, frame = read.get("best"), read.get("reference_frame")

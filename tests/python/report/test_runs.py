@@ -64,6 +64,17 @@ def test_a_table_of_the_estimator_of_today(tmp_path):
     assert list(run.refusals()) == []
 
 
+@pytest.mark.parametrize("text", ["{", "", "[]", '"said"'])
+def test_a_damaged_summary_is_not_passed_over(tmp_path, text):
+    """It may say that the sets are no guarantee. Without one the table is read alone."""
+    write(tmp_path, table_columns(make_run()))
+    (tmp_path / "summary.json").write_text(text)
+    with pytest.raises(FileError, match=r"summary\.json: damaged, not the summary that `estimate` wrote"):
+        runs.read_run(tmp_path)
+    (tmp_path / "summary.json").unlink()
+    assert runs.read_run(tmp_path)[1] == "truth"
+
+
 def test_gaps_claims_and_dropped_sensors(tmp_path):
     columns = table_columns(make_run())
     for name, values in columns.items():
