@@ -153,7 +153,7 @@ def _configured(of: GyroPlant | RigidBodyPlant) -> dict[str, Any]:
             {"name": f"d{i}", "columns": [f"a{i}", f"b{i}", f"c{i}"], "reference": one.tolist(), "bound_deg": degrees}
             for i, one in enumerate(of.reference)
         ],
-        "estimator": {"mode": "guaranteed"},
+        "estimator": {"mode": "guaranteed", "best": "kalman"},
     }
     if isinstance(of, GyroPlant):
         flow = {"interval_rate": "first_sample", "noise_deg_per_s": math.degrees(of.noise), "estimate_bias": True}
@@ -172,7 +172,7 @@ def _configured(of: GyroPlant | RigidBodyPlant) -> dict[str, Any]:
 def of_fermi(star_until: int | None) -> Iterator[LoggedRun]:
     """An hour of Fermi's telemetry; the star is measured in so many rows only."""
     tables = fermi.configuration().model_dump(mode="json", exclude_unset=True)
-    tables["estimator"] = {"mode": "guaranteed"}
+    tables["estimator"] = {"mode": "guaranteed", "best": "kalman"}
     del tables["start"]
     made = fermi.measurements(fermi.telemetry(), star_until=star_until)
     yield log_of(made), Configuration.model_validate(tables)

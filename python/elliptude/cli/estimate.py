@@ -76,7 +76,7 @@ def estimate(
         BestEstimate | None,
         typer.Option(
             help="The estimate beside the set, in the guaranteed mode; if left out, VQF's where it is installed and "
-            "fits the sensors, and a Kalman filter's with other sensors, else the center.",
+            "fits the sensors, and a Kalman filter's for a rigid body, else the center.",
             show_default=False,
         ),
     ] = None,

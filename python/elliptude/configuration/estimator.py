@@ -40,7 +40,7 @@ class Estimator(Model):
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
     regain_after: Annotated[int, Field(ge=1)] = 10
     # The estimate beside the set. If left out: VQF's, or the center without it, where gyro, accelerometer and
-    # magnetometer are all that is measured; with other sensors a Kalman filter's.
+    # magnetometer are all that is measured; a Kalman filter's for a rigid body; else the center.
     best: BestEstimate | None = None
     # Questions that each row answers by itself, beside tilt, heading and up: columns of the table of results.
     questions: tuple[Question, ...] = ()

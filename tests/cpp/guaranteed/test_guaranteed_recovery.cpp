@@ -330,6 +330,7 @@ TEST_CASE("a first set that rests on a drop is conditional") {
   CHECK(update.claim == Claim::conditional);
   CHECK(filter.claim() == Claim::conditional);
   CHECK(filter.trust().rests_on_drops());
+  CHECK(filter.trust().contradictions() == 1);
 
   SUBCASE("and so is it after a linear measurement") {
     LinearMeasurement<double, 1> linear{Vector<double, 1>::Zero(), Matrix<double, 1, 6>::Zero(),
@@ -351,9 +352,12 @@ TEST_CASE("a first set that rests on a drop is conditional") {
     REQUIRE(filter.start(ball_about(scene.truth, 0.1)) == Status::ok);
     CHECK(filter.claim() == Claim::unconditional);
     CHECK_FALSE(filter.trust().rests_on_drops());
+    CHECK(filter.trust().contradictions() == 1);  // it is remembered that there was one
     scene.measure();
     REQUIRE(filter.update(scene.all(), update) == Status::ok);
     CHECK(update.claim == Claim::unconditional);
+    filter.forget();
+    CHECK(filter.trust().contradictions() == 1);
   }
 }
 

@@ -83,6 +83,12 @@ def test_what_older_versions_stored_is_read() -> None:
     assert el.GuaranteedFilter.from_dict(fields).to_dict()["disputed_updates"] == 0
     with pytest.raises(ValueError, match="disputed_updates"):
         el.GuaranteedFilter.from_dict(fields | {"disputed_updates": -1})
+    assert fields["contradictions"] == 1
+    assert el.GuaranteedFilter.from_dict(fields).to_dict()["contradictions"] == 1
+    with pytest.raises(ValueError, match="contradictions must not be negative, but is -1"):
+        el.GuaranteedFilter.from_dict(fields | {"contradictions": -1})
+    del fields["contradictions"]
+    assert el.GuaranteedFilter.from_dict(fields).to_dict()["contradictions"] == 0
 
 
 def test_a_bias_that_is_left_to_its_bound_widens_the_attitude_by_what_it_can_do() -> None:

@@ -245,10 +245,13 @@ def with_a_star():
     return Configuration.model_validate(fields)
 
 
-def test_other_sensors_have_the_kalman_filters():
+def test_other_sensors_have_the_kalman_filters_if_they_ask():
     log = made(times=0.01 * np.arange(50))
     configuration = with_a_star()
     found = estimation.estimate(log, configuration)
+    assert found.best.estimator == "center"
+    assert found.best.why_center == "a Kalman filter's with estimator.best = 'kalman'"
+    found = estimation.estimate(log, configuration.with_best("kalman"))
     assert found.best.estimator == "kalman"
     assert found.best.why_center is None
     assert found.best.is_estimated.all()

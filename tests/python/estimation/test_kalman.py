@@ -45,7 +45,7 @@ def gyro_configuration(bound, *, noise=0.0, bias=0.0, drift=0.0, policy="raise",
                 {"name": name, "columns": list(columns), "reference": reference.tolist()} | degrees
                 for name, columns, reference in zip(("one", "two"), ("abc", "def"), REFERENCES, strict=True)
             ],
-            "estimator": {"mode": "guaranteed", "policy": policy},
+            "estimator": {"mode": "guaranteed", "policy": policy, "best": "kalman"},
         }
     )
 
@@ -312,6 +312,17 @@ def test_it_says_that_all_sets_are_too_wide():
     summary = estimation.summarize(found, configuration)["best"]
     why = "no set is narrow enough for a Kalman filter to begin with"
     assert summary["in_words"].startswith(f"the center of the set ({why}): within ")
+
+
+def test_beside_a_gyro_it_is_there_for_the_asking():
+    log = gyro_log(0.01, noise=0.01)
+    configuration = gyro_configuration(0.01, noise=0.01)
+    assert "kalman" in estimation.estimate(log, configuration).result.best_from
+    silent = configuration.model_copy(update={"estimator": configuration.estimator.model_copy(update={"best": None})})
+    found = estimation.estimate(log, silent)
+    assert set(found.result.best_from) <= {"center", ""}
+    summary = estimation.summarize(found, silent)["best"]
+    assert summary["in_words"].startswith("the center of the set (a Kalman filter's with estimator.best = 'kalman')")
 
 
 # --- how good it is ---------------------------------------------------------------------------------------------------

@@ -217,6 +217,31 @@ def test_a_lie_that_is_found_out_late_makes_no_earlier_set_wrong():
     assert not smoother.has_contradicted
 
 
+def test_a_contradiction_while_no_attitude_is_known_is_one():
+    """The attitude is forgotten, the rate contradicts, and at the next update the claim is regained."""
+    flow = el.GuaranteedRigidBodyFlow(el.RigidBody([1.0, 1.0, 1.0]), step=0.05)
+    smoother = FixedLagSmoother(el.GuaranteedFilter(flow, policy="restart", regain_after=1), 8)
+    rate = np.array([0.73, 0.0, 0.0])
+
+    def seen(time, attitude=None, **measured):
+        if time > 0.0:
+            smoother.predict(time)
+        if attitude is not None:
+            measured |= {"attitude": so3.exp(attitude)}
+        return smoother.update(**measured)
+
+    seen(0.0, np.zeros(3), attitude_bound=0.028, angular_velocity=np.zeros(3), rate_bound=0.82)
+    seen(0.1, np.zeros(3), attitude_bound=1e-3)  # a lie, which fits: the body has turned by 0.073 rad
+    update = seen(1.23, angular_velocity=rate, rate_bound=0.01)
+    assert smoother.filter.claim == "none"
+    assert update.margin < 0.0
+    seen(1.33, 1.33 * rate, attitude_bound=1e-3, angular_velocity=rate, rate_bound=0.25)
+    assert smoother.filter.claim == "unconditional"
+    found = smoother.smoothed(3)
+    assert found.claim == "unconditional"
+    assert found.ellipsoid.quadratic_form(np.eye(3), rate) <= 1.0
+
+
 def test_a_smaller_set_that_reaches_farther_is_not_shown():
     """Thin about one axis, it is wider about the others: an ellipsoid of the least volume."""
     start = el.StateEllipsoid(np.eye(3), np.zeros(3), np.diag([0.01] * 3 + [1e-10] * 3), chart="gibbs")

@@ -1,8 +1,8 @@
 """Whose estimate stands beside the set: an attitude near the truth, and how far it may be off by the guaranteed run.
 
 The center of a set is a poor estimate where what bounds the truth is lopsided. Where gyro, accelerometer and
-magnetometer are all that is measured, VQF is a better one, a filter that is kept well; with other sensors a Kalman
-filter is. Neither has an influence on the sets.
+magnetometer are all that is measured, VQF is a better one, a filter that is kept well; for a rigid body, and with
+other sensors where it is asked for, a Kalman filter is. Neither has an influence on the sets.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.best.kalman import kalman_attitudes, why_not_kalman
 from elliptude.estimation.best.vqf import is_for_vqf, vqf_attitudes, why_not_vqf
 from elliptude.estimation.guaranteed_run import GuaranteedRun
@@ -90,6 +91,9 @@ def _estimator(configuration: Configuration) -> tuple[Estimator, str | None]:
         return "center", None
     is_vqf = is_for_vqf(configuration) if wanted is None else wanted == "vqf"
     why_not = why_not_vqf(configuration) if is_vqf else why_not_kalman(configuration)
+    if wanted is None and not is_vqf and why_not is None and isinstance(configuration.flow, GyroFlow):
+        # It takes three times as long as all else, and real errors are less independent than it takes them for.
+        why_not = "a Kalman filter's with estimator.best = 'kalman'"
     if why_not is not None and wanted is not None:
         raise ValueError(f"estimator.best = {wanted!r}: {why_not}")
     if why_not is not None:
