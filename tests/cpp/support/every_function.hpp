@@ -522,7 +522,7 @@ void use_smoothing(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   Flow flow;
   tally.add(Mirror<Flow>::flow(filter.flow(), flow));
   tally.add(flow.uncertainty().noise);
-  tally.add(flow.interval_rate() == filter.flow().interval_rate());
+  tally.add(flow.interval_rate() == Flow::IntervalRate::last_sample);
   tally.add(Mirror<Flow>::input({seeds.rate, seeds.step}).increment);
   lag.forget();
   tally.add(lag.predict_interval(lag.time() + seeds.step, seeds.step, {seeds.rate, seeds.step}));
