@@ -10,11 +10,12 @@
 
 #include "first_order/filter_kernel.hpp"
 
-namespace elliptude_kernels {
+// In the library's namespace, so that symbols bear the name of the instruction set.
+namespace elliptude::filter_kernel {
 
 namespace {
 
-using namespace elliptude;
+using namespace elliptude_kernels;
 
 constexpr std::size_t width = ELLIPTUDE_WIDTH;
 using Scalar = Pack<double, ELLIPTUDE_WIDTH>;
@@ -249,6 +250,12 @@ void update(const FilterSettings& settings, const FilterBlock& block, const Filt
 
 }  // namespace
 
-FilterKernels ELLIPTUDE_FILTERS() noexcept { return {&predict, &update}; }
+}  // namespace elliptude::filter_kernel
+
+namespace elliptude_kernels {
+
+FilterKernels ELLIPTUDE_FILTERS() noexcept {
+  return {&elliptude::filter_kernel::predict, &elliptude::filter_kernel::update};
+}
 
 }  // namespace elliptude_kernels
