@@ -194,13 +194,12 @@ class FixedLagSmoother:
         moments = list(self._moments)[::-1]
         contradicted = self._has_contradicted
         shown = carried = of_vector = _weakened(moments[0].known, contradicted)
-        before_contradiction = carries_alone = False
         for later, earlier in pairwise(moments[: age + 1]):
             future = self._backward(later, _weakened(carried, contradicted))
             (shown, smallest, of_vector), contradicts = self._both(_weakened(earlier.known, contradicted), future)
-            before_contradiction = before_contradiction or earlier.contradictions != later.contradictions
-            carries_alone = carries_alone or (before_contradiction and earlier.known.claim == _UNCONDITIONAL)
-            carried = future if carries_alone else smallest
+            before_contradiction = earlier.contradictions != moments[0].contradictions
+            is_left_alone = before_contradiction and earlier.known.claim == _UNCONDITIONAL
+            carried = future if is_left_alone else smallest
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
                     f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "

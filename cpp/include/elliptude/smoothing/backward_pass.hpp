@@ -104,10 +104,8 @@ class BackwardPass {
     both_ = both;
     has_contradicted_ = has_contradicted_ || both.contradict;
     both_.smoothed = weakened(both_.smoothed);
-    before_contradiction_ = before_contradiction_ || earlier.contradictions != contradictions_;
-    carries_alone_ = carries_alone_ || (before_contradiction_ && earlier.known.claim == Claim::unconditional);
-    carried_ = weakened(carries_alone_ ? future : both.smallest);
-    contradictions_ = earlier.contradictions;
+    const bool before_contradiction = earlier.contradictions != contradictions_;
+    carried_ = weakened(before_contradiction && earlier.known.claim == Claim::unconditional ? future : both.smallest);
     time_ = earlier.time;
     interval_ = earlier.interval;
     return Status::ok;
@@ -185,11 +183,9 @@ class BackwardPass {
   const Filter& filter_;
   Scalar time_;
   PredictedInterval<Filter> interval_;
-  unsigned contradictions_;
-  BothDirections<State> both_;         ///< at the moment where the pass is
-  ClaimedSet<State> carried_;          ///< what goes on to earlier moments
-  bool before_contradiction_ = false;  ///< whether an update has contradicted after the moment where the pass is
-  bool carries_alone_ = false;         ///< whether nothing that the filter knew is taken up any more: before a dispute
+  unsigned contradictions_;     ///< until the last moment
+  BothDirections<State> both_;  ///< at the moment where the pass is
+  ClaimedSet<State> carried_;   ///< what goes on to earlier moments
   bool has_contradicted_ = false;
 };
 
