@@ -65,11 +65,15 @@ fuzz: $(SYSTEM)-clang $(VENV)/package $(VENV)/test $(VENV)/fuzz ## Fuzz the core
 	cmake --build --preset $(FUZZ_PRESET) --target fuzz_targets
 	.venv/bin/python tools/fuzz.py build/$(FUZZ_PRESET) $(FUZZ_TARGETS) --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
+# The kind of processor that the wheel is for: this machine's, or aarch64, where QEMU runs what tries it.
+MACHINE ?= $(shell uname -m)
+EMULATED := $(if $(filter-out $(shell uname -m),$(MACHINE)),build/wheel/emulated/python)
 .PHONY: wheel
-wheel: $(VENV)/wheel ## Build a wheel for any Linux since glibc 2.17 in dist/, and try it where there is no compiler
-	tools/build_wheel.sh .venv/bin
+wheel: $(VENV)/wheel $(EMULATED) ## Build a wheel for any Linux since glibc 2.17 in dist/, and try it where there is no compiler
+	tools/build_wheel.sh .venv/bin $(MACHINE)
 	rm -rf build/wheel/alone
-	PYTHON=.venv/bin/python ELLIPTUDE_WHEEL_SECONDS=30 tests/packaging/wheel.sh "$$(ls -t dist/elliptude-*.whl | head -n 1)" build/wheel/alone
+	PYTHON=$(or $(EMULATED),.venv/bin/python) ELLIPTUDE_WHEEL_SECONDS=$(if $(EMULATED),300,30) tests/packaging/wheel.sh \
+	  "$$(ls -t dist/elliptude-*_$(MACHINE).whl | head -n 1)" build/wheel/alone
 
 .PHONY: single-header
 single-header: ## Write the C++ core as one header, build/single_header/elliptude.hpp, which needs Eigen alone
@@ -170,6 +174,9 @@ $(VENV)/peers: $(VENV)/requirements
 $(VENV)/wheel: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py wheel)
 	touch $@
+
+build/wheel/emulated/python: tests/packaging/aarch64_python.sh | $(SYSTEM)-emulation
+	tests/packaging/aarch64_python.sh $(@D)
 
 $(VENV)/fuzz: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py fuzz)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench peers lint clang browser shells packaging flight
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench peers lint clang browser shells packaging emulation flight
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -43,6 +43,10 @@ for purpose in "$@"; do
             need_command fish fish
             ;;
         packaging) need_command pkg-config pkgconf ;;
+        emulation)
+            need_command qemu-aarch64-static qemu-user-static
+            need_command mmdebstrap mmdebstrap
+            ;;
         flight)
             need_command arm-none-eabi-g++ gcc-arm-none-eabi
             need_package libnewlib-arm-none-eabi

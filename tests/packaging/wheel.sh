@@ -16,7 +16,7 @@ newer='\b(v[a-z0-9]+ .*%[xyz]mm|haddp[sd]|pshufb|round[sp][sd]|blendvp[sd]|ptest
 unzipped=$folder/unzipped
 "${PYTHON:-python3}" -m zipfile -e "$wheel" "$unzipped"
 for module in "$unzipped"/elliptude/_*.so; do
-    [ "$(uname -m)" = x86_64 ] || continue
+    [[ ${module##*/} == *x86_64* ]] || continue
     objdump -d --no-show-raw-insn "$module" >"$folder/instructions"
     grep -q '%xmm0' "$folder/instructions"
     if [[ $module == */_core.* ]] && ! grep -q '^[0-9a-f]* <.*move_avx2' "$folder/instructions"; then
