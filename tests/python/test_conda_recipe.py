@@ -7,7 +7,7 @@ from pathlib import Path
 import elliptude
 
 ROOT = Path(__file__).parents[2]
-RECIPE = (ROOT / "conda" / "meta.yaml").read_text(encoding="utf-8")
+RECIPE = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONDA_NAMES = {"matplotlib": "matplotlib-base", "cmeel-eigen": "eigen"}
 
@@ -24,14 +24,11 @@ def as_conda_has_it(requirements: list[str]) -> set[str]:
 
 
 def test_the_version_is_read_from_the_header():
-    pattern = re.search(r'regex_pattern="(.*)"\)', RECIPE)
-    header = re.search(r'load_file="(.*?)"', RECIPE)
-    assert pattern
+    header = re.search(r'load_from_file\("(.*?)"\)', RECIPE)
     assert header
     text = (ROOT / "conda" / header[1]).read_text(encoding="utf-8")
-    found = re.search(pattern[1], text)
-    assert found
-    assert ".".join(found.groups()) == elliptude.__version__
+    before = re.findall(r'split\("(.*?)"\)', RECIPE)
+    assert ".".join(text.split(words)[-1].split()[0] for words in before) == elliptude.__version__
 
 
 def test_the_requirements_are_those_of_the_package():
@@ -39,4 +36,4 @@ def test_the_requirements_are_those_of_the_package():
     assert listed("host") == as_conda_has_it(PYPROJECT["build-system"]["requires"])
     assert listed("run") == as_conda_has_it(PYPROJECT["project"]["dependencies"] + extras["cli"])
     others = [one for extra in ("report", "igrf", "ulog", "ros") for one in extras[extra]]
-    assert listed("run_constrained") == as_conda_has_it(others)
+    assert listed("run_constraints") == as_conda_has_it(others)
