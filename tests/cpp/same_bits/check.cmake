@@ -1,6 +1,6 @@
-# cmake -DPROGRAM=<program> -DNAME=<name> -P check.cmake
+# cmake "-DPROGRAM=<program, after what emulates its processor>" -DNAME=<name> -P check.cmake
 # Fails unless the rows that the program prints have the hash that golden.txt has for that name.
-execute_process(COMMAND "${PROGRAM}" OUTPUT_VARIABLE printed COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${PROGRAM} OUTPUT_VARIABLE printed COMMAND_ERROR_IS_FATAL ANY)
 string(REGEX MATCHALL "row [^\n]*" rows "${printed}")
 list(LENGTH rows count)
 string(SHA256 hash "${rows}")
