@@ -17,6 +17,12 @@ class PredictionError : public pybind11::value_error {
   }
 };
 
+class OverflowError : public pybind11::builtin_exception {
+ public:
+  using builtin_exception::builtin_exception;
+  void set_error() const override { pybind11::set_error(PyExc_OverflowError, what()); }
+};
+
 std::string explained(Status status, const std::string& subject) {
   return subject + ": " + message(status) +
          (status == Status::beyond_domain ? " (semi-axes are 0 or from 1e-138 to 1e137)" : "");
@@ -33,6 +39,8 @@ std::string text(double value) {
 void value_error(const std::string& message) { throw pybind11::value_error(message); }
 
 void prediction_error(const std::string& message) { throw PredictionError(message); }
+
+void overflow_error(const std::string& message) { throw OverflowError(message); }
 
 void check_most_steps(long most_steps) {
   if (most_steps < 1) {

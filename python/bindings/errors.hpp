@@ -60,6 +60,10 @@ void check_most_steps(long most_steps);
 /// \throws `elliptude.errors.PredictionError`, a ValueError: the arguments are right, and no set can be given after the interval.
 [[noreturn]] void prediction_error(const std::string& message);
 
+/// \throws OverflowError. Not std::overflow_error: pybind11 lets one module translate what the standard library throws in all, and modules
+/// that have each a C++ library linked into them do not know each other's types (`make wheel`).
+[[noreturn]] void overflow_error(const std::string& message);
+
 /// \param subject the argument or operation that the status is about, for the message.
 /// \throws InconsistentSets for an empty intersection, ValueError for any other status.
 [[noreturn]] void raise(Status status, const std::string& subject);

@@ -1,4 +1,4 @@
-"""A first result with an installed elliptude: a set by the library, and a simulated log by the command line."""
+"""A first result with an installed elliptude: a set, errors, and a simulated log by the command line."""
 
 import json
 import subprocess
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import elliptude as el
 import numpy as np
+from elliptude import _truth
 
 
 def by_the_library() -> None:
@@ -21,6 +22,19 @@ def by_the_library() -> None:
     print(f"library: {estimator.claim}, within {angle:.1f} degrees")
     assert estimator.claim == "unconditional"
     assert 5 < angle < 15
+
+
+def errors() -> None:
+    """Each module's errors arrive as they are, though each may have a C++ library of its own."""
+    for kind, call in (
+        (ValueError, lambda: el.GuaranteedGyroFlow(noise=-1)),
+        (OverflowError, lambda: _truth.motion([0, 1], np.eye(3), [1e200, 1e200, 0], np.diag([1.0, 2.0, 2.5]))),
+    ):
+        try:
+            call()
+        except kind:
+            continue
+        raise AssertionError(f"no {kind.__name__}")
 
 
 def elliptude(*arguments: object) -> None:
@@ -43,4 +57,5 @@ def by_the_command_line() -> None:
 
 
 by_the_library()
+errors()
 by_the_command_line()

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <stdexcept>
 
 #include "arrays.hpp"
 #include "truth/extrapolation.hpp"
@@ -54,8 +53,8 @@ template <typename Scalar, typename MotionOf>
       for (Index k = 0; k < rows; ++k) {
         if (k > 0 &&
             !truth::integrate<Scalar>(motion_of(i, k - 1), Scalar(time[k - 1]), Scalar(time[k]), step, state)) {
-          throw std::overflow_error("the motion" + place(leading, i) + " cannot be integrated from " +
-                                    text(time[k - 1]) + " s to " + text(time[k]) + " s");
+          overflow_error("the motion" + place(leading, i) + " cannot be integrated from " + text(time[k - 1]) +
+                         " s to " + text(time[k]) + " s");
         }
         const truth::Matrix<Scalar> now = truth::product(attitude0, truth::rotation(state));
         const truth::Vector<Scalar> rate_now = truth::angular_velocity(state);
