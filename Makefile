@@ -31,7 +31,7 @@ help: ## List these commands
 test: test-cpp test-python ## Install what is missing, build, run the C++ and the Python tests
 
 .PHONY: test-cpp
-test-cpp: $(SYSTEM)-test ## The C++ tests alone
+test-cpp: $(SYSTEM)-test $(if $(filter aarch64,$(PRESET)),$(SYSTEM)-aarch64) ## The C++ tests alone
 	cmake --preset $(PRESET)
 	cmake --build --preset $(PRESET)
 	ctest --preset $(PRESET)
@@ -175,7 +175,7 @@ $(VENV)/wheel: $(VENV)/requirements
 	$(PIP_INSTALL) --requirement <($(PYTHON) tools/requirements.py wheel)
 	touch $@
 
-build/wheel/emulated/python: tests/packaging/aarch64_python.sh | $(SYSTEM)-emulation
+build/wheel/emulated/python: tests/packaging/aarch64_python.sh | $(SYSTEM)-aarch64
 	tests/packaging/aarch64_python.sh $(@D)
 
 $(VENV)/fuzz: $(VENV)/requirements

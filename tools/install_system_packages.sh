@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench peers lint clang browser shells packaging emulation flight
+# install_system_packages.sh PURPOSE...   with PURPOSE one of: test bench peers lint clang browser shells packaging aarch64 flight
 # Installs the Debian packages which those purposes need and this machine lacks; where it may not, says which they are.
 set -euo pipefail
 python=${PYTHON:-python3}
@@ -43,7 +43,8 @@ for purpose in "$@"; do
             need_command fish fish
             ;;
         packaging) need_command pkg-config pkgconf ;;
-        emulation)
+        aarch64)
+            need_command aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
             need_command qemu-aarch64-static qemu-user-static
             need_command mmdebstrap mmdebstrap
             ;;
