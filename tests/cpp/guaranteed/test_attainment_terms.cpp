@@ -62,12 +62,8 @@ struct Followed {
   [[nodiscard]] Motion motion(const RealVector6& u) const { return gibbs_motion(start, RealVector6(first_frame * u)); }
   /// p + r of the motion that began at u and has now come here.
   [[nodiscard]] RealVector6 left(const RealVector6& u, const Motion& end) const {
-    RealVector6 quadratic;
-    for (int i = 0; i < 6; ++i) {
-      quadratic(i) = u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
-    }
     const RealMatrix6 frame = tube.frame().template cast<Real>();
-    return RealVector6(frame.inverse() * gibbs_error(series.end, end) - u - quadratic);
+    return RealVector6(frame.inverse() * gibbs_error(series.end, end) - u - second_order(tube, u));
   }
   /// p + r must be in the sum of the pushes' ellipsoid and the ball of the rest: how much of that sum's width this takes in the
   /// direction, of some, in which it takes most. Those are that of p + r itself, and across the longest axes of the pushes.

@@ -155,11 +155,7 @@ void search_beyond(const RigidBody<double>& body, const Potential& potential, co
   const auto left = [&](const RealVector6& u) {
     const Motion end = independent_flow(body.inertia().cast<Real>(), torque,
                                         gibbs_motion(start, RealVector6(first_frame * u)), 0, Real(steps) * Real(h), 2);
-    RealVector6 quadratic;
-    for (int i = 0; i < 6; ++i) {
-      quadratic(i) = u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).template cast<Real>() * u);
-    }
-    return RealVector6(back * gibbs_error(state, end) - u - quadratic);
+    return RealVector6(back * gibbs_error(state, end) - u - second_order(tube, u));
   };
   // A sum of an ellipsoid and a ball holds what is below its support in every direction.
   const auto part = [&](const RealVector6& r) {
@@ -276,10 +272,7 @@ TEST_CASE("what the second order makes of a set is in the shape, by whichever bo
     const RealMatrix6 whitened = root.inverse() * tube.frame().cast<long double>();
     const auto form = [&](const RealVector6& v) {
       const RealVector6 u = set * v;
-      RealVector6 end = u;
-      for (int i = 0; i < 6; ++i) {
-        end(i) += u.dot(detail::packed::unpacked<double>(tube.second_order().col(i)).cast<long double>() * u);
-      }
+      const RealVector6 end = u + second_order(tube, u);
       return RealVector6(whitened * end).squaredNorm();
     };
     for (int start = 0; start < 8; ++start) {

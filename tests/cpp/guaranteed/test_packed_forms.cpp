@@ -4,6 +4,8 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
+
 #include "support/random.hpp"
 
 using namespace elliptude;
@@ -43,10 +45,25 @@ Matrix6<double> matrix_of(const detail::packed::Slices<double>& slices, int i) {
   return detail::packed::slice(slices, i).topRows<6>();
 }
 
+Matrix6<double> matrix_of(const detail::packed::Form<double>& form) {
+  return detail::packed::unpacked(form).topRows<6>();
+}
+
+/// (aᵀu)(bᵀu), put together from its parts.
+detail::packed::Form<double> whole_product(const Vector6<double>& a, const Vector6<double>& b) {
+  const detail::packed::Factor<double> first(a);
+  const detail::packed::Factor<double> second(b);
+  detail::packed::Form<double> form;
+  for (int at = 0; at < detail::packed::size; at += detail::packed::part_size) {
+    form.segment<detail::packed::part_size>(at) = detail::packed::product(first, second, at);
+  }
+  return form;
+}
+
 Vector6<double> values(const detail::packed::Forms<double>& forms, const Vector6<double>& u) {
   Vector6<double> result;
   for (int i = 0; i < 6; ++i) {
-    result(i) = u.dot(detail::packed::unpacked<double>(forms.col(i)) * u);
+    result(i) = u.dot(matrix_of(forms.col(i)) * u);
   }
   return result;
 }
@@ -69,7 +86,7 @@ TEST_CASE("a form's value is the inner product with the packed square of its arg
     const detail::packed::Form<double> square = pack(Matrix6<double>(u * u.transpose()));
     CHECK(square.norm() == doctest::Approx(u.squaredNorm()).epsilon(1e-14));
     CHECK(pack(h).dot(square) == doctest::Approx(u.dot(h * u)).epsilon(1e-12));
-    CHECK((detail::packed::unpacked<double>(pack(h)) - h).norm() <= 1e-15 * h.norm());
+    CHECK((matrix_of(pack(h)) - h).norm() <= 1e-15 * h.norm());
     CHECK(pack(h).norm() == doctest::Approx(h.norm()).epsilon(1e-14));
   }
 }
@@ -80,9 +97,25 @@ TEST_CASE("the product of two linear forms") {
     const Vector6<double> a = random.normal_matrix<6>();
     const Vector6<double> b = random.normal_matrix<6>();
     const Matrix6<double> expected = 0.5 * (a * b.transpose() + b * a.transpose());
-    const detail::packed::Form<double> form =
-        detail::packed::product(detail::packed::Factor<double>(a), detail::packed::Factor<double>(b));
-    CHECK((detail::packed::unpacked<double>(form) - expected).norm() <= 1e-15 * expected.norm());
+    CHECK((matrix_of(whole_product(a, b)) - expected).norm() <= 1e-15 * expected.norm());
+  }
+}
+
+TEST_CASE("the six products of three linear forms") {
+  Random random(6);
+  std::array<Vector6<double>, 3> a;
+  for (Vector6<double>& each : a) {
+    each = random.normal_matrix<6>();
+  }
+  using Factor = detail::packed::Factor<double>;
+  const std::array<Factor, 3> factors{Factor(a[0]), Factor(a[1]), Factor(a[2])};
+  const std::array<std::array<std::size_t, 2>, 6> pairs{{{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}}};
+  for (int at = 0; at < detail::packed::size; at += detail::packed::part_size) {
+    const auto parts = detail::packed::products(factors, at);
+    for (std::size_t i = 0; i < 6; ++i) {
+      const detail::packed::Form<double> expected = whole_product(a[pairs[i][0]], a[pairs[i][1]]);
+      CHECK((parts.col(static_cast<int>(i)) - expected.segment<detail::packed::part_size>(at)).norm() <= 1e-15);
+    }
   }
 }
 
@@ -97,6 +130,9 @@ TEST_CASE("a quadratic map in the coordinates of a set is the map there and back
     const Vector6<double> expected = map.inverse() * values(forms, map * v);
     CHECK((values(seen, v) - expected).norm() <= 1e-11 * expected.norm());
   }
+  for (int i = 0; i < 6; ++i) {
+    CHECK(matrix_of(seen, i) == matrix_of(seen, i).transpose());
+  }
 }
 
 TEST_CASE("columns of slices have the inner products of the forms, and end in zeros") {
@@ -105,8 +141,8 @@ TEST_CASE("columns of slices have the inner products of the forms, and end in ze
   const detail::packed::Slices<double> slices = slices_of(forms);
   CHECK((slices.transpose() * slices - forms.transpose() * forms).norm() <= 1e-14 * forms.squaredNorm());
   for (int i = 0; i < 6; ++i) {
-    CHECK(detail::packed::slice(slices, i).bottomRows<2>().isZero(0));
-    CHECK(detail::packed::slice(detail::packed::symmetric_part(slices), i).bottomRows<2>().isZero(0));
+    CHECK(detail::packed::slice(slices, i).bottomRows<padded(6) - 6>().isZero(0));
+    CHECK(detail::packed::slice(detail::packed::symmetric_part(slices), i).bottomRows<padded(6) - 6>().isZero(0));
   }
 }
 
@@ -135,8 +171,7 @@ TEST_CASE("the symmetric part has the same cubic form and the least norm") {
   const Matrix6<double> skew = a - a.transpose();
   detail::packed::Forms<double> turning;
   for (int i = 0; i < 6; ++i) {
-    turning.col(i) = detail::packed::product(detail::packed::Factor<double>(Vector6<double>::Unit(0)),
-                                             detail::packed::Factor<double>(Vector6<double>(skew.row(i))));
+    turning.col(i) = whole_product(Vector6<double>::Unit(0), Vector6<double>(skew.row(i)));
   }
   CHECK(detail::packed::symmetric_part(slices_of(turning)).norm() <= 1e-14 * turning.norm());
 }

@@ -380,3 +380,14 @@ TEST_CASE("the norm of a matrix so small that its square is denormal is finite")
   gram(0, 0) = 1e-309;
   CHECK(norm_of_gram(gram) == doctest::Approx(3.16e-155).epsilon(0.01));
 }
+
+TEST_CASE("products by columns agree with Eigen's, of transposes and of single columns too") {
+  Random random(13);
+  const Matrix<double, 6, 3> a = random.normal_matrix<6, 3>();
+  const Matrix3<double> b = random.normal_matrix<3, 3>();
+  const Vector3<double> c = random.normal_matrix<3, 1>();
+  CHECK((product_by_columns(a, b) - a * b).norm() <= 4 * epsilon * a.norm() * b.norm());
+  CHECK((product_by_columns(a, b.transpose()) - a * b.transpose()).norm() <= 4 * epsilon * a.norm() * b.norm());
+  CHECK((product_by_columns(a, c) - a * c).norm() <= 4 * epsilon * a.norm() * c.norm());
+  CHECK((congruence(a, b) - a * b * a.transpose()).norm() <= 8 * epsilon * a.squaredNorm() * b.norm());
+}

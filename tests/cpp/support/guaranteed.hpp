@@ -22,6 +22,17 @@ inline RealVector gradient_torque(const RealMatrix& inertia, Real rate, const Re
   return 3 * rate * rate * b.cross(RealVector(inertia * b));
 }
 
+/// q(u), the quadratic map of a tube, in the precision of u.
+template <typename Tube, typename Number>
+Eigen::Matrix<Number, 6, 1> second_order(const Tube& tube, const Eigen::Matrix<Number, 6, 1>& u) {
+  Eigen::Matrix<Number, 6, 1> image;
+  for (int i = 0; i < 6; ++i) {
+    const Matrix6<double> form = detail::packed::unpacked<double>(tube.second_order().col(i)).template topRows<6>();
+    image(i) = u.dot(form.template cast<Number>() * u);
+  }
+  return image;
+}
+
 inline RigidBody<double> random_body(Random& random) {
   // The moments of a random distribution of mass.
   const Eigen::Vector3d masses(random.log_uniform(0.05, 1), random.log_uniform(0.05, 1), random.log_uniform(0.05, 1));

@@ -156,7 +156,9 @@ template <typename Derived>
   using Scalar = typename Derived::Scalar;
   const Vector3<Scalar> v = x;
   Matrix3<Scalar> result;
-  result << Scalar(0), -v.z(), v.y(), v.z(), Scalar(0), -v.x(), -v.y(), v.x(), Scalar(0);
+  result.col(0) = Vector3<Scalar>(Scalar(0), v.z(), -v.y());
+  result.col(1) = Vector3<Scalar>(-v.z(), Scalar(0), v.x());
+  result.col(2) = Vector3<Scalar>(v.y(), -v.x(), Scalar(0));
   return result;
 }
 

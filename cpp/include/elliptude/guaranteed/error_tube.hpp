@@ -166,7 +166,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
     shape *= one + rest_share;
     shape.diagonal().array() += (one + one / rest_share) * rest_ * rest_;
   }
-  const Matrix6<Scalar> beside = set_inverse.lazyProduct(pushed_);
+  const Matrix6<Scalar> beside = product_by_columns(set_inverse, pushed_);
   const Scalar pushed_share = detail::tube::moderate_growth(
       detail::tube::share_of(Scalar(beside.cwiseProduct(set_inverse).sum())), Scalar(pushed_.trace()), width);
   if (pushed_.trace() > Scalar(0)) {

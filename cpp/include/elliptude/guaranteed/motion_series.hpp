@@ -190,10 +190,12 @@ struct MotionSeries {
     // Quaternions with the real part last; q ⊗ ω is linear in ω, with the columns q ⊗ eⱼ.
     std::array<Vector<Scalar, 4>, terms + 1> q;
     std::array<Matrix<Scalar, 4, 3>, terms> by_rate;
-    q[0] << Scalar(0), Scalar(0), Scalar(0), Scalar(1);
+    q[0] = Vector<Scalar, 4>(Scalar(0), Scalar(0), Scalar(0), Scalar(1));
     for (std::size_t k = 0; k < terms; ++k) {
       const Vector<Scalar, 4>& p = q[k];
-      by_rate[k] << p(3), -p(2), p(1), p(2), p(3), -p(0), -p(1), p(0), p(3), -p(0), -p(1), -p(2);
+      by_rate[k].col(0) = Vector<Scalar, 4>(p(3), p(2), -p(1), -p(0));
+      by_rate[k].col(1) = Vector<Scalar, 4>(-p(2), p(3), p(0), -p(1));
+      by_rate[k].col(2) = Vector<Scalar, 4>(p(1), -p(0), p(3), -p(2));
       Vector<Scalar, 4> sum = by_rate[0].lazyProduct(rate[k]);
       for (std::size_t i = 1; i <= k; ++i) {
         sum += by_rate[i].lazyProduct(rate[k - i]);

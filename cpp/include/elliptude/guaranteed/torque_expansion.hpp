@@ -244,7 +244,9 @@ class QuadraticTorque {
 
  private:
   [[nodiscard]] static Padded<Scalar> padded(const Vector3<Scalar>& v) noexcept {
-    return Padded<Scalar>(v(0), v(1), v(2), Scalar(0));
+    Padded<Scalar> result = Padded<Scalar>::Zero();
+    result.template head<3>() = v;
+    return result;
   }
   /// Coefficient k of both directions, and of bbᵀ.
   void add(int k, const Padded<Scalar>& radial, const Padded<Scalar>& along) noexcept {

@@ -10,18 +10,23 @@ namespace elliptude {
 
 namespace expansion {
 
-/// Three columns of three numbers, and zeros that fill SIMD registers.
+/// Three columns of three numbers, and zeros below where they fill SIMD registers.
 template <typename Scalar>
-using Columns = Matrix<Scalar, 4, 3>;
+using Columns = Matrix<Scalar, padded(3), 3>;
 
 /// Three numbers, and a zero for the same.
 template <typename Scalar>
-using Padded = Vector<Scalar, 4>;
+using Padded = Vector<Scalar, padded(3)>;
 
 /// The matrix of x ↦ x × s.
 template <typename Derived>
 [[nodiscard]] Columns<typename Derived::Scalar> across(const Eigen::MatrixBase<Derived>& s) noexcept {
-  Columns<typename Derived::Scalar> matrix = Columns<typename Derived::Scalar>::Zero();
+  using Scalar = typename Derived::Scalar;
+  Columns<Scalar> matrix;
+  for (int j = 0; j < 3; ++j) {
+    matrix(j, j) = Scalar(0);
+    matrix(padded(3) - 1, j) = Scalar(0);  // written over where nothing is filled
+  }
   matrix(0, 1) = s(2);
   matrix(0, 2) = -s(1);
   matrix(1, 0) = -s(2);
@@ -35,9 +40,13 @@ template <typename Derived>
 template <typename Scalar, int Terms>
 [[nodiscard]] Padded<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
                                                const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
-  Padded<Scalar> sum = across_s[0].lazyProduct(rate[static_cast<std::size_t>(k)]);
+  Padded<Scalar> sum = product_by_columns(across_s[0], rate[static_cast<std::size_t>(k)]);
   for (int i = k - 1; i >= 0; --i) {
-    sum += across_s[static_cast<std::size_t>(k - i)].lazyProduct(rate[static_cast<std::size_t>(i)]);
+    const Columns<Scalar>& columns = across_s[static_cast<std::size_t>(k - i)];
+    const Vector3<Scalar>& coefficients = rate[static_cast<std::size_t>(i)];
+    for (int j = 0; j < 3; ++j) {
+      sum += columns.col(j) * coefficients(j);
+    }
   }
   return sum;
 }

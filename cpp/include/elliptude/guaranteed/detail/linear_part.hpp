@@ -51,13 +51,9 @@ class LinearExpansion {
  private:
   static constexpr int order = 4;      // of Y within a step
   static constexpr int jacobians = 4;  // terms of the torque's Jacobian
-  // Three rows of Y, transposed: columns fill SIMD registers with two rows of zeros, which take no part where there are none.
-  using Block = Matrix<Scalar, 8, 3>;
-#ifdef EIGEN_VECTORIZE
-  static constexpr int used_rows = 8;
-#else
-  static constexpr int used_rows = 6;
-#endif
+  // Rows of Y, transposed: one, and three.
+  using Row = Vector<Scalar, padded(6)>;
+  using Block = Matrix<Scalar, padded(6), 3>;
   using Columns = Matrix<Scalar, 6, 3>;
   using Blocks = std::array<Block, order + 1>;
 
@@ -68,15 +64,6 @@ class LinearExpansion {
   }
   [[nodiscard]] static Scalar column_norm(const Columns& columns) noexcept {
     return norm_of_gram(Matrix3<Scalar>(columns.transpose().lazyProduct(columns)));
-  }
-
-  /// sum += block matrix, a column at a time: without SIMD registers that takes a third of the instructions of `lazyProduct`.
-  static void add_product(const Block& block, const Matrix3<Scalar>& matrix, Block& sum) noexcept {
-    const auto used = block.template topRows<used_rows>();
-    for (int column = 0; column < 3; ++column) {
-      sum.col(column).template head<used_rows>() +=
-          matrix(0, column) * used.col(0) + (matrix(1, column) * used.col(1) + matrix(2, column) * used.col(2));
-    }
   }
 
   [[nodiscard]] static Block value_at(const Blocks& blocks, const Scalar& s) noexcept {
@@ -105,29 +92,40 @@ class LinearExpansion {
     const Matrix3<Scalar>& inertia = body_.inertia();
     const Matrix3<Scalar>& inverse_inertia = body_.inertia_inverse();
     for (int j = 0; j < jacobians; ++j) {
-      stiffness_[static_cast<std::size_t>(j)] = inverse_inertia.lazyProduct(series_.torque.jacobian(j)).transpose();
+      stiffness_[static_cast<std::size_t>(j)] =
+          product_by_columns(inverse_inertia, series_.torque.jacobian(j)).transpose();
     }
-    std::array<Matrix3<Scalar>, order + 1> turning;     // −S(ω_j), transposed: S(ω_j)
     std::array<Matrix3<Scalar>, order + 1> gyroscopic;  // J⁻¹ (S(Jω_j + h_w) − S(ω_j) J)
     for (std::size_t j = 0; j <= order; ++j) {
-      turning[j] = hat(series_.rate[j]);
-      gyroscopic[j] =
-          inverse_inertia.lazyProduct(Matrix3<Scalar>(hat(series_.momentum[j]) - turning[j].lazyProduct(inertia)))
-              .transpose();
+      const Matrix3<Scalar> torque = hat(series_.momentum[j]) - product_by_columns(hat(series_.rate[j]), inertia);
+      gyroscopic[j] = product_by_columns(inverse_inertia, torque).transpose();
     }
     top_[0].setZero();
     bottom_[0].setZero();
     top_[0].template topRows<6>() = frame.template topRows<3>().transpose();
     bottom_[0].template topRows<6>() = frame.template bottomRows<3>().transpose();
     for (std::size_t k = 0; k <= order; ++k) {  // coefficient k of A Y, which is (k + 1) Y_{k+1}
-      next_top_ = bottom_[k];
-      next_bottom_.setZero();
-      for (std::size_t j = 0; j <= k; ++j) {
-        add_product(top_[k - j], turning[j], next_top_);
-        add_product(bottom_[k - j], gyroscopic[j], next_bottom_);
-        if (j < jacobians) {
-          add_product(top_[k - j], stiffness_[j], next_bottom_);
+      for (int column = 0; column < 3; ++column) {
+        Row top = bottom_[k].col(column);
+        for (std::size_t j = 0; j <= k; ++j) {  // −S(ω_j), transposed
+          const int next = column < 2 ? column + 1 : 0;
+          const int last = 3 - column - next;
+          top += top_[k - j].col(next) * series_.rate[j](last);
+          top -= top_[k - j].col(last) * series_.rate[j](next);
         }
+        next_top_.col(column) = top;
+        Row bottom = Row::Zero();
+        for (std::size_t j = 0; j <= k; ++j) {
+          for (int row = 0; row < 3; ++row) {
+            bottom += bottom_[k - j].col(row) * gyroscopic[j](row, column);
+          }
+        }
+        for (std::size_t j = 0; j <= k && j < jacobians; ++j) {
+          for (int row = 0; row < 3; ++row) {
+            bottom += top_[k - j].col(row) * stiffness_[j](row, column);
+          }
+        }
+        next_bottom_.col(column) = bottom;
       }
       if (k < order) {
         top_[k + 1] = (Scalar(1) / number(k + 1)) * next_top_;
@@ -166,7 +164,7 @@ class LinearExpansion {
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar middle = half * powers[1];
     const Matrix6<Scalar> slope = rows(slope_at(top_, middle), slope_at(bottom_, middle));
-    linear.change_odd = spectral_norm(Matrix6<Scalar>(inverse.lazyProduct(slope))) * middle;
+    linear.change_odd = spectral_norm(product_by_columns(inverse, slope)) * middle;
     Scalar curvature(0);
     for (std::size_t k = 2; k <= order; ++k) {
       curvature += number(k * (k - 1)) * powers[k - 2] *
@@ -183,7 +181,7 @@ class LinearExpansion {
     const Scalar one(1);
     const Scalar largest_attitude = linear.largest_attitude * (one + linear.change);
     const Scalar largest_difference = linear.largest_difference * (one + linear.change);
-    const Matrix6<Scalar> first_error = inverse.lazyProduct(rows(next_top_, next_bottom_));
+    const Matrix6<Scalar> first_error = product_by_columns(inverse, rows(next_top_, next_bottom_));
     linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
     Scalar top_sum(0);
     Scalar bottom_sum(0);

@@ -35,67 +35,109 @@ struct Factor {
   Form<Scalar> second;  // a(k), times half the weight
 
   explicit Factor(const Vector6<Scalar>& a) noexcept {
+    Vector<Scalar, 12> twice;
+    twice << a, a;
     for (int d = 0; d < 4; ++d) {
-      const Scalar half_weight = scalar::constant<Scalar>(0.5L) * weight<Scalar>(d);
-      for (int j = 0; j < 6; ++j) {
-        first(6 * d + j) = a(j);
-        second(6 * d + j) = half_weight * a((j + d) % 6);
-      }
+      first.template segment<6>(6 * d) = a;
+      second.template segment<6>(6 * d) =
+          (scalar::constant<Scalar>(0.5L) * weight<Scalar>(d)) * twice.template segment<6>(d);
     }
   }
 };
 
-/// The form (aᵀu)(bᵀu).
+/// As many entries of a form as are worked with at once: with SIMD registers all, else those of one diagonal.
+constexpr int part_size = padded(6) > 6 ? size : 6;
 template <typename Scalar>
-[[nodiscard]] Form<Scalar> product(const Factor<Scalar>& a, const Factor<Scalar>& b) noexcept {
-  return a.first.cwiseProduct(b.second) + a.second.cwiseProduct(b.first);
+using Part = Vector<Scalar, part_size>;
+
+/// Of the form (aᵀu)(bᵀu) the part from entry `first` on.
+template <typename Scalar>
+[[nodiscard]] Part<Scalar> product(const Factor<Scalar>& a, const Factor<Scalar>& b, int first) noexcept {
+  return a.first.template segment<part_size>(first).cwiseProduct(b.second.template segment<part_size>(first)) +
+         a.second.template segment<part_size>(first).cwiseProduct(b.first.template segment<part_size>(first));
 }
+
+/// The six products of three linear forms, as `expansion::RowForms` counts them, but those of two different ones not times √2.
+template <typename Scalar>
+[[nodiscard]] Matrix<Scalar, part_size, 6> products(const std::array<Factor<Scalar>, 3>& factors, int first) noexcept {
+  Matrix<Scalar, part_size, 6> parts;
+  for (std::size_t a = 0; a < 3; ++a) {
+    parts.col(static_cast<int>(a)) = product(factors[a], factors[a], first);
+    parts.col(static_cast<int>(a) + 3) = product(factors[(a + 1) % 3], factors[(a + 2) % 3], first);
+  }
+  return parts;
+}
+
+/// A symmetric matrix of six rows, and zeros below where they fill SIMD registers.
+template <typename Scalar>
+using Slice = Matrix<Scalar, padded(6), 6>;
 
 /// The symmetric matrix of a form.
 template <typename Scalar>
-[[nodiscard]] Matrix6<Scalar> unpacked(const Form<Scalar>& form) noexcept {
-  Matrix6<Scalar> matrix;
+[[nodiscard]] Slice<Scalar> unpacked(const Form<Scalar>& form) noexcept {
+  Slice<Scalar> matrix;
+  if constexpr (padded(6) > 6) {
+    matrix.template bottomRows<padded(6) - 6>().setZero();
+  }
   for (int d = 0; d < 4; ++d) {
     const Scalar factor = Scalar(1) / weight<Scalar>(d);
     for (int j = 0; j < 6; ++j) {
-      const int k = (j + d) % 6;
-      matrix(j, k) = factor * form(6 * d + j);
-      matrix(k, j) = matrix(j, k);
+      const int k = j + d < 6 ? j + d : j + d - 6;
+      const Scalar entry = factor * form(6 * d + j);
+      matrix(j, k) = entry;
+      matrix(k, j) = entry;
     }
   }
   return matrix;
 }
 
-/// Six forms as symmetric matrices of eight rows, of which two are zeros to fill SIMD registers; each is a column. Unlike packed
-/// forms they are cheap to multiply by maps. The inner product of columns is that of packed forms.
+/// Six forms as symmetric matrices, each a column. Unlike packed forms they are cheap to multiply by maps. The inner product of
+/// columns is that of packed forms.
 template <typename Scalar>
-using Slices = Matrix<Scalar, 48, 6>;
+using Slices = Matrix<Scalar, 6 * padded(6), 6>;
 
 template <typename Scalar>
 [[nodiscard]] auto slice(Slices<Scalar>& slices, int i) noexcept {
-  return Eigen::Map<Matrix<Scalar, 8, 6>>(slices.col(i).data());
+  return Eigen::Map<Slice<Scalar>>(slices.col(i).data());
 }
 template <typename Scalar>
 [[nodiscard]] auto slice(const Slices<Scalar>& slices, int i) noexcept {
-  return Eigen::Map<const Matrix<Scalar, 8, 6>>(slices.col(i).data());
+  return Eigen::Map<const Slice<Scalar>>(slices.col(i).data());
 }
 
-/// The quadratic map q in the coordinates of a set, u = map v: map⁻¹ q(map v). The map is a lower triangle.
+/// The product of a and a lower triangle b; and of a and any b, in which of column j only what is from row j on is right.
+template <typename Scalar, typename A, typename B, typename Product>
+void multiply_from_diagonal(const A& a, const B& b, Product&& product) noexcept {
+  for (int j = 0; j < 6; ++j) {
+    Vector<Scalar, padded(6)> column =
+        b(j, j) * a.col(j);  // not in its place, or a processor would write it there each time
+    for (int k = j + 1; k < 6; ++k) {
+      column += b(k, j) * a.col(k);
+    }
+    product.col(j) = column;
+  }
+}
+
+/// The quadratic map q in the coordinates of a set, u = map v: map⁻¹ q(map v). The map is a lower triangle, and so is its inverse.
 template <typename Scalar>
 [[nodiscard]] Slices<Scalar> seen_from(const Forms<Scalar>& forms, const Matrix6<Scalar>& map,
                                        const Matrix6<Scalar>& inverse) noexcept {
-  Matrix<Scalar, 8, 6> transposed = Matrix<Scalar, 8, 6>::Zero();
+  Slice<Scalar> transposed = Slice<Scalar>::Zero();
   transposed.template topRows<6>() = map.transpose();
-  Slices<Scalar> images;
-  for (int i = 0; i < 6; ++i) {
-    const Matrix<Scalar, 8, 6> half = transposed.lazyProduct(unpacked<Scalar>(forms.col(i)));
-    slice(images, i) = half.lazyProduct(map);
-  }
   Slices<Scalar> result;
   for (int i = 0; i < 6; ++i) {
-    result.col(i) = inverse(i, 0) * images.col(0);
+    Form<Scalar> form = inverse(i, 0) * forms.col(0);
     for (int k = 1; k <= i; ++k) {
-      result.col(i) += inverse(i, k) * images.col(k);
+      form += inverse(i, k) * forms.col(k);
+    }
+    Slice<Scalar> half;
+    multiply_from_diagonal<Scalar>(unpacked(form), map, half);
+    auto image = slice(result, i);
+    multiply_from_diagonal<Scalar>(transposed, half, image);
+    for (int j = 1; j < 6; ++j) {
+      for (int k = 0; k < j; ++k) {
+        image(k, j) = image(j, k);
+      }
     }
   }
   return result;
@@ -106,11 +148,12 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] Slices<Scalar> symmetric_part(const Slices<Scalar>& slices) noexcept {
   const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);
+  constexpr int rows = padded(6);
   Slices<Scalar> across = Slices<Scalar>::Zero();  // H_j(i, k) as entry j of column k of slice i
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k <= i; ++k) {
       for (int j = 0; j < 6; ++j) {
-        across(8 * k + j, i) = slices(8 * k + i, j);
+        across(rows * k + j, i) = slices(rows * k + i, j);
       }
     }
   }

@@ -19,37 +19,37 @@ template <typename Scalar, typename Potential>
   const Matrix6<Scalar>& y = linear.middle;
   const std::array<Factor, 3> attitude{Factor(y.row(0)), Factor(y.row(1)), Factor(y.row(2))};
   const std::array<Factor, 3> difference{Factor(y.row(3)), Factor(y.row(4)), Factor(y.row(5))};
-  // The six products of three linear forms, as `expansion::RowForms` counts them.
-  const auto squares_of = [](const std::array<Factor, 3>& factors) {
-    const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
-    packed::Forms<Scalar> squares;
-    for (int a = 0; a < 3; ++a) {
-      const auto at = static_cast<std::size_t>(a);
-      squares.col(a) = packed::product(factors[at], factors[at]);
-      squares.col(3 + a) = root * packed::product(factors[(at + 1) % 3], factors[(at + 2) % 3]);
-    }
-    return squares;
-  };
-
-  Matrix<Scalar, packed::size, 3> by_attitude;
-  for (int a = 0; a < 3; ++a) {  // ½ γ × δω
-    const auto next = static_cast<std::size_t>((a + 1) % 3);
-    const auto last = static_cast<std::size_t>((a + 2) % 3);
-    by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (packed::product(attitude[next], difference[last]) -
-                                                           packed::product(attitude[last], difference[next]));
-  }
+  const Scalar root = scalar::constant<Scalar>(1.41421356237309504880168872420969807857L);
   // −J⁻¹ (δω × Jδω)
-  const expansion::RowForms<Scalar> gyroscopic =
+  expansion::RowForms<Scalar> gyroscopic =
       -body.inertia_inverse().lazyProduct(expansion::gyroscopic_forms(body.inertia()));
-  Matrix<Scalar, packed::size, 3> by_rate = squares_of(difference).lazyProduct(gyroscopic.transpose());
-  if (series.acceleration.largest > Scalar(0)) {
+  gyroscopic.template rightCols<3>() *= root;
+  const bool has_torque = series.acceleration.largest > Scalar(0);
+  expansion::RowForms<Scalar> curvature = expansion::RowForms<Scalar>::Zero();
+  if (has_torque) {
     expansion::Forms<Scalar> torque_forms{Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero(), Matrix3<Scalar>::Zero()};
     series.torque.add_curvature(middle, body.inertia_inverse(), torque_forms);
-    const expansion::RowForms<Scalar> curvature = expansion::rows_of(torque_forms);
-    by_rate += squares_of(attitude).lazyProduct(curvature.transpose());
+    curvature = expansion::rows_of(torque_forms);
+    curvature.template rightCols<3>() *= root;
   }
-  packed::Forms<Scalar> forms = by_attitude.lazyProduct(linear.from_attitude.transpose());
-  forms += by_rate.lazyProduct(linear.from_rate.transpose());
+  packed::Forms<Scalar> forms;
+  for (int first = 0; first < packed::size; first += packed::part_size) {
+    Matrix<Scalar, packed::part_size, 3> by_attitude;
+    for (int a = 0; a < 3; ++a) {  // ½ γ × δω
+      const auto next = static_cast<std::size_t>((a + 1) % 3);
+      const auto last = static_cast<std::size_t>((a + 2) % 3);
+      by_attitude.col(a) = scalar::constant<Scalar>(0.5L) * (packed::product(attitude[next], difference[last], first) -
+                                                             packed::product(attitude[last], difference[next], first));
+    }
+    Matrix<Scalar, packed::part_size, 3> by_rate =
+        product_by_columns(packed::products(difference, first), gyroscopic.transpose());
+    if (has_torque) {
+      by_rate += product_by_columns(packed::products(attitude, first), curvature.transpose());
+    }
+    forms.template middleRows<packed::part_size>(first) =
+        product_by_columns(by_attitude, linear.from_attitude.transpose()) +
+        product_by_columns(by_rate, linear.from_rate.transpose());
+  }
   return forms;
 }
 
