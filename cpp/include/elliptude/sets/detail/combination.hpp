@@ -141,9 +141,13 @@ class RelativeSize {
       : by_volume_(criterion.kind == SizeCriterion<Scalar, N>::Kind::volume),
         dimension_(present.sum()),
         absent_(Scalar(N) - dimension_),
-        weight_(by_volume_ ? Matrix<Scalar, N>(present.asDiagonal())
-                           : Matrix<Scalar, N>(factor.transpose().lazyProduct(
-                                 Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))))) {}
+        weight_(present.asDiagonal()) {
+    if (criterion.kind == SizeCriterion<Scalar, N>::Kind::trace) {
+      weight_ = factor.transpose().lazyProduct(factor);
+    } else if (!by_volume_) {
+      weight_ = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    }
+  }
 
   [[nodiscard]] Scalar operator()(const Combination<Scalar, N>& c) const noexcept {
     if (by_volume_) {
@@ -292,6 +296,9 @@ template <typename Scalar, int N, typename Slack>
       }
       move = scalar::isfinite(high) ? newton_move(slope, curvature, longest)
                                     : newton_move_upward(slope, curvature, longest);
+      if (scalar::abs(move) <= rounding::root<Scalar>()) {  // from a start at the best q
+        return Status::ok;
+      }
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
         first_set_tried = true;
         if (first_set_is_best(problem, size, found)) {
