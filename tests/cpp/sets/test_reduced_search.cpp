@@ -81,7 +81,8 @@ Case<Scalar, N> random_case(Random& random, double aspect, int zeros, int criter
   Case<Scalar, N> result;
   result.m = (b.transpose() * b).template cast<Scalar>();
   result.v = (b.transpose() * w).template cast<Scalar>();
-  result.factor = random.normal_matrix<N, N>().template cast<Scalar>();
+  result.factor = Eigen::Matrix<double, N, N>(random.normal_matrix<N, N>().template triangularView<Eigen::Lower>())
+                      .template cast<Scalar>();
   result.slack_at_origin = static_cast<Scalar>(1 - w.squaredNorm());
   result.criterion = criterion == 0 ? Criterion::trace()
                      : criterion == 1
@@ -106,9 +107,9 @@ void derivatives_agree(double aspect, int zeros, Real tolerance) {
     const Real whole = Real(q) * Real(unit);
     const auto direct = problem.at(whole);
     CAPTURE(k);
-    CHECK(std::fabs(slope * Real(q) - direct.slope * whole) < tolerance);
-    CHECK(std::fabs(curvature * Real(q) * Real(q) - direct.curvature * whole * whole) < tolerance);
-    CHECK(std::fabs(determinant / (direct.determinant / std::pow(Real(unit), Real(N))) - 1) < tolerance);
+    CHECK(std::fabs(Real(slope) * Real(q) - direct.slope * whole) < tolerance);
+    CHECK(std::fabs(Real(curvature) * Real(q) * Real(q) - direct.curvature * whole * whole) < tolerance);
+    CHECK(std::fabs(Real(determinant) / (direct.determinant / std::pow(Real(unit), Real(N))) - 1) < tolerance);
     const Real step = 1e-5L * whole;
     const auto above = problem.at(whole + step);
     const auto below = problem.at(whole - step);
@@ -132,11 +133,8 @@ TEST_CASE("a reflection turns a vector into the last unit vector, and a matrix a
     CHECK((h.topLeftCorner<4, 4>() * x - reflection.image * Eigen::Vector4d::Unit(3)).norm() < 1e-14);
     Eigen::Matrix<double, 6, 6> s = random.positive_definite<6>(10);
     const Eigen::Matrix<double, 6, 6> expected = h * s * h;
-    Eigen::Matrix<double, 6, 6> block = s;
-    reflection.turn<6>(s);
+    reflection.turn(s);
     CHECK((s - expected).norm() < 1e-13);
-    reflection.turn<4>(block);
-    CHECK((block.topLeftCorner<4, 4>() - expected.topLeftCorner<4, 4>()).norm() < 1e-13);
   }
 }
 
@@ -165,7 +163,7 @@ TEST_CASE("where there is no combination, or none with a common point, the slope
     CHECK_FALSE(problem.reduced(1).derivatives(0.99 * eigen.eigenvalues()(0), slope, curvature, determinant));
     CHECK(problem.reduced(1).derivatives(1.01 * eigen.eigenvalues()(0), slope, curvature, determinant));
     const double q = 2 * eigen.eigenvalues()(0);
-    problem.slack_at_origin -= static_cast<double>(problem.at(q).level) + 1e-6;
+    problem.slack_at_origin -= static_cast<double>(problem.at(Real(q)).level) + 1e-6;
     CHECK_FALSE(problem.reduced(1).derivatives(q, slope, curvature, determinant));
     problem.slack_at_origin += 2e-6;
     CHECK(problem.reduced(1).derivatives(q, slope, curvature, determinant));
@@ -198,9 +196,9 @@ TEST_CASE("the search begins at the best q") {
       ++at_first;
     } else {
       // Newton's step in log q from there is short.
-      const auto there = problem.at(q);
-      const Real slope = there.slope * q;
-      const Real curvature = slope + there.curvature * q * q;
+      const auto there = problem.at(Real(q));
+      const Real slope = there.slope * Real(q);
+      const Real curvature = slope + there.curvature * Real(q) * Real(q);
       CHECK(curvature > 0);
       CHECK(std::fabs(slope) < 1e-8L * curvature);
       ++inner;

@@ -57,6 +57,26 @@ long most_of_idle_pairs(const SizeCriterion<Counted<Real>, 6>& criterion) {
 
 }  // namespace
 
+TEST_CASE("two sets that help each other need one combination") {
+  using Scalar = Counted<double>;
+  Random random(7);
+  for (const auto& criterion : {SizeCriterion<Scalar, 6>::volume(), SizeCriterion<Scalar, 6>::trace()}) {
+    long most = 0;
+    long sum = 0;
+    for (int k = 0; k < 200; ++k) {
+      const Vector6<double> center = 0.7 * random.in_ball<6>();
+      Intersection<Scalar, 6> result;
+      const long found =
+          effort(set_of<Scalar>(center, random.positive_definite<6>(10)),
+                 set_of<Scalar>(Vector6<double>::Zero(), random.positive_definite<6>(10)), criterion, result);
+      REQUIRE(found > 0);
+      most = std::max(most, found);
+      sum += found;
+    }
+    MESSAGE("mean " << sum / 200 << ", most " << most);
+  }
+}
+
 TEST_CASE("a set that is hardly any help costs no more than others") {
   using Double = Counted<double>;
   using Float = Counted<float>;

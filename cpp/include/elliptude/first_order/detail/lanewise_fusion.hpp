@@ -199,7 +199,7 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
   const Vector<Scalar, N> w = solve_lower(l1, center);
   const Matrix<Scalar, N> b = solve_lower(l1, l2);
-  const Matrix<Scalar, N> m = b.transpose().lazyProduct(b);
+  const Matrix<Scalar, N> m = square_of_lower(b);
   const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
   const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();

@@ -25,15 +25,14 @@ struct Reflection {
     scale = scalar::select(length > Scalar(0), Scalar(Scalar(-1) / (image * axis(Size - 1))), Scalar(0));
   }
 
-  /// H S H for the first rows and columns of a symmetric matrix, the reflection being one of the first of these.
-  template <int Rows, int N>
+  /// H S H for a symmetric matrix, of whose first coordinates the reflection is one.
+  template <int N>
   void turn(Matrix<Scalar, N>& symmetric) const noexcept {
-    auto block = symmetric.template topLeftCorner<Rows, Rows>();
-    Vector<Scalar, Rows> product = scale * block.template leftCols<Size>().lazyProduct(axis);
+    Vector<Scalar, N> product = scale * symmetric.template leftCols<Size>().lazyProduct(axis);
     const Scalar along = scalar::constant<Scalar>(0.5L) * scale * axis.dot(product.template head<Size>());
     product.template head<Size>() -= along * axis;
-    block.template leftCols<Size>() -= product.lazyProduct(axis.transpose());
-    block.template topRows<Size>() -= axis.lazyProduct(product.transpose());
+    symmetric.template leftCols<Size>() -= product.lazyProduct(axis.transpose());
+    symmetric.template topRows<Size>() -= axis.lazyProduct(product.transpose());
   }
 };
 
@@ -132,9 +131,9 @@ class ReducedSize {
   void reduce(const Vector<Scalar, Size>& x, Matrix<Scalar, N>& t) noexcept {
     const Reflection<Scalar, Size> reflection(x);
     beside_(Size - 1) = reflection.image;
-    reflection.template turn<Size>(t);
+    reflection.turn(t);
     if (!by_volume_) {
-      reflection.template turn<N>(weight_);
+      reflection.turn(weight_);
     }
     if constexpr (Size > 2) {
       reduce<Size - 1>(Vector<Scalar, Size - 1>(t.col(Size - 1).template head<Size - 1>()), t);
