@@ -176,40 +176,46 @@ class ReducedSize {
   Matrix<Scalar, N> weight_;   ///< if not by volume
 };
 
-/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is the geometric mean of M's eigenvalues: there the
-/// size is smooth from the first set alone to the second. What has settled stays as it is; where the first set alone is the best it is one.
+/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is the geometric mean of M's eigenvalues: (7.11). One where
+/// the first set alone is the best, and where the steps do not arrive at a minimum that is more than rounding.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar reduced_weight(const ReducedSize<Scalar, N>& size) noexcept {
   const Scalar tolerance = scalar::constant<Scalar>(0.1L) * scalar::sqrt(rounding::root<Scalar>());
   const Scalar infinity(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  const Scalar longest(10);
   Scalar slope;
   Scalar curvature;
   Scalar determinant;
   const auto definite = size.derivatives(Scalar(0), slope, curvature, determinant);
   auto settled = definite && slope >= Scalar(0);
+  auto arrived = Scalar(1) < Scalar(0);
   const Scalar mean = scalar::exp(Scalar(scalar::log(scalar::select(definite, determinant, Scalar(1))) / Scalar(N)));
   Scalar low(0);
   Scalar high = infinity;
-  Scalar q = scalar::select(settled, Scalar(1), mean);
+  Scalar q = mean;
   constexpr int most_steps = 16;
   for (int step = 0; step < most_steps && !scalar::all(settled); ++step) {
     settled = settled || !size.derivatives(q, slope, curvature, determinant);
     const auto rising = slope > Scalar(0);
     high = scalar::select(rising, q, high);
     low = scalar::select(rising, low, q);
+    const auto above = high < infinity;
+    const auto below = low > Scalar(0);
+    const Scalar most = scalar::select(above, high, Scalar(longest * q));
+    const Scalar least = scalar::select(below, low, Scalar(q / longest));
     const Scalar reach = mean + q;
     const Scalar fall = slope * reach;
     const Scalar bend = curvature * reach * reach + Scalar(2) * fall;
     const Scalar newton = (q * bend - mean * fall) / (bend + fall);
-    const auto inside = bend > Scalar(0) && newton > low && newton < high;
-    const Scalar down = scalar::select(low > Scalar(0), Scalar(scalar::sqrt(Scalar(low * q))), Scalar(q / Scalar(10)));
-    const Scalar up = scalar::select(high < infinity, Scalar(scalar::sqrt(Scalar(high * q))), Scalar(q * Scalar(10)));
+    const auto inside = bend > rounding::root<Scalar>() && newton > least && newton < most;
+    const Scalar up = scalar::select(above, Scalar(scalar::sqrt(Scalar(most * q))), most);
+    const Scalar down = scalar::select(below, Scalar(scalar::sqrt(Scalar(least * q))), least);
     const Scalar next = scalar::select(inside, newton, scalar::select(rising, down, up));
-    const auto arrived = inside && scalar::abs(Scalar(next - q)) <= tolerance * q;
+    arrived = arrived || (!settled && inside && scalar::abs(Scalar(newton - q)) <= tolerance * q);
     q = scalar::select(settled, q, next);
     settled = settled || arrived;
   }
-  return q;
+  return scalar::select(arrived, q, Scalar(1));
 }
 
 /// A q near the best of two sets that are not flat; `typical` where one alone is the best.
