@@ -193,7 +193,7 @@ template <typename Scalar, int N>
   Scalar low(0);
   Scalar high = infinity;
   Scalar q = mean;
-  constexpr int most_steps = 16;
+  constexpr int most_steps = 12;
   for (int step = 0; step < most_steps && !scalar::all(settled); ++step) {
     settled = settled || !size.derivatives(q, slope, curvature, determinant);
     const auto rising = slope > Scalar(0);
@@ -213,7 +213,7 @@ template <typename Scalar, int N>
     const Scalar next = scalar::select(inside, newton, scalar::select(rising, down, up));
     arrived = arrived || (!settled && inside && scalar::abs(Scalar(newton - q)) <= tolerance * q);
     q = scalar::select(settled, q, next);
-    settled = settled || arrived;
+    settled = settled || arrived || scalar::abs(bend) <= rounding::root<Scalar>();
   }
   return scalar::select(arrived, q, Scalar(1));
 }
