@@ -57,6 +57,25 @@ long most_of_idle_pairs(const SizeCriterion<Counted<Real>, 6>& criterion) {
 
 }  // namespace
 
+TEST_CASE("two sets that help each other need one combination") {
+  using Scalar = Counted<double>;
+  Random random(7);
+  for (const auto& criterion : {SizeCriterion<Scalar, 6>::volume(), SizeCriterion<Scalar, 6>::trace()}) {
+    long sum = 0;
+    for (int k = 0; k < 200; ++k) {
+      const Vector6<double> center = 0.7 * random.in_ball<6>();
+      const Ellipsoid<Scalar, 6> first = set_of<Scalar>(center, random.positive_definite<6>(10));
+      const Ellipsoid<Scalar, 6> second = set_of<Scalar>(Vector6<double>::Zero(), random.positive_definite<6>(10));
+      Intersection<Scalar, 6> result;
+      const long found = effort(first, second, criterion, result);
+      REQUIRE(found > 0);
+      sum += found;
+    }
+    // 4431 and 7701, where every second pair needed another combination 4630 and 7850.
+    CHECK(sum < 200 * (criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume ? 4530 : 7775));
+  }
+}
+
 TEST_CASE("a set that is hardly any help costs no more than others") {
   using Double = Counted<double>;
   using Float = Counted<float>;

@@ -68,18 +68,29 @@ template <typename Scalar, int N>
   return true;
 }
 
-/// \return `not_finite`, `not_symmetric`; `beyond_domain` of a width; `not_positive_definite` if the shape is not even
-/// semidefinite.
+namespace detail {
+
+/// `validate` but for whether the shape is positive semidefinite, which factorising it shows.
 template <typename Scalar, int N>
-[[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
+[[nodiscard]] Status validate_entries(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
   }
   if (!is_in_domain(ellipsoid.shape)) {
     return Status::beyond_domain;
   }
+  return is_symmetric(ellipsoid.shape) ? Status::ok : Status::not_symmetric;
+}
+
+}  // namespace detail
+
+/// \return `not_finite`, `not_symmetric`; `beyond_domain` of a width; `not_positive_definite` if the shape is not even
+/// semidefinite.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   Matrix<Scalar, N> factor;
-  return is_symmetric(ellipsoid.shape) ? cholesky_semidefinite(ellipsoid.shape, factor) : Status::not_symmetric;
+  const Status status = detail::validate_entries(ellipsoid);
+  return status == Status::ok ? cholesky_semidefinite(ellipsoid.shape, factor) : status;
 }
 
 /// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where that makes the

@@ -5,24 +5,9 @@
 /// one-parameter family that contains it (paper, eqs. xhatP-LP; theory, section 7).
 
 #include "elliptude/sets/detail/recombine.hpp"
+#include "elliptude/sets/detail/reduced_search.hpp"
 
 namespace elliptude {
-
-namespace detail {
-
-/// `validate` but for whether the shape is positive semidefinite, which factorising it shows.
-template <typename Scalar, int N>
-[[nodiscard]] Status validate_entries(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
-  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
-    return Status::not_finite;
-  }
-  if (!is_in_domain(ellipsoid.shape)) {
-    return Status::beyond_domain;
-  }
-  return is_symmetric(ellipsoid.shape) ? Status::ok : Status::not_symmetric;
-}
-
-}  // namespace detail
 
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
@@ -60,7 +45,7 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> present = detail::present_coordinates(l2);
   const Vector<Scalar, N> w = solve_lower(l1, Vector<Scalar, N>(second.center - first.center));
   const Matrix<Scalar, N> b = solve_lower(l1, l2);
-  const Matrix<Scalar, N> m = b.transpose().lazyProduct(b);
+  const Matrix<Scalar, N> m = square_of_lower(b);
   const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
   const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
@@ -70,8 +55,9 @@ template <typename Scalar, int N>
   Intersection<Scalar, N> intersection;
   detail::Combination<Scalar, N> best;
   const detail::RelativeSize<Scalar, N> size(l2, present, criterion);
-  const Status status =
-      detail::minimal_intersection(second.center, l2, problem, size, problem.typical_weight(), intersection, best);
+  const Scalar typical = problem.typical_weight();
+  const Scalar start = flat ? typical : detail::start_of_search(problem, size, typical);
+  const Status status = detail::minimal_intersection(second.center, l2, problem, size, start, intersection, best);
   if (status != Status::ok) {
     // If M is ill-conditioned, a negative N may come from rounding; the overlap margin, found without M, decides.
     Scalar margin;

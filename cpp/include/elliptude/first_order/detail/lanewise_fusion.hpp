@@ -5,6 +5,7 @@
 
 #include "elliptude/first_order/detail/lanewise_sets.hpp"
 #include "elliptude/first_order/fusion.hpp"
+#include "elliptude/sets/detail/reduced_search.hpp"
 
 namespace elliptude::detail::lanewise {
 
@@ -111,11 +112,15 @@ void least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeS
     low = scalar::select(rising, low, log_q);
     settled = settled || !found.usual || scalar::abs(slope) <= rounding::share<Scalar>(rounding::slope * N);
     const Scalar move = move_in_bracket<Scalar>(slope, curvature, longest, high);
+    settled = settled || scalar::abs(move) <= rounding::root<Scalar>();
     const Truth<Scalar> ask = move < scalar::constant<Scalar>(-0.5L) && !tried && !settled;
     if (!scalar::all(!ask)) {
       try_first_set(problem, size, ask, found);
       tried = tried || ask;
       settled = settled || found.first_alone;
+    }
+    if (scalar::all(settled)) {  // where they are
+      break;
     }
     Scalar next = log_q + move;
     next = scalar::select(next > low && next < high, next, Scalar(scalar::constant<Scalar>(0.5L) * (low + high)));
@@ -194,15 +199,15 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> present = Vector<Scalar, N>::Ones();
   const Vector<Scalar, N> w = solve_lower(l1, center);
   const Matrix<Scalar, N> b = solve_lower(l1, l2);
-  const Matrix<Scalar, N> m = b.transpose().lazyProduct(b);
+  const Matrix<Scalar, N> m = square_of_lower(b);
   const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
   const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
   };
   const Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};
   const RelativeSize<Scalar, N> size(l2, present, criterion);
-  const Truth<Scalar> usual =
-      lanewise::minimal_intersection(center, l2, problem, size, problem.typical_weight(), valid, result);
+  const Scalar start = start_of_search(problem, size, problem.typical_weight());
+  const Truth<Scalar> usual = lanewise::minimal_intersection(center, l2, problem, size, start, valid, result);
   const Truth<Scalar> valid_set =
       result.second_alone || result.first_alone || is_valid_combined(result.center, result.shape);
   result.shape = select(result.first_alone, first, result.shape);

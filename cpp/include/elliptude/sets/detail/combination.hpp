@@ -136,14 +136,19 @@ template <typename Scalar, int N, typename Slack>
 template <typename Scalar, int N>
 class RelativeSize {
  public:
+  /// \param factor a lower triangle.
   RelativeSize(const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& present,
                const SizeCriterion<Scalar, N>& criterion) noexcept
       : by_volume_(criterion.kind == SizeCriterion<Scalar, N>::Kind::volume),
         dimension_(present.sum()),
         absent_(Scalar(N) - dimension_),
-        weight_(by_volume_ ? Matrix<Scalar, N>(present.asDiagonal())
-                           : Matrix<Scalar, N>(factor.transpose().lazyProduct(
-                                 Matrix<Scalar, N>(criterion.weight.lazyProduct(factor))))) {}
+        weight_(present.asDiagonal()) {
+    if (criterion.kind == SizeCriterion<Scalar, N>::Kind::trace) {
+      weight_ = square_of_lower(factor);
+    } else if (!by_volume_) {
+      weight_ = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+    }
+  }
 
   [[nodiscard]] Scalar operator()(const Combination<Scalar, N>& c) const noexcept {
     if (by_volume_) {
@@ -253,7 +258,7 @@ template <typename Scalar, int N, typename Slack>
 
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
 /// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
-/// iterate is a valid bound. It ends also where the slope is rounding, as about the second set alone, and where the bracket of q is as
+/// iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as about the second set alone, and where the bracket of q is as
 /// narrow as the tolerance: beyond, rounding would choose the bound, and in float often one without volume.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
@@ -287,11 +292,12 @@ template <typename Scalar, int N, typename Slack>
       }
       const auto [slope, curvature] = size.derivatives_in_log(trial, q);
       (slope > Scalar(0) ? high : low) = log_q;
-      if (scalar::abs(slope) <= rounding::share<Scalar>(rounding::slope * N)) {
-        return Status::ok;
-      }
       move = scalar::isfinite(high) ? newton_move(slope, curvature, longest)
                                     : newton_move_upward(slope, curvature, longest);
+      if (scalar::abs(slope) <= rounding::share<Scalar>(rounding::slope * N) ||
+          scalar::abs(move) <= rounding::root<Scalar>()) {
+        return Status::ok;
+      }
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
         first_set_tried = true;
         if (first_set_is_best(problem, size, found)) {

@@ -39,14 +39,15 @@ void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
 /// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
-  Matrix<Scalar, N> factor;
-  if (validate(set) != Status::ok) {
-    return Status::beyond_domain;
-  }
   const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
+  if (may_be_flat) {
+    return validate(set) == Status::ok ? Status::ok : Status::beyond_domain;
+  }
+  Matrix<Scalar, N> factor;
   Matrix<Scalar, N> lowered = set.shape;
   lowered.diagonal() *= Scalar(1) - rounding::share<Scalar>(rounding::cholesky(N));
-  return may_be_flat || cholesky(lowered, factor) == Status::ok ? Status::ok : Status::beyond_domain;
+  return validate_entries(set) == Status::ok && cholesky(lowered, factor) == Status::ok ? Status::ok
+                                                                                        : Status::beyond_domain;
 }
 
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
