@@ -244,13 +244,14 @@ template <typename Scalar, int N>
 
 /// a b, column by column, each added up apart: a processor without SIMD keeps it in its registers, and needs half the instructions
 /// of `lazyProduct`.
-template <typename Scalar, int Rows, int Inner, typename B>
-[[nodiscard]] Matrix<Scalar, Rows, B::ColsAtCompileTime> product_by_columns(const Matrix<Scalar, Rows, Inner>& a,
-                                                                            const B& b) noexcept {
-  Matrix<Scalar, Rows, B::ColsAtCompileTime> product;
+template <typename A, typename B>
+[[nodiscard]] Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product_by_columns(
+    const A& a, const B& b) noexcept {
+  using Column = Vector<typename A::Scalar, A::RowsAtCompileTime>;
+  Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product;
   for (int j = 0; j < B::ColsAtCompileTime; ++j) {
-    Vector<Scalar, Rows> column = a.col(0) * b(0, j);
-    for (int k = 1; k < Inner; ++k) {
+    Column column = a.col(0) * b(0, j);
+    for (int k = 1; k < A::ColsAtCompileTime; ++k) {
       column += a.col(k) * b(k, j);
     }
     product.col(j) = column;

@@ -145,8 +145,8 @@ class ManyQuadrics {
     if (by_volume) {
       v = x;
     } else {
-      const Matrix<Scalar, N> half = x.lazyProduct(weight);
-      v.noalias() = half.lazyProduct(x);
+      const Matrix<Scalar, N> half = product_by_columns(x, weight);
+      v = product_by_columns(half, x);
       v *= Scalar(N) / half.trace();
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -168,7 +168,7 @@ class ManyQuadrics {
     std::array<Vector<Scalar, N>, most> t;            // A⁻¹rₖ
     for (std::size_t j = 0; j < count; ++j) {
       const Constraint<Scalar, N>& constraint = constraints[j];
-      Matrix<Scalar, N> z;  // A⁻¹AⱼV, not of a leading constraint
+      Matrix<Scalar, N> z;  // A⁻¹AⱼV, of a constraint that is neither leading nor the ball
       if (constraint.leading) {
         const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
         z_corner[j].noalias() = half.lazyProduct(v_corner);
@@ -176,16 +176,14 @@ class ManyQuadrics {
             constraint.part.a.lazyProduct(it.center.template head<lead>()) + constraint.part.g;
         r[j].template head<lead>() = own;
         t[j].noalias() = x.template leftCols<lead>().lazyProduct(own);
+      } else if (is_ball(j)) {
+        z_corner[j].noalias() = x.template topRows<lead>().lazyProduct(v.template leftCols<lead>());
+        r[j] = it.center;
+        t[j].noalias() = x.lazyProduct(it.center);
       } else {
-        if (is_ball(j)) {
-          z.noalias() = x.lazyProduct(v);
-          r[j] = it.center;
-        } else {
-          const Matrix<Scalar, N> half = x.lazyProduct(constraint.quadric.a);
-          z.noalias() = half.lazyProduct(v);
-          r[j] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
-        }
+        z = product_by_columns(product_by_columns(x, constraint.quadric.a), v);
         z_corner[j] = corner<lead>(z);
+        r[j] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
         t[j].noalias() = x.lazyProduct(r[j]);
       }
       for (std::size_t k = 0; k <= j; ++k) {
@@ -197,7 +195,9 @@ class ManyQuadrics {
           entry = trace_of_product(constraints[one].part.a, z_corner[other]);
           inner = r[one].template head<lead>().dot(t[other].template head<lead>());
         } else {
-          entry = is_ball(k) ? z.trace() : trace_of_product(constraints[k].quadric.a, z);
+          entry = is_ball(j)   ? Scalar(x.cwiseProduct(v).sum())
+                  : is_ball(k) ? z.trace()
+                               : trace_of_product(constraints[k].quadric.a, z);
           inner = r[k].dot(t[j]);
         }
         if (!by_volume) {
