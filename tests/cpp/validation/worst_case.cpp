@@ -126,6 +126,7 @@ struct Guaranteed {
   Policy policy;
   int most_wrong;
   bool predicts;
+  long most_steps = 1000;
 
   Cost operator()(const Trial<Scalar>& trial) const {
     static const RigidBody<Scalar> body = body_of<Scalar>();
@@ -136,6 +137,7 @@ struct Guaranteed {
     Filter filter;
     GuaranteedUpdate<Scalar> report;
     if (Flow::make(body, {}, Scalar(Real(0.1)), {}, flow) != Status::ok ||
+        flow.set_most_steps(most_steps) != Status::ok ||
         Filter::make(flow, settings, Scalar(0), filter) != Status::ok ||
         filter.start(typename Filter::Set{{trial.attitude, trial.rate}, trial.shape}) != Status::ok) {
       return {};
@@ -252,6 +254,8 @@ int main(int argc, char** argv) {
       kept;
   kept = search("paper, update", Paper<double>{}, 1, tries, random) && kept;
   kept = search("paper, update, float", Paper<float>{}, 1, tries, random) && kept;
+  kept = search("guaranteed, predict, never finer", Guaranteed<double>{Policy::raise, 0, true, 1}, 1, tries, random) &&
+         kept;
   if (!kept) {
     std::printf("more fusions or steps than docs/flight.md says\n");
   }
