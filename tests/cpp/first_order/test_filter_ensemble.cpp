@@ -322,7 +322,7 @@ void follows_gyros_as_each_alone(double drift, double most_apart) {
   }
 }
 
-/// Poor filters of bodies, and what is measured of them, with bounds of the angular velocity of a given aspect in any position.
+/// Poor filters of bodies, and what is measured of them; bounds of the angular velocity have an aspect, in any position.
 struct Needles {
   using Flow = RigidBodyFlow<double, FreeBody<double>>;
   using Filter = AttitudeFilter<Flow, FirstOrderEstimator>;

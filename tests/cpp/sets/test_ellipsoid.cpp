@@ -901,8 +901,8 @@ TEST_CASE("Pairs of any condition keep a common point and are not taken for empt
 
 namespace {
 
-// Two ellipsoids with a point in common, zero, and little more: each reaches beyond it by about this share of its radius, from opposite
-// sides. The centers are rounded as they may be.
+// Two ellipsoids with a point in common, zero, and little more: each reaches beyond it by about this share of its
+// radius, from opposite sides. The centers are rounded as they may be.
 std::array<Ellipsoid<double, 3>, 2> barely_meeting_pair(Random& random, double condition, long double beyond) {
   std::array<Ellipsoid<double, 3>, 2> pair;
   for (auto& e : pair) {

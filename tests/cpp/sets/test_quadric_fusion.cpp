@@ -676,7 +676,7 @@ TEST_CASE("a sharp slab through a prediction far from zero loses no point by the
              2 * y.dot(quadric.g.cast<long double>());
     };
     for (int k = 0; k < 10; ++k) {
-      // From the rim of the ball in the slab's middle along its normal to its surface: there both constraints are met with no slack.
+      // From the rim of the ball in the slab's middle to the slab's surface: there neither constraint has slack.
       const Long3 across = normal.cross(random.unit_vector<3>()).normalized().cast<long double>();
       const Long3 from = center.cast<long double>() + 0.99999L * across;
       const Long3 along = (k % 2 == 0 ? 1 : -1) * normal.cast<long double>();
