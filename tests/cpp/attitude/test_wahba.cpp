@@ -176,6 +176,7 @@ TEST_CASE("all four methods find the independent minimiser") {
 TEST_CASE_TEMPLATE("FOAM is as right as the decomposition up to a condition of a thousand", Scalar, float, double) {
   Random random(69);
   double worst = 0;
+  double sum = 0;
   int solved = 0;
   for (int i = 0; i < 20000; ++i) {
     // Singular values down to 1e-4 of the largest, the last of either sign, zero, or next to the others.
@@ -193,12 +194,15 @@ TEST_CASE_TEMPLATE("FOAM is as right as the decomposition up to a condition of a
       continue;
     }
     ++solved;
-    const double error = static_cast<double>((found.attitude.template cast<long double>() - exact).norm());
-    worst = std::fmax(worst, error / (static_cast<double>(condition) * double(std::numeric_limits<Scalar>::epsilon())));
+    const double error = static_cast<double>((found.attitude.template cast<long double>() - exact).norm()) /
+                         (static_cast<double>(condition) * double(std::numeric_limits<Scalar>::epsilon()));
+    worst = std::fmax(worst, error);
+    sum += error;
   }
-  MESSAGE("largest error over condition and epsilon " << worst << ", of " << solved);
+  MESSAGE("largest error over condition and epsilon " << worst << ", mean " << sum / solved << ", of " << solved);
   CHECK(solved > 10000);
   CHECK(worst < 5);
+  CHECK(sum < 0.28 * solved);  // 0.25; without the step of Newton's method 0.32
 }
 
 namespace {

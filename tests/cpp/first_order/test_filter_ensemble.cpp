@@ -2,6 +2,7 @@
 #define EIGEN_DONT_VECTORIZE
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cstring>
 #include <elliptude/first_order/filter_ensemble.hpp>
 #include <limits>
@@ -321,6 +322,50 @@ void follows_gyros_as_each_alone(double drift, double most_apart) {
   }
 }
 
+/// Poor filters of bodies, and what is measured of them; bounds of the angular velocity have an aspect, in any position.
+struct Needles {
+  using Flow = RigidBodyFlow<double, FreeBody<double>>;
+  using Filter = AttitudeFilter<Flow, FirstOrderEstimator>;
+  static constexpr std::size_t width = 8;
+
+  Flow flow = flow_of<double>(FreeBody<double>(), 0);
+  SizeCriterion<double, 6> criterion = SizeCriterion<double, 6>::trace();
+  std::vector<StateEllipsoid<RigidBodyState<double>>> start;
+  std::vector<Direction<double>> directions;
+  std::vector<AngularVelocity<double>> rates;
+  std::vector<Vector3<double>> along;  ///< the way from the predicted rate to the measured one
+
+  Needles(Bodies<double>& bodies, double aspect)
+      : start(bodies.start()), directions(bodies.directions(3)), rates(bodies.rates()) {
+    for (std::size_t i = 0; i < width; ++i) {
+      const Matrix3<double> axes = exp(bodies.random.vector(1));
+      const Matrix3<double> root = bodies.scale(i) * axes * Vector3<double>(1, aspect, aspect * aspect).asDiagonal();
+      const Matrix3<double> other = root * exp(bodies.random.vector(1)) * Vector3<double>(1, 2, 3).asDiagonal();
+      rates[i].bound = symmetrized(Matrix3<double>(root * root.transpose()));
+      start[i].shape = 0.25 * Matrix6<double>::Identity();
+      start[i].shape.bottomRightCorner<3, 3>() = symmetrized(Matrix3<double>(other * other.transpose()));
+      along.push_back(root * bodies.random.vector(1));
+    }
+  }
+  void move_rate(std::size_t i, double way) { rates[i].value = start[i].center.angular_velocity + way * along[i]; }
+  /// The longest way at which the measured set of filter i is found to meet the predicted one.
+  [[nodiscard]] double touching(std::size_t i) {
+    Filter made;
+    REQUIRE(Filter::make(flow, criterion, 0.25, start[i], made) == Status::ok);
+    double low = 0;
+    double high = 100;
+    for (int k = 0; k < 60; ++k) {
+      const double middle = 0.5 * (low + high);
+      move_rate(i, middle);
+      Filter filter = made;
+      Update<double> update;
+      const bool meets = filter.update(directions.data() + 3 * i, 3, rates[i], update) == Status::ok;
+      (meets ? low : high) = middle;
+    }
+    return low;
+  }
+};
+
 }  // namespace
 
 TEST_CASE("linear measurements, each by itself, change filters side by side as each alone") {
@@ -369,6 +414,46 @@ TEST_CASE("what is unusual in one lane is done alone there, and changes no other
                                         Status::out_of_range, none});
   CHECK(scene.apart >= 4);
   CHECK(scene.apart <= 7);
+}
+
+TEST_CASE("a bound that only its last coordinate makes indefinite is refused in its lane") {
+  using Filter = AttitudeFilter<RigidBodyFlow<double, FreeBody<double>>, FirstOrderEstimator>;
+  Bodies<double> bodies(4, 0.003);
+  Scene<Filter, 4> scene(flow_of<double>(FreeBody<double>(), 0), SizeCriterion<double, 6>::trace(), bodies.start());
+  std::vector<Direction<double>> directions = bodies.directions(3);
+  Matrix3<double>& bound = directions[7].bound;  // of filter 2; the sum with the other two is positive definite
+  bound(0, 2) = bound(2, 0) = 1.01 * std::sqrt(bound(0, 0) * bound(2, 2));
+  const Status none = Status::ok;
+  CHECK(scene.update(directions, bodies.rates()) ==
+        std::vector<Status>{none, none, Status::not_positive_definite, none});
+  CHECK(scene.apart == 1);
+}
+
+TEST_CASE("where it is rounding whether two sets meet a lane says what the filter says alone") {
+  Bodies<double> bodies(Needles::width, 0.003);
+  std::size_t empty = 0;
+  std::size_t met = 0;
+  for (const double aspect : {1.0, 1e-2, 1e-3}) {
+    for (int trial = 0; trial < 8; ++trial) {
+      Needles needles(bodies, aspect);
+      std::array<double, Needles::width> touching;
+      for (std::size_t i = 0; i < Needles::width; ++i) {
+        touching[i] = needles.touching(i);
+      }
+      for (const double beyond : {-1e-6, -1e-10, -1e-12, 0.0, 1e-14, 1e-12, 1e-8}) {
+        for (std::size_t i = 0; i < Needles::width; ++i) {
+          needles.move_rate(i, (1 + beyond) * touching[i]);
+        }
+        Scene<Needles::Filter, int{Needles::width}> scene(needles.flow, needles.criterion, needles.start);
+        for (const Status status : scene.update(needles.directions, needles.rates)) {
+          met += status == Status::ok ? 1 : 0;
+          empty += status == Status::empty_intersection ? 1 : 0;
+        }
+      }
+    }
+  }
+  CHECK(met > 400);
+  CHECK(empty > 400);
 }
 
 TEST_CASE("filters whose times have come apart go on, each by itself") {

@@ -898,3 +898,53 @@ TEST_CASE("Pairs of any condition keep a common point and are not taken for empt
   check_pairs_of_any_condition<3>();
   check_pairs_of_any_condition<6>();
 }
+
+namespace {
+
+// Two ellipsoids with a point in common, zero, and little more: each reaches beyond it by about this share of its
+// radius, from opposite sides. The centers are rounded as they may be.
+std::array<Ellipsoid<double, 3>, 2> barely_meeting_pair(Random& random, double condition, long double beyond) {
+  std::array<Ellipsoid<double, 3>, 2> pair;
+  for (auto& e : pair) {
+    e.shape = random.positive_definite<3>(random.log_uniform(1, condition));
+  }
+  const LongMatrix first = pair[0].shape.cast<long double>();
+  const LongMatrix second = pair[1].shape.cast<long double>();
+  const Eigen::LLT<LongMatrix> factor(first);
+  const LongVector unit = random.unit_vector<3>().cast<long double>();
+  const LongMatrix root = factor.matrixL();
+  const LongVector center = (1 - beyond) * (root * unit);
+  const LongVector normal = factor.solve(center);
+  const LongVector along = second * normal;
+  pair[0].center = center.cast<double>();
+  pair[1].center = (-(1 - beyond) / std::sqrt(normal.dot(along)) * along).cast<double>();
+  return pair;
+}
+
+}  // namespace
+
+TEST_CASE("sets that barely meet are not empty where their margin says so and the smaller of the two is enough") {
+  Random random(31);
+  const Vector3<double> common = Vector3<double>::Zero();
+  int met = 0;
+  int alone = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const auto pair = barely_meeting_pair(random, 1e10, static_cast<long double>(random.log_uniform(1e-14, 1e-4)));
+    double margin;
+    REQUIRE(overlap_margin(pair[0], pair[1], margin) == Status::ok);
+    if (form(pair[0], common) >= 1 || form(pair[1], common) >= 1 || margin < 0) {
+      continue;  // rounding has parted them
+    }
+    const Criterion<3> criterion = i % 2 == 0 ? Criterion<3>::volume() : Criterion<3>::trace();
+    Intersection<double, 3> result;
+    REQUIRE(minimal_intersection(pair[0], pair[1], criterion, result) == Status::ok);
+    ++met;
+    alone += result.share == 0 || result.share == 1 ? 1 : 0;
+    const long double size = size_of<3>(result.set.shape.cast<long double>(), criterion);
+    for (const auto& e : pair) {
+      REQUIRE(size <= size_of<3>(e.shape.cast<long double>(), criterion) + 1e-3L);
+    }
+  }
+  CHECK(met > 2000);
+  CHECK(alone > 5);
+}

@@ -602,6 +602,101 @@ TEST_CASE("a fusion reports the steps of its search and whether they were all th
   CHECK(fusion.ended_by_limit);
 }
 
+namespace {
+
+// N(μ) with Σμ = 1 of the unit ball and quadrics, the ball's multiplier first, as the definition says.
+long double level_of(const std::array<Quadric<double, 3>, 3>& quadrics, std::array<long double, 4> mu) {
+  const long double sum = mu[0] + mu[1] + mu[2] + mu[3];
+  Eigen::Matrix<long double, 3, 3> a = mu[0] / sum * Eigen::Matrix<long double, 3, 3>::Identity();
+  Long3 g = Long3::Zero();
+  long double c = mu[0] / sum;
+  for (std::size_t k = 0; k < 3; ++k) {
+    a += mu[k + 1] / sum * quadrics[k].a.cast<long double>();
+    g += mu[k + 1] / sum * quadrics[k].g.cast<long double>();
+    c += mu[k + 1] / sum * static_cast<long double>(quadrics[k].c);
+  }
+  return c + g.dot(a.llt().solve(g));
+}
+
+}  // namespace
+
+TEST_CASE("the margin is the least level on the way, no more than where the search begins and where it ends") {
+  Random random(42);
+  const Ellipsoid<double, 3> ball{Vector3<double>::Zero(), Matrix3<double>::Identity()};
+  const auto criterion = SizeCriterion<double, 3>::volume();
+  int risen = 0;
+  for (int i = 0; i < 1000; ++i) {
+    std::array<Quadric<double, 3>, 3> quadrics;
+    for (auto& quadric : quadrics) {
+      const Matrix3<double> shape = random.log_uniform(0.05, 5) * random.positive_definite<3>(20);
+      REQUIRE(to_quadric({random.uniform(0, 1.5) * random.unit_vector<3>(), shape}, quadric) == Status::ok);
+    }
+    QuadricFusion<double, 3> fusion;
+    const Status status = minimal_intersection(&ball, quadrics.data(), 3, criterion, fusion);
+    if (status != Status::ok || fusion.prediction_alone) {
+      continue;
+    }
+    detail::Coordinates<double, 3> at;
+    detail::Gathered<double, 3> gathered;
+    REQUIRE(detail::coordinates_of(ball, at) == Status::ok);
+    detail::gather(quadrics.data(), 3, criterion, at, gathered);
+    const auto start = detail::starting_multipliers(gathered.problem);
+    std::array<long double, 4> first{};
+    std::array<long double, 4> last{static_cast<long double>(fusion.predicted_multiplier)};
+    for (std::size_t k = 0; k < 4; ++k) {
+      first[k] = static_cast<long double>(start[k] / gathered.scale[k]);
+      last[k] = k == 0 ? last[k] : static_cast<long double>(fusion.multipliers[k - 1]);
+    }
+    const long double begins = level_of(quadrics, first);
+    const long double ends = level_of(quadrics, last);
+    REQUIRE(static_cast<long double>(fusion.margin) <= begins + 1e-9L);
+    REQUIRE(static_cast<long double>(fusion.margin) <= ends + 1e-9L);
+    risen += ends > begins + 1e-3L ? 1 : 0;
+  }
+  CHECK(risen > 50);
+}
+
+TEST_CASE("a sharp slab through a prediction far from zero loses no point by the rounding of its coordinates") {
+  Random random(41);
+  const double far = 1e4;
+  const auto criterion = SizeCriterion<double, 3>::trace();
+  int inside = 0;
+  for (int i = 0; i < 1000; ++i) {
+    // Seen from zero the terms of the slab are 1e8, and cancel to the square of its width, at least 1e-8.
+    const Vector3<double> center = far * random.unit_vector<3>();
+    const Vector3<double> normal = center.cross(random.unit_vector<3>()).normalized();
+    const Ellipsoid<double, 3> predicted{center, Matrix3<double>::Identity()};
+    Quadric<double, 3> quadric;
+    REQUIRE(slab(normal, 0.0, random.log_uniform(1e-4, 3e-3), quadric) == Status::ok);
+    QuadricFusion<double, 3> fusion;
+    REQUIRE(minimal_intersection(&predicted, &quadric, 1, criterion, fusion) == Status::ok);
+    const Eigen::LLT<Eigen::Matrix<long double, 3, 3>> factor(fusion.set.shape.cast<long double>());
+    const auto slack_at = [&](const Long3& y) {
+      return static_cast<long double>(quadric.c) - y.dot(quadric.a.cast<long double>() * y) -
+             2 * y.dot(quadric.g.cast<long double>());
+    };
+    for (int k = 0; k < 10; ++k) {
+      // From the rim of the ball in the slab's middle to the slab's surface: there neither constraint has slack.
+      const Long3 across = normal.cross(random.unit_vector<3>()).normalized().cast<long double>();
+      const Long3 from = center.cast<long double>() + 0.99999L * across;
+      const Long3 along = (k % 2 == 0 ? 1 : -1) * normal.cast<long double>();
+      long double low = 0;
+      long double high = 0.04L;
+      for (int step = 0; step < 60; ++step) {
+        const long double middle = (low + high) / 2;
+        (slack_at(from + middle * along) >= 0 ? low : high) = middle;
+      }
+      const Long3 y = from + low * along;
+      if (slack_at(y) >= 0 && (y - center.cast<long double>()).squaredNorm() <= 1) {
+        ++inside;
+        const Long3 rest = y - fusion.set.center.cast<long double>();
+        REQUIRE(rest.dot(factor.solve(rest)) <= 1);
+      }
+    }
+  }
+  CHECK(inside > 5000);
+}
+
 TEST_CASE("the scale of a quadric does not matter and a multiplier may be zero") {
   Random random(11);
   for (int trial = 0; trial < 100; ++trial) {

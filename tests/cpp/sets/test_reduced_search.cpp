@@ -159,6 +159,11 @@ TEST_CASE("where there is no combination, or none with a common point, the slope
     Case<double, 6> problem = random_case<double, 6>(random, 10, 0, k % 3);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(problem.m);
     problem.slack_at_origin = 1e6;
+    Case<double, 6> two_negative = problem;  // and a determinant that is positive again
+    two_negative.m.diagonal().array() -= eigen.eigenvalues()(1) + eigen.eigenvalues()(2);
+    const double between = 0.5 * (eigen.eigenvalues()(1) + eigen.eigenvalues()(2));
+    CHECK_FALSE(two_negative.reduced(1).derivatives(between, slope, curvature, determinant));
+    CHECK(determinant > 0);
     problem.m.diagonal().array() -= 2 * eigen.eigenvalues()(0);
     CHECK_FALSE(problem.reduced(1).derivatives(0.99 * eigen.eigenvalues()(0), slope, curvature, determinant));
     CHECK(problem.reduced(1).derivatives(1.01 * eigen.eigenvalues()(0), slope, curvature, determinant));
@@ -210,4 +215,36 @@ TEST_CASE("the search begins at the best q") {
   CHECK(inner > 500);
   CHECK(at_first > 100);
   CHECK(elsewhere < 5);
+}
+
+TEST_CASE("in float the search does not begin where the least size is rounding") {
+  Random random(11);
+  int moved = 0;
+  Real longest = 0;
+  for (int k = 0; k < 20000; ++k) {
+    // The second set is hardly better with the first than alone: the best q is large, and the size flat there.
+    Case<float, 6> problem = random_case<float, 6>(random, random.log_uniform(1, 1e4), 0, k % 3);
+    const auto size = problem.relative_size();
+    const float scale =
+        problem.slack_at_origin / size.idle_slack(problem.m) * static_cast<float>(1 + random.log_uniform(1e-6, 1e-1));
+    problem.m *= scale;
+    problem.v *= std::sqrt(scale);
+    const auto slack = [&](const Vector6<float>& u) {
+      return problem.slack_at_origin - u.dot(problem.m * u) - 2 * problem.v.dot(u);
+    };
+    const Vector6<float> present = Vector6<float>::Ones();
+    const detail::Problem<float, 6, decltype(slack)> whole{problem.m, problem.v, present, slack};
+    const float typical = whole.typical_weight();
+    const float q = detail::start_of_search(whole, size, typical);
+    if (q != typical) {
+      ++moved;
+      const auto there = problem.at(Real(q));
+      const Real slope = there.slope * Real(q);
+      const Real curvature = slope + there.curvature * Real(q) * Real(q);
+      longest = std::fmax(longest, curvature > 0 ? std::fabs(slope) / curvature : 1);
+    }
+  }
+  MESSAGE("of " << moved << " the longest step in log q from there " << longest);
+  CHECK(moved > 500);
+  CHECK(longest < 0.05L);
 }

@@ -76,6 +76,23 @@ TEST_CASE("two sets that help each other need one combination") {
   }
 }
 
+TEST_CASE("a small set that is the best alone is found without a search") {
+  using Scalar = Counted<double>;
+  Random random(12);
+  for (const auto& criterion : {SizeCriterion<Scalar, 6>::volume(), SizeCriterion<Scalar, 6>::trace()}) {
+    long sum = 0;
+    for (int k = 0; k < 200; ++k) {
+      const Matrix6<double> small = random.log_uniform(0.01, 0.1) * random.positive_definite<6>(10);
+      const Ellipsoid<Scalar, 6> first = set_of<Scalar>(0.05 * random.in_ball<6>(), small);
+      const Ellipsoid<Scalar, 6> second = set_of<Scalar>(Vector6<double>::Zero(), random.positive_definite<6>(10));
+      Intersection<Scalar, 6> result;
+      sum += effort(first, second, criterion, result);
+      REQUIRE(result.share == Scalar(0));
+    }
+    CHECK(sum < 200 * (criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume ? 5000 : 7500));
+  }
+}
+
 TEST_CASE("a set that is hardly any help costs no more than others") {
   using Double = Counted<double>;
   using Float = Counted<float>;
