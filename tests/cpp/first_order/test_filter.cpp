@@ -309,6 +309,16 @@ TEST_CASE("A filter cannot be made of what is no state") {
                      filter) == Status::not_positive_definite);
 }
 
+TEST_CASE("A filter starts at a rotation although the one that it is given has half the digits") {
+  Set start{orbit_state<double>(), Matrix6<double>::Identity()};
+  CHECK(make_filter(orbit_flow(), start).ellipsoid().center.attitude == start.center.attitude);
+  const Matrix3<double> exact = start.center.attitude;
+  start.center.attitude(1, 2) += 3e-10;
+  const Matrix3<double> made = make_filter(orbit_flow(), start).ellipsoid().center.attitude;
+  CHECK((made.transpose() * made - Matrix3<double>::Identity()).norm() < 1e-15);
+  CHECK((made - exact).norm() < 3e-10);
+}
+
 TEST_CASE("The gyro flow holds every bias and noise and drift within their bounds and its rate is an output") {
   Random random(6);
   using GyroFilter = AttitudeFilter<GyroFlow<double>, FirstOrderEstimator>;

@@ -42,7 +42,12 @@ class AttitudeFilter {
     }
     filter.flow_ = flow;
     filter.criterion_ = criterion;
-    filter.restart(time, ellipsoid);
+    StateEllipsoid<State> start = ellipsoid;
+    // One within `rotation_tolerance` is made a rotation; one that is so to rounding, as a stored one, keeps its bits.
+    if (!is_rotation(start.center.attitude, rounding::share<Scalar>(rounding::center))) {
+      start.center.attitude = renormalized(start.center.attitude);
+    }
+    filter.restart(time, start);
     return Status::ok;
   }
 
