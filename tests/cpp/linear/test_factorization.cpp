@@ -390,4 +390,7 @@ TEST_CASE("products by columns agree with Eigen's, of transposes and of single c
   CHECK((product_by_columns(a, b.transpose()) - a * b.transpose()).norm() <= 4 * epsilon * a.norm() * b.norm());
   CHECK((product_by_columns(a, c) - a * c).norm() <= 4 * epsilon * a.norm() * c.norm());
   CHECK((congruence(a, b) - a * b * a.transpose()).norm() <= 8 * epsilon * a.squaredNorm() * b.norm());
+  const Eigen::MatrixXd any_a = a;  // sizes that are known at run time alone, as from Python
+  const Eigen::MatrixXd any_b = b;
+  CHECK((congruence(any_a, any_b) - congruence(a, b)).norm() <= 8 * epsilon * a.squaredNorm() * b.norm());
 }

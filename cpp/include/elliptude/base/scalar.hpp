@@ -249,9 +249,10 @@ template <typename A, typename B>
     const A& a, const B& b) noexcept {
   using Column = Vector<typename A::Scalar, A::RowsAtCompileTime>;
   Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product;
-  for (int j = 0; j < B::ColsAtCompileTime; ++j) {
+  product.resize(a.rows(), b.cols());  // of sizes that are known at run time alone
+  for (Eigen::Index j = 0; j < b.cols(); ++j) {
     Column column = a.col(0) * b(0, j);
-    for (int k = 1; k < A::ColsAtCompileTime; ++k) {
+    for (Eigen::Index k = 1; k < a.cols(); ++k) {
       column += a.col(k) * b(k, j);
     }
     product.col(j) = column;
