@@ -61,3 +61,14 @@ def fail_at_odd(number):
 def note_and_work_shortly(number, folder):
     (Path(folder) / "notes" / f"{os.getpid()}").touch()
     time.sleep(0.2)
+
+
+def wait_for_nannies(client, count):
+    """Until so many of a Dask cluster watch their workers: one does not replace a worker that dies before."""
+    client.wait_for_workers(count)
+    while (watching := client.run(_status, nanny=True)) != dict.fromkeys(watching, "running"):
+        time.sleep(0.01)
+
+
+def _status(dask_worker):
+    return dask_worker.status.name

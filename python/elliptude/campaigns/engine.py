@@ -113,8 +113,7 @@ def _on_executor(function: Callable[..., Any], waiting: deque[Piece], executor: 
             while source and len(running) < most:
                 running[executor.submit(function, *source[0].arguments)] = source[0]
                 source.popleft()
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
+            for future in _done(running, executor):
                 piece = running.pop(future)
                 try:
                     result = future.result()
@@ -133,6 +132,14 @@ def _on_executor(function: Callable[..., Any], waiting: deque[Piece], executor: 
         for future in running:
             future.cancel()
     failures.complain()
+
+
+def _done(running: Iterable[Future[Any]], executor: Executor) -> set[Future[Any]]:
+    """Those that are done, as soon as any is; BrokenExecutor if a cluster has lost its workers for good."""
+    while not (done := wait(running, timeout=1.0, return_when=FIRST_COMPLETED).done):
+        if isinstance(executor, ClusterExecutor):
+            executor.require_worker()
+    return done
 
 
 def _reason(error: BaseException) -> str:

@@ -111,8 +111,8 @@ def test_a_scheduler_that_ends_ends_the_campaign_with_a_message(tmp_path, cluste
     assert "the same command goes on from there" in " ".join(errors.split())
 
 
-def run_pieces(file, call):
-    """What `engine.results` says of eight pieces, and those that came back.
+def run_pieces(file, call, before="pass"):
+    """What `engine.results` says of eight pieces, and those that came back; `before` is a statement to begin with.
 
     In a process of its own, because Dask's threads outlive the test.
     """
@@ -120,12 +120,13 @@ def run_pieces(file, call):
         import functools
         import campaign_work
         from distributed import Client
-        from elliptude.campaigns import engine
+        from elliptude.campaigns import cluster, engine
         from elliptude.campaigns.pieces import Piece
         from elliptude.io.files import FileError
 
         found = []
         with Client(scheduler_file={str(file)!r}) as client:
+            {before}
             pieces = [Piece(f"piece {{n}}", (n,)) for n in range(8)]
             try:
                 found.extend(engine.results({call}, pieces, executor=client))
@@ -145,14 +146,29 @@ def run_pieces(file, call):
     return said, json.loads(found)
 
 
+WAIT_FOR_NANNIES = "campaign_work.wait_for_nannies(client, 2)"
+
+
 @pytest.mark.parametrize("cluster", ["nanny"], indirect=True)
 def test_a_piece_that_kills_its_workers_is_named(cluster):
     """After the others are done."""
     file, _, _ = cluster
     wait_until(file.exists)
-    said, found = run_pieces(file, "campaign_work.die_at_three")
+    said, found = run_pieces(file, "campaign_work.die_at_three", before=WAIT_FOR_NANNIES)
     assert said.startswith("1 piece of the work failed: piece 3: KilledWorker: ")
     assert found == [n * n for n in range(8) if n != 3]
+
+
+def test_a_cluster_that_has_lost_all_workers_ends_the_work(cluster):
+    """The piece kills both, and no nanny replaces them; Dask waits for ever then."""
+    file, _, _ = cluster
+    wait_until(file.exists)
+    said, found = run_pieces(file, "campaign_work.die_at_three", before="cluster.WITHOUT_WORKERS_S = 3.0")
+    assert said == (
+        "the executor has broken (BrokenExecutor: the cluster has had no worker for 3 s); "
+        "the same command goes on from there"
+    )
+    assert 9 not in found
 
 
 def test_a_piece_whose_result_is_lost_and_that_fails_then_is_named(tmp_path, cluster):
