@@ -6,6 +6,10 @@ python=$(realpath --no-symlinks "$1") site=$(realpath --canonicalize-missing "$2
 cd "$(dirname "$0")/.."
 work=$site.work
 rm -rf "$site"
+# The kernels of notebooks read no settings of this user, and do not warn that they speak over TCP.
+export IPYTHONDIR=$work/ipython
+mkdir -p "$IPYTHONDIR/profile_default"
+echo 'c.IPKernelApp.log_level = "ERROR"' >"$IPYTHONDIR/profile_default/ipython_kernel_config.py"
 "$python" -m sphinx --builder html --fail-on-warning --keep-going --jobs auto --quiet --fresh-env \
     --doctree-dir "$work/doctrees" --conf-dir docs/site . "$site"
 # The manual page of the command line, from what has been read already; in it, links between pages lead nowhere.

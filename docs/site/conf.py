@@ -5,6 +5,7 @@ The source folder is the repository's, so that links between its pages hold.
 
 import ast
 import inspect
+import logging
 import os
 import re
 import sys
@@ -50,6 +51,7 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 600
 nb_execution_in_temp = True
 nb_merge_streams = True
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # a style that furo needs makes every logger tell what it does
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
 
 # Docstrings: single backticks are code, and members come in the order of the source.
