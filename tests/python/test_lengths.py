@@ -23,11 +23,8 @@ LONG_FILES = {
     "cpp/benchmarks/operations.hpp": (520, "a table of operations, each with its input; two programs run all of it"),
     "cpp/c_interface/elliptude.cpp": (560, "the one file that a flight program compiles"),
 }
-ONCE_THROUGH = "goes once from checks to the result, and every part needs the factors of the one before"
 A_TABLE = "a table of what is bound, with its names and arguments"
 LONG_FUNCTIONS = {
-    "cpp/include/elliptude/first_order/fusion.hpp:fuse": (65, ONCE_THROUGH),
-    "cpp/include/elliptude/sets/intersection.hpp:minimal_intersection": (67, ONCE_THROUGH),
     "python/bindings/attitude/state_ellipsoid.cpp:define_state_ellipsoids": (80, A_TABLE),
     "python/bindings/base/so3.cpp:define_rotations": (130, A_TABLE),
     "python/bindings/dynamics/own_potential.cpp:define_own_potentials": (80, A_TABLE),

@@ -7,6 +7,7 @@
 #include "elliptude/version.hpp"
 
 #include "elliptude/base/limits.hpp"
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/status.hpp"
 #include "elliptude/base/seal.hpp"
 #include "elliptude/base/interruption.hpp"

@@ -74,7 +74,8 @@ TEST_CASE("what the inversion may add to the level is enough for every point of 
     detail::ManyQuadrics<float, 3> problem;
     problem.with_ball = true;
     problem.count = 2;
-    problem.constraints[0] = {3, false, {}, {Matrix3<float>::Identity(), Vector3<float>::Zero(), 1}};
+    problem.constraints[0].constrain_all(
+        3, [] { return Quadric<float, 3>{Matrix3<float>::Identity(), Vector3<float>::Zero(), 1}; });
     // A sharp quadric, nearly a cylinder, whose boundary goes through a point of the ball.
     const RealVector point = random.in_ball<3>().cast<Real>();
     Quadric<float, 3> q;
@@ -86,7 +87,7 @@ TEST_CASE("what the inversion may add to the level is enough for every point of 
     q.g = Vector3d(-a * at).cast<float>();
     q.c = 0;
     q.c = static_cast<float>(-slack_of(q, point) * (1 + 1e-6L));
-    problem.constraints[1] = {3, false, {}, q};
+    problem.constraints[1].constrain_all(3, [&] { return q; });
     detail::ManyQuadrics<float, 3>::Multipliers mu{};
     mu[0] = static_cast<float>(random.log_uniform(1e-3, 1));
     mu[1] = static_cast<float>(random.log_uniform(1e-3, 1));

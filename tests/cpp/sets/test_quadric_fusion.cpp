@@ -502,15 +502,16 @@ TEST_CASE("the gradient and the Hessian are those of F") {
     problem.by_volume = trial % 2 == 0;
     problem.weight = random.positive_definite<6>(10.0);
     problem.count = 5;
-    problem.constraints[0].leading = false;
-    problem.constraints[0].rank = 6;
-    problem.constraints[0].quadric = {Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0};
+    problem.constraints[0].constrain_all(
+        6, [] { return Quadric<double, 6>{Matrix6<double>::Identity(), Vector6<double>::Zero(), 1.0}; });
     for (std::size_t k = 0; k < 4; ++k) {
       const Quadric<double, 6>& q = scene.quadrics[k];
-      problem.constraints[k + 1].leading = k < 3 && trial % 3 != 0;
-      problem.constraints[k + 1].rank = 3;
-      problem.constraints[k + 1].part = {q.a.topLeftCorner<3, 3>(), q.g.head<3>(), q.c};
-      problem.constraints[k + 1].quadric = q;
+      if (k < 3 && trial % 3 != 0) {
+        problem.constraints[k + 1].constrain_leading(
+            3, [&] { return Quadric<double, 3>{q.a.topLeftCorner<3, 3>(), q.g.head<3>(), q.c}; });
+      } else {
+        problem.constraints[k + 1].constrain_all(3, [&] { return q; });
+      }
     }
     Problem::Multipliers mu{};
     for (std::size_t k = 0; k < 5; ++k) {

@@ -244,11 +244,11 @@ template <typename Scalar, int N>
 
 /// a b, column by column, each added up apart: a processor without SIMD keeps it in its registers, and needs half the instructions
 /// of `lazyProduct`.
+/// \param product neither a nor b.
 template <typename A, typename B>
-[[nodiscard]] Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product_by_columns(
-    const A& a, const B& b) noexcept {
+void put_product_by_columns(const A& a, const B& b,
+                            Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime>& product) noexcept {
   using Column = Vector<typename A::Scalar, A::RowsAtCompileTime>;
-  Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product;
   product.resize(a.rows(), b.cols());  // of sizes that are known at run time alone
   for (Eigen::Index j = 0; j < b.cols(); ++j) {
     Column column = a.col(0) * b(0, j);
@@ -257,6 +257,12 @@ template <typename A, typename B>
     }
     product.col(j) = column;
   }
+}
+template <typename A, typename B>
+[[nodiscard]] Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product_by_columns(
+    const A& a, const B& b) noexcept {
+  Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product;
+  put_product_by_columns(a, b, product);
   return product;
 }
 

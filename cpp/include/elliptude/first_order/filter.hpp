@@ -114,23 +114,22 @@ class AttitudeFilter {
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
                   "the gyro's rate is the input of GyroFlow, not a measurement");
-    MeasuredDirections<Scalar> measured;
-    if (const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, measured);
+    StateEllipsoid<State> measured;
+    bool determined = false;
+    if (const Status status = find_measured(directions, count, angular_velocity, determined, measured);
         status != Status::ok) {
-      return status == Status::attitude_undetermined ? update_in_turn(directions, count, angular_velocity, update)
-                                                     : status;
+      return status == Status::attitude_undetermined && !determined
+                 ? update_in_turn(directions, count, angular_velocity, update)
+                 : status;
     }
-    StateEllipsoid<State> measured_ellipsoid;
-    if (const Status status = measured_state(measured, angular_velocity, criterion_, measured_ellipsoid);
-        status != Status::ok) {
-      return status;
-    }
-    Fusion<State> fusion;
-    const Status status = fuse(measured_ellipsoid, ellipsoid_, recentring, criterion_, fusion);
+    Scalar share(0);
+    Scalar margin(0);
+    const Status status =
+        detail::fuse_ellipsoids(measured, ellipsoid_, recentring, criterion_, ellipsoid_, share, margin);
     if (status == Status::ok) {
-      accept(fusion.ellipsoid);
+      accept(ellipsoid_);
     }
-    return report(status, fusion, update);
+    return report(status, share, margin, update);
   }
 
   /// Directions without an angular velocity: two or more as one measured attitude, the sum of its terms by least trace; one
@@ -168,7 +167,7 @@ class AttitudeFilter {
       Fusion<State> fusion;
       const Status fused = fuse(linear, ellipsoid, recentring, criterion_, fusion);
       if (fused != Status::ok) {
-        return report(fused, fusion, update);
+        return report(fused, fusion.share, fusion.margin, update);
       }
       worst = {fusion.share, fusion.margin < worst.margin ? fusion.margin : worst.margin};
       ellipsoid = fusion.ellipsoid;
@@ -202,32 +201,50 @@ class AttitudeFilter {
     if (status == Status::ok) {
       accept(fusion.ellipsoid);
     }
-    return report(status, fusion, update);
+    return report(status, fusion.share, fusion.margin, update);
   }
 
  private:
+  /// E^m of directions and an angular velocity.
+  /// \param determined whether the directions determine an attitude.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status find_measured(const Direction<Scalar>* directions, std::size_t count,
+                                                           const AngularVelocity<Scalar>& angular_velocity,
+                                                           bool& determined,
+                                                           StateEllipsoid<State>& measured) const noexcept {
+    MeasuredDirections<Scalar> attitude;
+    const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, attitude);
+    determined = status == Status::ok;
+    return determined ? measured_state(attitude, angular_velocity, criterion_, measured) : status;
+  }
+
   void restart(const Scalar& time, const StateEllipsoid<State>& ellipsoid) noexcept {
     time_ = time;
     accept(ellipsoid);
   }
 
-  [[nodiscard]] Status update_in_turn(const Direction<Scalar>* directions, std::size_t count,
-                                      const AngularVelocity<Scalar>& angular_velocity,
-                                      Update<Scalar>& update) noexcept {
-    AttitudeFilter trial = *this;
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status update_in_turn(const Direction<Scalar>* directions, std::size_t count,
+                                                            const AngularVelocity<Scalar>& angular_velocity,
+                                                            Update<Scalar>& update) noexcept {
+    // What an update changes, should the second of two fail.
+    const StateEllipsoid<State> ellipsoid = ellipsoid_;
+    const Matrix6<Scalar> transition = transition_;
+    const Matrix6<Scalar> prior_shape = prior_shape_;
     Update<Scalar> by_directions{Scalar(1), Scalar(1)};
     if (count > 0) {
-      if (const Status status = trial.update(directions, count, by_directions); status != Status::ok) {
+      if (const Status status = this->update(directions, count, by_directions); status != Status::ok) {
         if (status == Status::empty_intersection) {
           update.margin = by_directions.margin;
         }
         return status;
       }
     }
-    const Status status = trial.update(angular_velocity, update);
+    const Status status = this->update(angular_velocity, update);
     if (status == Status::ok) {
       update.margin = by_directions.margin < update.margin ? by_directions.margin : update.margin;
-      *this = trial;
+    } else {
+      ellipsoid_ = ellipsoid;
+      transition_ = transition;
+      prior_shape_ = prior_shape;
     }
     return status;
   }
@@ -238,11 +255,12 @@ class AttitudeFilter {
     transition_.setIdentity();
   }
 
-  [[nodiscard]] static Status report(Status status, const Fusion<State>& fusion, Update<Scalar>& update) noexcept {
+  [[nodiscard]] static Status report(Status status, const Scalar& share, const Scalar& margin,
+                                     Update<Scalar>& update) noexcept {
     if (status == Status::ok) {
-      update = {fusion.share, fusion.margin};
+      update = {share, margin};
     } else if (status == Status::empty_intersection) {
-      update.margin = fusion.margin;
+      update.margin = margin;
     }
     return status;
   }

@@ -147,17 +147,27 @@ class RigidBodyFlow : public PredictionLimits {
           status != Status::ok) {
         return status;
       }
-      const std::array<Ellipsoid<Scalar, 6>, 2> terms{
-          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), transformed_shape(linearization.state, result.ellipsoid.shape)},
-          Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), congruence(linearization.control, unknown_torque_)}};
-      Ellipsoid<Scalar, 6> sum;
-      if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
+      if (const Status status = push(linearization, criterion, result.ellipsoid.shape); status != Status::ok) {
         return status;
       }
-      result.ellipsoid.shape = sum.shape;
       result.transition = linearization.state.lazyProduct(result.transition).eval();
     }
     prediction = result;
+    return Status::ok;
+  }
+
+  /// The shape after one step, with the unknown torque.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status push(const FlowLinearization<Scalar>& linearization,
+                                                  const SizeCriterion<Scalar, 6>& criterion,
+                                                  Matrix6<Scalar>& shape) const noexcept {
+    const std::array<Ellipsoid<Scalar, 6>, 2> terms{
+        Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), transformed_shape(linearization.state, shape)},
+        Ellipsoid<Scalar, 6>{Vector6<Scalar>::Zero(), congruence(linearization.control, unknown_torque_)}};
+    Ellipsoid<Scalar, 6> sum;
+    if (const Status status = minimal_sum(terms.data(), terms.size(), criterion, sum); status != Status::ok) {
+      return status;
+    }
+    shape = sum.shape;
     return Status::ok;
   }
 

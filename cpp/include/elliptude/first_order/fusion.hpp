@@ -51,8 +51,9 @@ template <typename State>
 
 /// The prediction seen from the measured center: E(x̂^mf, P^f) (paper, eqs. errz, errPi, ellRmf).
 template <typename State>
-[[nodiscard]] Ellipsoid<StateScalar<State>, 6> seen_from(const State& center, const StateEllipsoid<State>& ellipsoid,
-                                                         Recentring recentring) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Ellipsoid<StateScalar<State>, 6> seen_from(const State& center,
+                                                                               const StateEllipsoid<State>& ellipsoid,
+                                                                               Recentring recentring) noexcept {
   using Scalar = StateScalar<State>;
   Ellipsoid<Scalar, 6> seen{state_error(center, ellipsoid.center), ellipsoid.shape};
   if (recentring == Recentring::first_order) {
@@ -66,10 +67,69 @@ namespace detail {
 
 /// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
 template <typename State>
-[[nodiscard]] bool is_kept(const StateEllipsoid<State>& set) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_kept(const StateEllipsoid<State>& set) noexcept {
   Matrix6<StateScalar<State>> factor;
   return scalar::all_finite(set.shape) && is_in_domain(set.shape) &&
          (cholesky(set.shape, factor) == Status::ok || validate(set) == Status::ok);
+}
+
+}  // namespace detail
+
+namespace detail {
+
+/// Takes a fused set of errors about a center up, if a filter may keep it.
+/// \param taken may be where `center` is.
+/// \return `beyond_domain` if not.
+template <typename State>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status take_fused(const State& center, const Ellipsoid<StateScalar<State>, 6>& set,
+                                                      Recentring recentring, StateEllipsoid<State>& taken) noexcept {
+  const StateEllipsoid<State> fused = recentred(center, set, recentring);
+  if (!is_kept(fused)) {
+    return Status::beyond_domain;
+  }
+  taken = fused;
+  return Status::ok;
+}
+
+/// `fuse` of two ellipsoids.
+/// \param margin set after `ok` and `empty_intersection`, and perhaps after another failure.
+/// \param fused may be where the prediction is.
+template <typename State>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status fuse_ellipsoids(const StateEllipsoid<State>& measured,
+                                                           const StateEllipsoid<State>& predicted,
+                                                           Recentring recentring,
+                                                           const SizeCriterion<StateScalar<State>, 6>& criterion,
+                                                           StateEllipsoid<State>& fused, StateScalar<State>& share,
+                                                           StateScalar<State>& margin) noexcept {
+  using Scalar = StateScalar<State>;
+  const Ellipsoid<Scalar, 6> coordinates = measured.in_coordinates();
+  Ellipsoid<Scalar, 6> set = seen_from(measured.center, predicted, recentring);
+  // The overlap first, as the intersection takes the place of the prediction. It is of use only if both sets are valid.
+  Scalar its_margin(0);
+  const Status overlap = overlap_of_valid(coordinates, set, its_margin);
+  Scalar its_share(1);
+  const Status status = intersect_in_place(coordinates, criterion, set, its_share);
+  if (status != Status::ok && status != Status::empty_intersection) {
+    return status;
+  }
+  if (overlap != Status::ok) {
+    return overlap;
+  }
+  margin = its_margin;
+  if (status == Status::empty_intersection || its_margin < Scalar(0)) {
+    return Status::empty_intersection;
+  }
+  if (its_share == Scalar(1)) {
+    // The prediction alone has no need to be carried to the measured center and back.
+    if (!is_kept(predicted)) {
+      return Status::beyond_domain;
+    }
+    fused = predicted;
+  } else if (const Status taken = take_fused(measured.center, set, recentring, fused); taken != Status::ok) {
+    return taken;
+  }
+  share = its_share;
+  return Status::ok;
 }
 
 }  // namespace detail
@@ -80,32 +140,8 @@ template <typename State>
 [[nodiscard]] Status fuse(const StateEllipsoid<State>& measured, const StateEllipsoid<State>& predicted,
                           Recentring recentring, const SizeCriterion<StateScalar<State>, 6>& criterion,
                           Fusion<State>& fusion) noexcept {
-  using Scalar = StateScalar<State>;
-  const Ellipsoid<Scalar, 6> seen = seen_from(measured.center, predicted, recentring);
-  Intersection<Scalar, 6> intersection;
-  const Status status = minimal_intersection(measured.in_coordinates(), seen, criterion, intersection);
-  if (status != Status::ok && status != Status::empty_intersection) {
-    return status;
-  }
-  Scalar margin;
-  if (const Status overlap = detail::overlap_of_valid(measured.in_coordinates(), seen, margin); overlap != Status::ok) {
-    return overlap;
-  }
-  fusion.margin = margin;
-  if (status == Status::ok && margin < Scalar(0)) {
-    return Status::empty_intersection;
-  }
-  if (status == Status::ok) {
-    // The prediction alone has no need to be carried to the measured center and back.
-    const StateEllipsoid<State> fused =
-        intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
-    if (!detail::is_kept(fused)) {
-      return Status::beyond_domain;
-    }
-    fusion.ellipsoid = fused;
-    fusion.share = intersection.share;
-  }
-  return status;
+  return detail::fuse_ellipsoids(measured, predicted, recentring, criterion, fusion.ellipsoid, fusion.share,
+                                 fusion.margin);
 }
 
 namespace detail {
@@ -196,8 +232,10 @@ class SizeByRows {
 /// The q of least size for a few rows, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start:
 /// every q gives a bound.
 template <typename Scalar, int Rows, int N>
-[[nodiscard]] Scalar weight_of_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
-                                    const RelativeSize<Scalar, N>& size, const Scalar& start) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar weight_of_rows(const Vector<Scalar, Rows>& y,
+                                                          const Matrix<Scalar, Rows, N>& b,
+                                                          const RelativeSize<Scalar, N>& size,
+                                                          const Scalar& start) noexcept {
   SizeByRows<Scalar, Rows, N> by_rows;
   if (!SizeByRows<Scalar, Rows, N>::make(y, b, size, by_rows)) {
     return start;
@@ -222,8 +260,9 @@ template <typename Scalar, int Rows, int N>
 /// Whether a measurement and a prediction meet, decided in the measured coordinates: E(y, R) and E(0, HPHᵀ).
 /// \return the status of `overlap_margin`.
 template <typename State, int Rows>
-[[nodiscard]] Status overlap_with(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
-                                  const StateEllipsoid<State>& predicted, StateScalar<State>& margin) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status overlap_with(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
+                                                        const StateEllipsoid<State>& predicted,
+                                                        StateScalar<State>& margin) noexcept {
   using Scalar = StateScalar<State>;
   const Ellipsoid<Scalar, Rows> image =
       affine_image(predicted.in_coordinates(), measurement.h, Vector<Scalar, Rows>(Vector<Scalar, Rows>::Zero()));
@@ -232,13 +271,64 @@ template <typename State, int Rows>
 
 /// `recombine` of ‖y − Bu‖ ≤ 1 with the unit ball about a center of zero.
 template <typename Scalar, int Rows, int N>
-void recombine_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b, const Matrix<Scalar, N>& factor,
-                    const Vector<Scalar, N>& present, const Scalar& q, Ellipsoid<Scalar, N>& set) noexcept {
+ELLIPTUDE_OUT_OF_LINE void recombine_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b,
+                                          const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& present,
+                                          const Scalar& q, Ellipsoid<Scalar, N>& set) noexcept {
   Matrix<Scalar, N> rows = Matrix<Scalar, N>::Zero();
   rows.template topRows<Rows>() = b;
   Vector<Scalar, N> offset = Vector<Scalar, N>::Zero();
   offset.template head<Rows>() = -y;
   recombine(Vector<Scalar, N>(Vector<Scalar, N>::Zero()), factor, rows, offset, present, q, set);
+}
+
+/// A measurement as ‖y − Bu‖ ≤ 1 in the coordinates u of a prediction of this shape, x = x̂ + l u.
+/// \return the status of `whitened` and `cholesky_semidefinite`.
+template <typename Scalar, int Rows>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status whiten(const LinearMeasurement<Scalar, Rows>& measurement,
+                                                  const Matrix6<Scalar>& shape, Vector<Scalar, Rows>& y,
+                                                  Matrix<Scalar, Rows, 6>& b, Matrix6<Scalar>& l) noexcept {
+  Matrix<Scalar, Rows, 6> h;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
+  if (const Status status = cholesky_semidefinite(shape, l); status != Status::ok) {
+    return status;
+  }
+  b = h.lazyProduct(l);
+  return Status::ok;
+}
+
+/// The smallest ellipsoid about ‖y − Bu‖ ≤ 1, of a few rows, and the unit ball, in x = l u.
+/// \param share after `ok`: as in `minimal_intersection`.
+/// \param q of the combination after `ok`, where the search began after `empty_intersection`.
+/// \param is_ill_conditioned whether the set is to be recombined for that q.
+/// \return the status of `minimal_intersection`.
+template <typename Scalar, int Rows>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status search_rows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, 6>& b,
+                                                       const Matrix6<Scalar>& l, const Vector6<Scalar>& present,
+                                                       const SizeCriterion<Scalar, 6>& criterion,
+                                                       Ellipsoid<Scalar, 6>& set, Scalar& share, Scalar& q,
+                                                       bool& is_ill_conditioned) noexcept {
+  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
+  // the constants of the quadric would cancel.
+  const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
+  const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
+  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
+    return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
+  };
+  const AnySlack<Scalar, 6> any_slack(slack);
+  const Problem<Scalar, 6, AnySlack<Scalar, 6>> problem{m, v, present, any_slack};
+  const RelativeSize<Scalar, 6> size(l, present, criterion);
+  Scalar start = problem.typical_weight();
+  if (start > Scalar(0) && present.sum() == Scalar(6)) {
+    start = weight_of_rows(y, b, size, start);
+  }
+  KeptCombination<Scalar, 6> best;
+  const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
+  const Status status = minimal_intersection(origin, l, problem, size, start, set, share, best);
+  q = status == Status::ok ? Scalar(share / (Scalar(1) - share)) : start;
+  is_ill_conditioned = status == Status::ok && share < Scalar(1) && problem.is_ill_conditioned(q, best);
+  return status;
 }
 
 }  // namespace detail
@@ -258,33 +348,17 @@ template <typename State, int Rows>
     return status;
   }
   Vector<Scalar, Rows> y;
-  Matrix<Scalar, Rows, 6> h;
+  Matrix<Scalar, Rows, 6> b;
   Matrix6<Scalar> l;
-  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+  if (const Status status = detail::whiten(measurement, predicted.shape, y, b, l); status != Status::ok) {
     return status;
   }
-  if (const Status status = cholesky_semidefinite(predicted.shape, l); status != Status::ok) {
-    return status;
-  }
-  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
-  // the constants of the quadric would cancel.
   const Vector6<Scalar> present = detail::present_coordinates(l);
-  const Matrix<Scalar, Rows, 6> b = h.lazyProduct(l);
-  const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
-  const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
-  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
-    return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
-  };
-  const detail::Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};
-  Intersection<Scalar, 6> intersection;
-  detail::Combination<Scalar, 6> best;
-  const Vector6<Scalar> origin = Vector6<Scalar>::Zero();
-  const detail::RelativeSize<Scalar, 6> size(l, present, criterion);
-  Scalar start = problem.typical_weight();
-  if (start > Scalar(0) && present.sum() == Scalar(6)) {
-    start = detail::weight_of_rows(y, b, size, start);
-  }
-  const Status status = detail::minimal_intersection(origin, l, problem, size, start, intersection, best);
+  Ellipsoid<Scalar, 6> set;
+  Scalar q(0);
+  bool is_ill_conditioned = false;
+  Scalar share(1);
+  const Status status = detail::search_rows(y, b, l, present, criterion, set, share, q, is_ill_conditioned);
   if (status != Status::ok && status != Status::empty_intersection) {
     return status;
   }
@@ -298,21 +372,19 @@ template <typename State, int Rows>
   }
   // Where the measurement is far sharper than the prediction, M is too ill-conditioned for a proof and for the shape.
   const bool undecided = status == Status::empty_intersection;
-  const Scalar q = undecided ? start : Scalar(intersection.share / (Scalar(1) - intersection.share));
-  if (undecided || intersection.share == Scalar(1)) {
-    intersection.set = predicted.in_coordinates();
+  if (undecided || share == Scalar(1)) {
+    set.center.setZero();
+    set.shape = predicted.shape;
   }
-  if (undecided || (intersection.share < Scalar(1) && problem.is_ill_conditioned(q, best))) {
-    detail::recombine_rows(y, b, l, present, q, intersection.set);
-    intersection.share = q / (Scalar(1) + q);
+  if (undecided || is_ill_conditioned) {
+    detail::recombine_rows(y, b, l, present, q, set);
+    share = q / (Scalar(1) + q);
   }
-  const StateEllipsoid<State> fused = recentred(predicted.center, intersection.set, recentring);
-  if (!detail::is_kept(fused)) {
-    return Status::beyond_domain;
+  const Status taken = detail::take_fused(predicted.center, set, recentring, fusion.ellipsoid);
+  if (taken == Status::ok) {
+    fusion.share = share;
   }
-  fusion.ellipsoid = fused;
-  fusion.share = intersection.share;
-  return Status::ok;
+  return taken;
 }
 
 }  // namespace elliptude

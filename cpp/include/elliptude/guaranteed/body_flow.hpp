@@ -13,6 +13,7 @@
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/error_tube.hpp"
 #include "elliptude/guaranteed/own_torque_expansion.hpp"
@@ -203,16 +204,38 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
                               const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
                               Course& course) const noexcept {
-    State state = ellipsoid.center;
+    ErrorTube<Scalar, Potential> tube;
+    Matrix6<Scalar> factor;
+    if (const Status status = tube.start(ellipsoid.shape, h, stiffness()); status != Status::ok) {
+      // Of a set that is as it should be, h² has overflowed.
+      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
+    }
+    if (const Status status = follow_in(tube, time, h, steps, input, ellipsoid.center, longest, course);
+        status != Status::ok) {
+      return status;
+    }
+    course.end.shape = tube.shape();
+    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+      return Status::unbounded;
+    }
+    course.size = factor.diagonal().prod();
+    return Status::ok;
+  }
+
+  /// A bound of ‖J⁻¹ ∂M/∂ζ‖, 1/s².
+  [[nodiscard]] Scalar stiffness() const noexcept { return acceleration_bounds_.degree * acceleration_bounds_.largest; }
+
+  /// All steps, from a tube that has been started. The course's center and largest displacement are found. The series of the motion is
+  /// here, and not where the tube is, as both are large.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_in(ErrorTube<Scalar, Potential>& tube, const Scalar& time,
+                                                       const Scalar& h, long steps, const Input& input,
+                                                       const State& center, const Scalar& longest,
+                                                       Course& course) const noexcept {
+    State& state = course.end.center;
+    state = center;
     state.attitude =
         renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
     MotionSeries<Scalar, Potential> series(potential_, torque_bounds_, acceleration_bounds_);
-    const Scalar stiffness = acceleration_bounds_.degree * acceleration_bounds_.largest;
-    ErrorTube<Scalar, Potential> tube;
-    if (const Status status = tube.start(ellipsoid.shape, h, stiffness); status != Status::ok) {
-      Matrix6<Scalar> factor;  // of a set that is as it should be, h² has overflowed
-      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
-    }
     course.largest_displacement = Scalar(0);
     for (long step = 0; step < steps; ++step) {
       if (interruption().after(step)) {
@@ -226,7 +249,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
       if (displacement > course.largest_displacement) {
         course.largest_displacement = displacement;
       }
-      if (displacement > longest && tube.start(tube.shape(), h, stiffness) != Status::ok) {
+      if (displacement > longest && tube.start(tube.shape(), h, stiffness()) != Status::ok) {
         return Status::unbounded;
       }
       if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
@@ -234,13 +257,6 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
       }
       state = series.end;
     }
-    course.end.center = state;
-    course.end.shape = tube.shape();
-    Matrix6<Scalar> factor;
-    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
-      return Status::unbounded;
-    }
-    course.size = factor.diagonal().prod();
     return Status::ok;
   }
 

@@ -13,6 +13,7 @@
 /// second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and fourth order push u
 /// within an ellipsoid, and what is left is bounded in the norm of u.
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/enlarged_ball.hpp"
 #include "elliptude/guaranteed/detail/tube_bounds.hpp"
 
@@ -77,6 +78,24 @@ class ErrorTube {
   [[nodiscard]] const Scalar& rest() const noexcept { return rest_; }               ///< bound of ‖r‖
 
  private:
+  /// Takes up a step that closes.
+  /// \param forms of second order of u' in the middle of the step, and `largest_form` their norm.
+  /// \param h of the step, s.
+  ELLIPTUDE_OUT_OF_LINE void take_up(const detail::packed::Forms<Scalar>& forms, const Scalar& largest_form,
+                                     const detail::Pushes<Scalar>& pushes, const detail::Displacement<Scalar>& moved,
+                                     const Scalar& h) noexcept;
+
+  /// Shape of an ellipsoid about v + set⁻¹q(set v) for all ‖v‖ ≤ 1.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Matrix6<Scalar> moved_ball(const Matrix6<Scalar>& set_inverse,
+                                                                 const Vector6<Scalar>& widths) const noexcept {
+    // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
+    return detail::ball_and_image(detail::packed::seen_from(second_order_, set_, set_inverse), widths);
+  }
+
+  /// Adds p and r to the shape of an ellipsoid of u.
+  ELLIPTUDE_OUT_OF_LINE void add_pushes(const Matrix6<Scalar>& set_inverse, const Scalar& width,
+                                        Matrix6<Scalar>& shape) const noexcept;
+
   Matrix6<Scalar> frame_;
   Matrix6<Scalar> set_;  // {set_ v : ‖v‖ ≤ 1} is the set of u at the start, within the unit ball
   detail::packed::Forms<Scalar> second_order_;
@@ -94,8 +113,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const Scalar middle = half * h;
   const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
   detail::LinearPart<Scalar> linear;
-  if (const Status status = detail::LinearExpansion<Scalar, Potential>(body, series).expand(frame_, linear);
-      status != Status::ok) {
+  if (const Status status = detail::expand_linear_part(body, series, frame_, linear); status != Status::ok) {
     return status;
   }
   const detail::step_means::LinearChange<Scalar> change{linear.change_odd, linear.change};
@@ -137,27 +155,43 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
     return status;
   }
 
-  second_order_ += h * forms;
-  second_order_norm_ = before == Scalar(0) ? Scalar(h * largest_form) : spectral_norm(second_order_);
-  const Matrix6<Scalar> higher = sum_of_shapes(Matrix6<Scalar>((moved.cube * moved.cube) * pushes.cubic),
-                                               Matrix6<Scalar>((moved.fourth * moved.fourth) * pushes.fourth));
-  pushed_ = sum_of_shapes(pushed_, Matrix6<Scalar>((h * h) * sum_of_shapes(pushes.unknown, higher)));
-  pushed_norm_ += h * (pushes.unknown_norm + pushes.cubic_norm * moved.cube + pushes.fourth_norm * moved.fourth);
-  rest_ += moved.rest;
+  take_up(forms, largest_form, pushes, moved, h);
   frame_ = linear.end;
   return Status::ok;
 }
 
 template <typename Scalar, typename Potential>
+void ErrorTube<Scalar, Potential>::take_up(const detail::packed::Forms<Scalar>& forms, const Scalar& largest_form,
+                                           const detail::Pushes<Scalar>& pushes,
+                                           const detail::Displacement<Scalar>& moved, const Scalar& h) noexcept {
+  const bool is_first = displacement() == Scalar(0);
+  second_order_ += h * forms;
+  second_order_norm_ = is_first ? Scalar(h * largest_form) : spectral_norm(second_order_);
+  const Matrix6<Scalar> higher = sum_of_shapes(Matrix6<Scalar>((moved.cube * moved.cube) * pushes.cubic),
+                                               Matrix6<Scalar>((moved.fourth * moved.fourth) * pushes.fourth));
+  pushed_ = sum_of_shapes(pushed_, Matrix6<Scalar>((h * h) * sum_of_shapes(pushes.unknown, higher)));
+  pushed_norm_ += h * (pushes.unknown_norm + pushes.cubic_norm * moved.cube + pushes.fourth_norm * moved.fourth);
+  rest_ += moved.rest;
+}
+
+template <typename Scalar, typename Potential>
 Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
-  const Scalar one(1);
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
-  // What is second order in the coordinates v of the set itself, u = set_ v, where the set is the unit ball.
-  const detail::packed::Slices<Scalar> forms = detail::packed::seen_from(second_order_, set_, set_inverse);
   const Vector6<Scalar> widths = set_.colwise().squaredNorm();
-  const Scalar width = widths.sum();
-  const Matrix6<Scalar> ball = detail::ball_and_image(forms, widths);
-  Matrix6<Scalar> shape = congruence(set_, ball);
+  Matrix6<Scalar> shape = congruence(set_, moved_ball(set_inverse, widths));
+  add_pushes(set_inverse, Scalar(widths.sum()), shape);
+  Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
+  // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
+  const Vector6<Scalar> magnitude =
+      frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();
+  whole.diagonal() += rounding::share<Scalar>(rounding::image) * magnitude;
+  return whole;
+}
+
+template <typename Scalar, typename Potential>
+void ErrorTube<Scalar, Potential>::add_pushes(const Matrix6<Scalar>& set_inverse, const Scalar& width,
+                                              Matrix6<Scalar>& shape) const noexcept {
+  const Scalar one(1);
   // What is left is a ball in u, and the disturbance an ellipsoid: sums with shares by their size beside the set.
   const Scalar rest_share =
       detail::tube::moderate_growth(Scalar(rest_ * scalar::sqrt(Scalar(set_inverse.squaredNorm() / Scalar(6)))),
@@ -172,12 +206,6 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   if (pushed_.trace() > Scalar(0)) {
     shape = ((one + pushed_share) * shape + (one + one / pushed_share) * pushed_).eval();
   }
-  Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
-  // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
-  const Vector6<Scalar> magnitude =
-      frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();
-  whole.diagonal() += rounding::share<Scalar>(rounding::image) * magnitude;
-  return whole;
 }
 
 }  // namespace elliptude

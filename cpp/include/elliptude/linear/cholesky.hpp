@@ -57,16 +57,23 @@ template <int Column, typename Scalar, int N>
 
 }  // namespace detail
 
+/// `cholesky` that leaves l of no use where it is not `ok`.
+/// \param l not a.
+template <typename Scalar, int N>
+[[nodiscard]] Status put_cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
+  return detail::cholesky_columns<0>(a, l) ? Status::ok : Status::not_positive_definite;
+}
+
 /// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
 /// \return `not_positive_definite` if a pivot is not positive (or is NaN).
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> factor;
-  if (!detail::cholesky_columns<0>(a, factor)) {
-    return Status::not_positive_definite;
+  const Status status = put_cholesky(a, factor);
+  if (status == Status::ok) {
+    l = factor;
   }
-  l = factor;
-  return Status::ok;
+  return status;
 }
 
 namespace detail {

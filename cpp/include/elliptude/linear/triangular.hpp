@@ -68,21 +68,31 @@ void solve_rows_up(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) no
 }  // namespace detail
 
 /// The inverse of a lower triangle whose diagonal has no zero.
+/// \param inverse not l.
 template <typename Scalar, int N>
-[[nodiscard]] Matrix<Scalar, N> lower_inverse(const Matrix<Scalar, N>& l) noexcept {
-  Matrix<Scalar, N> inverse;
+void put_lower_inverse(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
   for (int j = 0; j < N; ++j) {
     inverse(j, j) = Scalar(1) / l(j, j);
   }
   detail::inverse_columns<0>(l, inverse);
+}
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> lower_inverse(const Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> inverse;
+  put_lower_inverse(l, inverse);
   return inverse;
 }
 
 /// lᵀl of a lower triangle, exactly symmetric: for the inverse of a Cholesky factor it is the inverse of the factored matrix.
+/// \param square not l.
+template <typename Scalar, int N>
+void put_square_of_lower(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& square) noexcept {
+  detail::square_columns<0>(l, square);
+}
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> square_of_lower(const Matrix<Scalar, N>& l) noexcept {
   Matrix<Scalar, N> square;
-  detail::square_columns<0>(l, square);
+  put_square_of_lower(l, square);
   return square;
 }
 

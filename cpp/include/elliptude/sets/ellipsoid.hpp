@@ -4,6 +4,7 @@
 /// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2).
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 #include "elliptude/linear/cholesky.hpp"
@@ -40,7 +41,7 @@ struct SizeCriterion {
 };
 
 template <typename Scalar, int N>
-[[nodiscard]] Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
   if (criterion.kind != SizeCriterion<Scalar, N>::Kind::weighted_trace) {
     return Status::ok;
   }

@@ -178,12 +178,13 @@ template <typename Scalar, int N>
       l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
   const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
-  const detail::Problem<Scalar, N, decltype(seen_slack)> problem{seen.a, seen.g, present, seen_slack};
+  const detail::AnySlack<Scalar, N> any_slack(seen_slack);
+  const detail::Problem<Scalar, N, detail::AnySlack<Scalar, N>> problem{seen.a, seen.g, present, any_slack};
   Intersection<Scalar, N> intersection;
   detail::Combination<Scalar, N> best;
   const detail::RelativeSize<Scalar, N> size(l, present, criterion);
   if (const Status status = detail::minimal_intersection(ellipsoid.center, l, problem, size, problem.typical_weight(),
-                                                         intersection, best);
+                                                         intersection.set, intersection.share, best);
       status != Status::ok) {
     return status;
   }
@@ -196,9 +197,7 @@ template <typename Scalar, int N>
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (q < sure && problem.is_ill_conditioned(q, best)) {
       if (problem.combine(sure, best) == Status::ok && best.level >= Scalar(0)) {
-        const Matrix<Scalar, N> half = l.lazyProduct(best.root.transpose());
-        intersection.set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
-        intersection.set.center = ellipsoid.center + l.lazyProduct(best.center);
+        detail::put_set(ellipsoid.center, l, best, intersection.set);
         intersection.share = sure / (Scalar(1) + sure);
       } else {
         intersection.set = ellipsoid;

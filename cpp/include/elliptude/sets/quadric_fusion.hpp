@@ -71,9 +71,8 @@ void gather(const Given* quadrics, std::size_t count, const SizeCriterion<Scalar
     problem.weight *= Scalar(N) / problem.weight.trace();
   }
   if (problem.with_ball) {
-    problem.constraints[0].rank = N;
-    problem.constraints[0].leading = false;
-    problem.constraints[0].quadric = {Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)};
+    problem.constraints[0].constrain_all(
+        N, [] { return Quadric<Scalar, N>{Matrix<Scalar, N>::Identity(), Vector<Scalar, N>::Zero(), Scalar(1)}; });
     gathered.scale[0] = Scalar(1);
   }
   const Scalar rounding = rounding::share<Scalar>(rounding::relaxation(N, static_cast<int>(count)));
@@ -170,12 +169,67 @@ void report_set(const Ellipsoid<Scalar, N>& set, const Gathered<Scalar, N>& gath
   result.contradiction = QuadricFusion<Scalar, N>::none;
 }
 
+/// The set of the best multipliers, or the prediction where that is smaller.
+/// \return `not_finite` if the set is not, and there is no prediction.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status report_best(const Gathered<Scalar, N>& gathered,
+                                                       const typename ManyQuadrics<Scalar, N>::Iterate& best,
+                                                       const Scalar& margin, const Ellipsoid<Scalar, N>* predicted,
+                                                       const Coordinates<Scalar, N>& at,
+                                                       const SizeCriterion<Scalar, N>& criterion,
+                                                       QuadricFusion<Scalar, N>& result) noexcept {
+  const Ellipsoid<Scalar, N> set = set_of(best, at);
+  const bool is_finite = scalar::all_finite(set.center) && scalar::all_finite(set.shape);
+  if (predicted == nullptr && !is_finite) {
+    return Status::not_finite;
+  }
+  if (predicted != nullptr && !(is_finite && is_smaller_set(set, *predicted, criterion))) {
+    report_prediction(*predicted, margin, result);
+  } else {
+    report_set(set, gathered, best, margin, result);
+  }
+  return Status::ok;
+}
+
+/// The search for the multipliers, and what it found.
+/// \param predicted what the coordinates are of; or null.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status fuse_gathered(const Gathered<Scalar, N>& gathered,
+                                                         const Ellipsoid<Scalar, N>* predicted,
+                                                         const Coordinates<Scalar, N>& at,
+                                                         const SizeCriterion<Scalar, N>& criterion,
+                                                         QuadricFusion<Scalar, N>& result) noexcept {
+  using Problem = ManyQuadrics<Scalar, N>;
+  typename Problem::Multipliers multipliers = starting_multipliers(gathered.problem);
+  std::array<typename Problem::Iterate, 2> iterates;
+  if (const Status status = find_bounded(gathered.problem, multipliers, iterates[0]); status != Status::ok) {
+    return status;
+  }
+  MultiplierSearch<Scalar, N> search(gathered.problem, gathered.scale, iterates);
+  const auto report_steps = [&] {
+    result.steps = search.steps();
+    result.ended_by_limit = search.ended_by_limit();
+  };
+  if (const Status status = search.run(); status == Status::empty_intersection) {
+    report_steps();
+    result.contradiction = contradiction_of(gathered.problem, search.best());
+    // Below zero, also where the quotient is too small for a number.
+    const Scalar least(-std::numeric_limits<scalar::Value<Scalar>>::min());
+    result.margin = search.margin() < least ? search.margin() : least;
+    return status;
+  }
+  const Status status = report_best(gathered, search.best(), search.margin(), predicted, at, criterion, result);
+  if (status == Status::ok) {
+    report_steps();
+  }
+  return status;
+}
+
 /// `minimal_intersection` of at most `most_quadrics` symmetric quadrics with a valid criterion. It checks the prediction,
 /// and that all numbers are finite.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
                           const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
-  using Problem = ManyQuadrics<Scalar, N>;
   Coordinates<Scalar, N> at;
   if (const Status status =
           predicted != nullptr ? coordinates_of(*predicted, at) : coordinates_without_prediction(quadrics, count, at);
@@ -199,36 +253,7 @@ template <typename Scalar, int N, typename Given>
     report_prediction(*predicted, Scalar(1), result);
     return Status::ok;
   }
-  typename Problem::Multipliers multipliers = starting_multipliers(gathered.problem);
-  std::array<typename Problem::Iterate, 2> iterates;
-  if (const Status status = find_bounded(gathered.problem, multipliers, iterates[0]); status != Status::ok) {
-    return status;
-  }
-  MultiplierSearch<Scalar, N> search(gathered.problem, gathered.scale, iterates);
-  const auto report_steps = [&] {
-    result.steps = search.steps();
-    result.ended_by_limit = search.ended_by_limit();
-  };
-  if (const Status status = search.run(); status == Status::empty_intersection) {
-    report_steps();
-    result.contradiction = contradiction_of(gathered.problem, search.best());
-    // Below zero, also where the quotient is too small for a number.
-    const Scalar least(-std::numeric_limits<scalar::Value<Scalar>>::min());
-    result.margin = search.margin() < least ? search.margin() : least;
-    return status;
-  }
-  const Ellipsoid<Scalar, N> set = set_of(search.best(), at);
-  const bool is_finite = scalar::all_finite(set.center) && scalar::all_finite(set.shape);
-  if (predicted == nullptr && !is_finite) {
-    return Status::not_finite;
-  }
-  report_steps();
-  if (predicted != nullptr && !(is_finite && is_smaller_set(set, *predicted, criterion))) {
-    report_prediction(*predicted, search.margin(), result);
-    return Status::ok;
-  }
-  report_set(set, gathered, search.best(), search.margin(), result);
-  return Status::ok;
+  return fuse_gathered(gathered, predicted, at, criterion, result);
 }
 
 /// Checks the input of `minimal_intersection`, except the prediction.

@@ -22,22 +22,27 @@ template <typename Scalar>
 [[nodiscard]] bool enlarged_ball(const packed::Slices<Scalar>& forms, const Scalar& most,
                                  Matrix6<Scalar>& ball) noexcept {
   const Scalar one(1);
-  const packed::Slices<Scalar> symmetric = packed::symmetric_part(forms);
-  const packed::Slices<Scalar> turning = forms - symmetric;
-  const Scalar mean = symmetric.squaredNorm() / Scalar(6);  // of the eigenvalues of KKᵀ
+  packed::Slices<Scalar> part = packed::symmetric_part(forms);  // r, and then s, in the same place
+  const Scalar mean = part.squaredNorm() / Scalar(6);           // of the eigenvalues of KKᵀ
+  Vector6<Scalar> columns;                                      // of s, their lengths squared
+  for (int j = 0; j < 6; ++j) {
+    columns(j) = Vector<Scalar, packed::Slices<Scalar>::RowsAtCompileTime>(forms.col(j) - part.col(j)).squaredNorm();
+  }
   // The σ below is no less than the length of any column. With it the trace is at least six times the square of `least`, whatever λ.
-  const Scalar column = turning.colwise().squaredNorm().maxCoeff();
+  const Scalar column = columns.maxCoeff();
   const Scalar least = scalar::sqrt(Scalar(one + column + mean)) + scalar::sqrt(mean);
   if (!(Scalar(6) * least * least < most)) {
     return false;
   }
-  const Scalar sigma = norm_of_gram(gram_of(turning));
+  const Matrix6<Scalar> gram = gram_of(part);  // KKᵀ
+  part = forms - part;
+  const Scalar sigma = norm_of_gram(gram_of(part));
   const Scalar whole = one + sigma * sigma;
   // The best λ if all eigenvalues of KKᵀ are alike.
   const Scalar lambda = mean + scalar::sqrt(Scalar(mean * (mean + whole)));
   Matrix6<Scalar> metric = Matrix6<Scalar>::Zero();
   if (lambda > Scalar(0)) {
-    metric = (-one / lambda) * gram_of(symmetric);
+    metric = (-one / lambda) * gram;
   }
   metric.diagonal().array() += one;
   Matrix6<Scalar> inverse;

@@ -4,6 +4,7 @@
 /// The linear part of the errors of an error tube over a step, as a polynomial in time with a bound of its error. (theory, section
 /// 17.4)
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/motion_series.hpp"
 #include "elliptude/linear/inverse.hpp"
@@ -236,5 +237,15 @@ class LinearExpansion {
   std::array<Scalar, order + 1> top_norms_;
   std::array<Scalar, order + 1> bottom_norms_;
 };
+
+/// The linear part over the step of `series`.
+/// \return the status of `LinearExpansion::expand`.
+template <typename Scalar, typename Potential>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status expand_linear_part(const RigidBody<Scalar>& body,
+                                                              const MotionSeries<Scalar, Potential>& series,
+                                                              const Matrix6<Scalar>& frame,
+                                                              LinearPart<Scalar>& linear) noexcept {
+  return LinearExpansion<Scalar, Potential>(body, series).expand(frame, linear);
+}
 
 }  // namespace elliptude::detail

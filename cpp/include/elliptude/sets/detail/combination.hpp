@@ -4,6 +4,7 @@
 /// The weighted sum of a quadric and the unit ball: the family of ellipsoids in which `minimal_intersection` searches. (theory,
 /// section 7)
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/inverse.hpp"
 #include "elliptude/sets/overlap.hpp"
@@ -18,18 +19,40 @@ template <typename Scalar, int N>
 
 /// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and
 /// N = k + q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball
-/// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A.
+/// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A. This is what is kept of
+/// the best one; A⁻¹ follows from it.
 template <typename Scalar, int N>
-struct Combination {
-  Matrix<Scalar, N> root;     ///< lower triangle with A⁻¹ = rootᵀ root
-  Matrix<Scalar, N> inverse;  ///< A⁻¹
-  Vector<Scalar, N> center;   ///< −A⁻¹v
-  Scalar quadric_slack;       ///< k − uᵀMu − 2vᵀu at the center
-  Scalar ball_slack;          ///< 1 − ‖center‖², which is dN/dq
-  Scalar level;               ///< N
+struct KeptCombination {
+  Matrix<Scalar, N> root;    ///< lower triangle with A⁻¹ = rootᵀ root
+  Vector<Scalar, N> center;  ///< −A⁻¹v
+  Scalar quadric_slack;      ///< k − uᵀMu − 2vᵀu at the center
+  Scalar ball_slack;         ///< 1 − ‖center‖², which is dN/dq
+  Scalar level;              ///< N
 
   /// Whether the center lies in both sets, a proof that they meet.
   [[nodiscard]] bool is_common_point() const noexcept { return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0); }
+};
+
+template <typename Scalar, int N>
+struct Combination : KeptCombination<Scalar, N> {
+  Matrix<Scalar, N> inverse;  ///< A⁻¹
+};
+
+/// The slack of a quadric by a function of its own, in one type for all, so that the searches are compiled once.
+template <typename Scalar, int N>
+class AnySlack {
+ public:
+  /// \param slack lives as long as this.
+  template <typename Slack>
+  explicit AnySlack(const Slack& slack) noexcept
+      : slack_(&slack), call_([](const void* any, const Vector<Scalar, N>& u) -> Scalar {
+          return (*static_cast<const Slack*>(any))(u);
+        }) {}
+  [[nodiscard]] Scalar operator()(const Vector<Scalar, N>& u) const noexcept { return call_(slack_, u); }
+
+ private:
+  const void* slack_;
+  Scalar (*call_)(const void*, const Vector<Scalar, N>&);
 };
 
 /// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
@@ -47,26 +70,28 @@ struct Problem {
 
   /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε, and ε^⅔ is
   /// not worth another way.
-  [[nodiscard]] bool is_ill_conditioned(const Scalar& q, const Combination<Scalar, N>& at) const noexcept {
-    const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse.trace();
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_ill_conditioned(const Scalar& q,
+                                                              const KeptCombination<Scalar, N>& at) const noexcept {
+    const Scalar condition = (m.trace() + Scalar(N) * q) * square_of_lower(at.root).trace();
     return !(condition * condition * condition * rounding::share<Scalar>(1) <= Scalar(1));
   }
 
   /// A q of the size of the quadric; zero if that says nothing.
   [[nodiscard]] Scalar typical_weight() const noexcept { return (m.norm() + v.norm()) / scalar::sqrt(Scalar(N)); }
 
+  /// \param result of use only after `ok`.
   /// \return `not_positive_definite` if A is not.
-  [[nodiscard]] Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status combine(const Scalar& q, Combination<Scalar, N>& result) const noexcept {
     Matrix<Scalar, N> a = m;
     for (int i = 0; i < N; ++i) {
       a(i, i) += present(i) > Scalar(0) ? q : Scalar(1);
     }
-    Matrix<Scalar, N> l;
-    if (const Status status = cholesky(a, l); status != Status::ok) {
+    Matrix<Scalar, N>& l = result.inverse;  // for now
+    if (const Status status = put_cholesky(a, l); status != Status::ok) {
       return status;
     }
-    result.root = lower_inverse(l);
-    result.inverse = square_of_lower(result.root);
+    put_lower_inverse(l, result.root);
+    put_square_of_lower(result.root, result.inverse);
     put_center(Vector<Scalar, N>(-result.inverse.lazyProduct(v)), q, true, result);
     // The level is at most N at any point, and less than it by the center's rounding times A.
     for (int k = 0; k < 2 && result.level < Scalar(0); ++k) {
@@ -79,7 +104,7 @@ struct Problem {
  private:
   /// \param anyway if not, only where the level is higher than that of the present center.
   void put_center(const Vector<Scalar, N>& center, const Scalar& q, bool anyway,
-                  Combination<Scalar, N>& result) const noexcept {
+                  KeptCombination<Scalar, N>& result) const noexcept {
     const Scalar quadric_slack = slack(center);
     const Scalar ball_slack = Scalar(1) - center.squaredNorm();
     const Scalar level = quadric_slack + q * ball_slack;
@@ -95,7 +120,8 @@ struct Problem {
 /// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least value
 /// is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a bracket.
 template <typename Scalar, int N, typename Slack>
-[[nodiscard]] bool provably_empty(const Problem<Scalar, N, Slack>& problem, const Scalar& start) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool provably_empty(const Problem<Scalar, N, Slack>& problem,
+                                                        const Scalar& start) noexcept {
   Scalar low(0);
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   const Scalar least = problem.least_weight();
@@ -144,13 +170,13 @@ class RelativeSize {
         absent_(Scalar(N) - dimension_),
         weight_(present.asDiagonal()) {
     if (criterion.kind == SizeCriterion<Scalar, N>::Kind::trace) {
-      weight_ = square_of_lower(factor);
+      put_square_of_lower(factor, weight_);
     } else if (!by_volume_) {
-      weight_ = factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(factor)));
+      put_weight(factor, criterion.weight);
     }
   }
 
-  [[nodiscard]] Scalar operator()(const Combination<Scalar, N>& c) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar operator()(const KeptCombination<Scalar, N>& c) const noexcept {
     if (by_volume_) {
       Scalar determinant(1);
       for (int i = 0; i < N; ++i) {
@@ -158,11 +184,12 @@ class RelativeSize {
       }
       return dimension_ * scalar::log(c.level) + Scalar(2) * scalar::log(determinant);
     }
-    return scalar::log(Scalar(c.level * weight_.cwiseProduct(c.inverse).sum() / weight_.trace()));
+    return scalar::log(Scalar(c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() / weight_.trace()));
   }
 
   /// First and second derivative with respect to q.
-  void derivatives(const Combination<Scalar, N>& c, Scalar& first, Scalar& second) const noexcept {
+  ELLIPTUDE_OUT_OF_LINE void derivatives(const Combination<Scalar, N>& c, Scalar& first,
+                                         Scalar& second) const noexcept {
     const Scalar level1 = c.ball_slack / c.level;
     const Scalar level2 = Scalar(2) * c.center.dot(c.inverse.lazyProduct(c.center)) / c.level - level1 * level1;
     if (by_volume_) {
@@ -201,6 +228,10 @@ class RelativeSize {
   }
 
  private:
+  ELLIPTUDE_OUT_OF_LINE void put_weight(const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& weight) noexcept {
+    weight_ = factor.transpose().lazyProduct(Matrix<Scalar, N>(weight.lazyProduct(factor)));
+  }
+
   bool by_volume_;
   Scalar dimension_;
   Scalar absent_;
@@ -210,11 +241,11 @@ class RelativeSize {
 /// The end of a search: the combination, its share, and whether the search met a common point of the two sets.
 template <typename Scalar, int N>
 struct Found {
-  Combination<Scalar, N>& combination;
+  KeptCombination<Scalar, N>& combination;
   Scalar share;
   bool common_point;
 
-  void take(const Combination<Scalar, N>& trial, const Scalar& its_share) noexcept {
+  void take(const KeptCombination<Scalar, N>& trial, const Scalar& its_share) noexcept {
     combination = trial;
     share = its_share;
     common_point = common_point || trial.is_common_point();
@@ -239,10 +270,10 @@ template <typename Scalar>
 }
 
 /// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was found.
+/// \param trial room to work in.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] bool first_set_is_best(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
-                                     Found<Scalar, N>& found) noexcept {
-  Combination<Scalar, N> trial;
+                                     Combination<Scalar, N>& trial, Found<Scalar, N>& found) noexcept {
   if (problem.combine(Scalar(0), trial) != Status::ok || !(trial.level >= Scalar(0))) {
     return false;
   }
@@ -262,8 +293,9 @@ template <typename Scalar, int N, typename Slack>
 /// narrow as the tolerance: beyond, rounding would choose the bound, and in float often one without volume.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
-[[nodiscard]] Status least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
-                                       const Scalar& start, Found<Scalar, N>& found) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status least_combination(const Problem<Scalar, N, Slack>& problem,
+                                                             const RelativeSize<Scalar, N>& size, const Scalar& start,
+                                                             Found<Scalar, N>& found) noexcept {
   // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
   // and the size to about ε.
   const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
@@ -275,9 +307,9 @@ template <typename Scalar, int N, typename Slack>
   Scalar log_q = scalar::log(start);
   bool bounded = false;
   bool first_set_tried = false;
+  Combination<Scalar, N> trial;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar q = scalar::exp(log_q);
-    Combination<Scalar, N> trial;
     Scalar move = longest;
     if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
       low = log_q;
@@ -300,7 +332,7 @@ template <typename Scalar, int N, typename Slack>
       }
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
         first_set_tried = true;
-        if (first_set_is_best(problem, size, found)) {
+        if (first_set_is_best(problem, size, trial, found)) {
           return Status::ok;
         }
       }
@@ -318,27 +350,34 @@ template <typename Scalar, int N, typename Slack>
     return Status::not_converged;
   }
   const Scalar q = scalar::exp(log_q);
-  Combination<Scalar, N> last;
-  if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
-    found.take(last, Scalar(q / (Scalar(1) + q)));
+  if (problem.combine(q, trial) == Status::ok && trial.level > Scalar(0)) {
+    found.take(trial, Scalar(q / (Scalar(1) + q)));
   }
   return Status::ok;
 }
 
+/// The ellipsoid {N A⁻¹} of a combination, where x = origin + factor u. `origin` may be its center.
+template <typename Scalar, int N>
+ELLIPTUDE_OUT_OF_LINE void put_set(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
+                                   const KeptCombination<Scalar, N>& best, Ellipsoid<Scalar, N>& set) noexcept {
+  const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
+  set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
+  set.center = origin + factor.lazyProduct(best.center);
+}
+
 /// The smallest ellipsoid of the family {N(q) A(q)⁻¹} about the intersection of the quadric with the ball u, where
-/// x = origin + factor u; the second set alone where that is smallest.
+/// x = origin + factor u; or the second set alone, with `share` 1, where that is smallest: `set` has then not changed.
 /// \param start a q to search from, such as `problem.typical_weight()`.
+/// \param set may be where `origin` is.
 /// \param best the combination that it is, unless `share` is 1; it changes without success too.
 /// \return as `least_combination`.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] Status minimal_intersection(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
                                           const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
-                                          const Scalar& start, Intersection<Scalar, N>& result,
-                                          Combination<Scalar, N>& best) noexcept {
+                                          const Scalar& start, Ellipsoid<Scalar, N>& set, Scalar& share,
+                                          KeptCombination<Scalar, N>& best) noexcept {
   const auto second_set_alone = [&]() {
-    result.set.shape.noalias() = factor.lazyProduct(factor.transpose());
-    result.set.center = origin;
-    result.share = Scalar(1);
+    share = Scalar(1);
     return Status::ok;
   };
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
@@ -358,13 +397,11 @@ template <typename Scalar, int N, typename Slack>
   if (!found.common_point && provably_empty(problem, start)) {
     return Status::empty_intersection;
   }
-  if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
+  if (idle || found.share == Scalar(1) || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
     return second_set_alone();
   }
-  const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
-  result.set.shape.noalias() = best.level * half.lazyProduct(half.transpose());
-  result.set.center = origin + factor.lazyProduct(best.center);
-  result.share = found.share;
+  put_set(origin, factor, best, set);
+  share = found.share;
   return Status::ok;
 }
 

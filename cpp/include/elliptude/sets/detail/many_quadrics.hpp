@@ -5,8 +5,10 @@
 /// (theory, section 16)
 
 #include <algorithm>
+#include <new>
 
 #include "elliptude/base/limits.hpp"
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/cholesky.hpp"
 #include "elliptude/sets/quadric.hpp"
@@ -20,10 +22,32 @@ template <typename Scalar, int N>
 struct Constraint {
   static constexpr int lead = std::min(N, 3);
 
-  int rank;                    ///< of A, at most
-  bool leading;                ///< whether it constrains only the first three of six coordinates, as a direction does
-  Quadric<Scalar, lead> part;  ///< the quadric of these, if so
-  Quadric<Scalar, N> quadric;  ///< the quadric of all coordinates, if not
+  int rank;      ///< of A, at most
+  bool leading;  ///< whether it constrains only the first three of six coordinates, as a direction does
+  union {
+    Quadric<Scalar, lead> part;  ///< the quadric of these, if so
+    Quadric<Scalar, N> quadric;  ///< the quadric of all coordinates, if not
+  };
+
+  Constraint() noexcept {}
+  Constraint(const Constraint&) = delete;
+  Constraint& operator=(const Constraint&) = delete;
+
+  /// Makes it a constraint of the first coordinates, or of all.
+  /// \param make gives the quadric, which is made in its place.
+  template <typename Make>
+  void constrain_leading(int most_rank, const Make& make) noexcept {
+    static_assert(std::is_trivially_destructible_v<Quadric<Scalar, N>>, "nothing ends what was here before");
+    rank = most_rank;
+    leading = true;
+    new (&part) Quadric<Scalar, lead>(make());
+  }
+  template <typename Make>
+  void constrain_all(int most_rank, const Make& make) noexcept {
+    rank = most_rank;
+    leading = false;
+    new (&quadric) Quadric<Scalar, N>(make());
+  }
 
   /// f of the one that it is.
   template <typename Function>
@@ -165,27 +189,29 @@ class ManyQuadrics {
     const Matrix<Scalar, lead> v_corner = corner<lead>(v);
     std::array<Matrix<Scalar, lead>, most> z_corner;  // the first corner of A⁻¹AₖV
     std::array<Vector<Scalar, N>, most> r;            // rₖ, its first numbers of leading ones
-    std::array<Vector<Scalar, N>, most> t;            // A⁻¹rₖ
+    std::array<Vector<Scalar, lead>, most> t_head;    // the first numbers of A⁻¹rₖ
     for (std::size_t j = 0; j < count; ++j) {
       const Constraint<Scalar, N>& constraint = constraints[j];
       Matrix<Scalar, N> z;  // A⁻¹AⱼV, of a constraint that is neither leading nor the ball
+      Vector<Scalar, N> t;  // A⁻¹rⱼ
       if (constraint.leading) {
         const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
         z_corner[j].noalias() = half.lazyProduct(v_corner);
         const Vector<Scalar, lead> own =
             constraint.part.a.lazyProduct(it.center.template head<lead>()) + constraint.part.g;
         r[j].template head<lead>() = own;
-        t[j].noalias() = x.template leftCols<lead>().lazyProduct(own);
+        t.noalias() = x.template leftCols<lead>().lazyProduct(own);
       } else if (is_ball(j)) {
         z_corner[j].noalias() = x.template topRows<lead>().lazyProduct(v.template leftCols<lead>());
         r[j] = it.center;
-        t[j].noalias() = x.lazyProduct(it.center);
+        t.noalias() = x.lazyProduct(it.center);
       } else {
-        z = product_by_columns(product_by_columns(x, constraint.quadric.a), v);
+        put_product(x, constraint.quadric.a, v, z);
         z_corner[j] = corner<lead>(z);
         r[j] = constraint.quadric.a.lazyProduct(it.center) + constraint.quadric.g;
-        t[j].noalias() = x.lazyProduct(r[j]);
+        t.noalias() = x.lazyProduct(r[j]);
       }
+      t_head[j] = t.template head<lead>();
       for (std::size_t k = 0; k <= j; ++k) {
         Scalar entry;
         Scalar inner;
@@ -193,12 +219,12 @@ class ManyQuadrics {
           const std::size_t one = constraint.leading ? j : k;
           const std::size_t other = constraint.leading ? k : j;
           entry = trace_of_product(constraints[one].part.a, z_corner[other]);
-          inner = r[one].template head<lead>().dot(t[other].template head<lead>());
+          inner = r[one].template head<lead>().dot(t_head[other]);
         } else {
           entry = is_ball(j)   ? Scalar(x.cwiseProduct(v).sum())
                   : is_ball(k) ? z.trace()
                                : trace_of_product(constraints[k].quadric.a, z);
-          inner = r[k].dot(t[j]);
+          inner = r[k].dot(t);
         }
         if (!by_volume) {
           entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
@@ -241,6 +267,12 @@ class ManyQuadrics {
   }
 
  private:
+  /// X A V.
+  ELLIPTUDE_OUT_OF_LINE static void put_product(const Matrix<Scalar, N>& x, const Matrix<Scalar, N>& a,
+                                                const Matrix<Scalar, N>& v, Matrix<Scalar, N>& product) noexcept {
+    put_product_by_columns(product_by_columns(x, a), v, product);
+  }
+
   /// The first M rows and columns.
   template <int M>
   [[nodiscard]] static Matrix<Scalar, M> corner(const Matrix<Scalar, N>& matrix) noexcept {

@@ -41,24 +41,24 @@ template <typename Scalar, int M, int K>
 template <typename Scalar, int N>
 void relax(const Quadric<Scalar, N>& quadric, const Coordinates<Scalar, N>& at, const Scalar& rounding,
            Constraint<Scalar, N>& result) noexcept {
-  result.rank = N;
-  result.leading = false;
-  result.quadric = relaxed(quadric, at.factor, at.shift, at.reach, at.in_ball, rounding);
+  result.constrain_all(N, [&] { return relaxed(quadric, at.factor, at.shift, at.reach, at.in_ball, rounding); });
 }
 
 template <typename Scalar>
 void relax(const HalfQuadric<Scalar>& half, const Coordinates<Scalar, 6>& at, const Scalar& rounding,
            Constraint<Scalar, 6>& result) noexcept {
-  result.rank = 3;
-  result.leading = half.half == Half::first;
-  if (result.leading) {
-    result.part = relaxed(half.quadric, Matrix3<Scalar>(at.factor.template topLeftCorner<3, 3>()),
-                          Vector3<Scalar>(at.shift.template head<3>()), Vector3<Scalar>(at.reach.template head<3>()),
-                          at.in_ball, rounding);
+  if (half.half == Half::first) {
+    result.constrain_leading(3, [&] {
+      return relaxed(half.quadric, Matrix3<Scalar>(at.factor.template topLeftCorner<3, 3>()),
+                     Vector3<Scalar>(at.shift.template head<3>()), Vector3<Scalar>(at.reach.template head<3>()),
+                     at.in_ball, rounding);
+    });
   } else {
-    result.quadric = relaxed(half.quadric, Matrix<Scalar, 3, 6>(at.factor.template bottomRows<3>()),
-                             Vector3<Scalar>(at.shift.template tail<3>()), Vector3<Scalar>(at.reach.template tail<3>()),
-                             at.in_ball, rounding);
+    result.constrain_all(3, [&] {
+      return relaxed(half.quadric, Matrix<Scalar, 3, 6>(at.factor.template bottomRows<3>()),
+                     Vector3<Scalar>(at.shift.template tail<3>()), Vector3<Scalar>(at.reach.template tail<3>()),
+                     at.in_ball, rounding);
+    });
   }
 }
 

@@ -10,9 +10,10 @@ namespace elliptude::detail {
 /// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
 /// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
 template <typename Scalar, int N>
-void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& b,
-               const Vector<Scalar, N>& w, const Vector<Scalar, N>& present, const Scalar& q,
-               Ellipsoid<Scalar, N>& set) noexcept {
+ELLIPTUDE_OUT_OF_LINE void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
+                                     const Matrix<Scalar, N>& b, const Vector<Scalar, N>& w,
+                                     const Vector<Scalar, N>& present, const Scalar& q,
+                                     Ellipsoid<Scalar, N>& set) noexcept {
   Matrix<Scalar, 2 * N, N> stacked = Matrix<Scalar, 2 * N, N>::Zero();
   stacked.template topRows<N>() = b;
   const Scalar root = scalar::sqrt(q);
@@ -38,7 +39,8 @@ void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
 /// is flat or the two have one point in common.
 /// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
 template <typename Scalar, int N>
-[[nodiscard]] Status validate_combined(const Ellipsoid<Scalar, N>& set, bool second_is_flat) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate_combined(const Ellipsoid<Scalar, N>& set,
+                                                             bool second_is_flat) noexcept {
   const bool may_be_flat = second_is_flat || set.shape.diagonal().sum() == Scalar(0);
   if (may_be_flat) {
     return validate(set) == Status::ok ? Status::ok : Status::beyond_domain;
@@ -52,8 +54,8 @@ template <typename Scalar, int N>
 
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
 template <typename Scalar, int N>
-[[nodiscard]] bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
-                              const SizeCriterion<Scalar, N>& criterion) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
+                                                    const SizeCriterion<Scalar, N>& criterion) noexcept {
   if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
     return first.diagonal().prod() < second.diagonal().prod();
   }

@@ -220,8 +220,9 @@ template <typename Scalar, int N>
 
 /// A q near the best of two sets that are not flat; `typical` where one alone is the best.
 template <typename Scalar, int N, typename Slack>
-[[nodiscard]] Scalar start_of_search(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
-                                     const Scalar& typical) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar start_of_search(const Problem<Scalar, N, Slack>& problem,
+                                                           const RelativeSize<Scalar, N>& size,
+                                                           const Scalar& typical) noexcept {
   const Scalar slack_at_origin = problem.slack(Vector<Scalar, N>::Zero());
   const auto idle = slack_at_origin >= size.idle_slack(problem.m);
   if (scalar::all(idle)) {
