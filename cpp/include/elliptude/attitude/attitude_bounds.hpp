@@ -27,27 +27,27 @@ struct AttitudeBounds {
 
 namespace detail {
 
-/// A bound of n·γ/2 over the set and the quadrics; infinite if none was found.
+/// A bound of n·γ/2 over a set; infinite if none was found.
 template <typename Scalar>
-[[nodiscard]] Status largest_along(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
-                                   std::size_t count, const Vector3<Scalar>& direction, Scalar& largest) noexcept {
+[[nodiscard]] Status largest_along(QuestionedSet<Scalar, 3>& set, const Vector3<Scalar>& direction,
+                                   Scalar& largest) noexcept {
   const Scalar quarter = scalar::constant<Scalar>(0.25L);
   Matrix<Scalar, 4> one = Matrix<Scalar, 4>::Zero();
   one(0, 0) = Scalar(1);
   Matrix<Scalar, 4> along = Matrix<Scalar, 4>::Zero();
   along.template block<3, 1>(1, 0) = quarter * direction;
   along.template block<1, 3>(0, 1) = quarter * direction.transpose();
-  const Status status = largest_quotient(set, quadrics, count, along, one, largest);
+  const Status status = set.largest_quotient(along, one, largest);
   if (status == Status::unbounded) {
     largest = Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   }
   return status == Status::unbounded ? Status::ok : status;
 }
 
-/// A bound of ‖γ⊥‖²/4 over 1 + ‖γ‖²/4, across the direction, over the set and the quadrics; one if none was found.
+/// A bound of ‖γ⊥‖²/4 over 1 + ‖γ‖²/4, across the direction, over a set; one if none was found.
 template <typename Scalar>
-[[nodiscard]] Status largest_across(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
-                                    std::size_t count, const Vector3<Scalar>& direction, Scalar& largest) noexcept {
+[[nodiscard]] Status largest_across(QuestionedSet<Scalar, 3>& set, const Vector3<Scalar>& direction,
+                                    Scalar& largest) noexcept {
   const Scalar quarter = scalar::constant<Scalar>(0.25L);
   Matrix<Scalar, 4> all = Matrix<Scalar, 4>::Zero();
   all(0, 0) = Scalar(1);
@@ -60,7 +60,7 @@ template <typename Scalar>
   Matrix<Scalar, 4> across = Matrix<Scalar, 4>::Zero();
   across.template bottomRightCorner<3, 3>() =
       quarter * (first.lazyProduct(first.transpose()) + second.lazyProduct(second.transpose()));
-  const Status status = largest_quotient(set, quadrics, count, across, all, largest);
+  const Status status = set.largest_quotient(across, all, largest);
   if (status != Status::ok && status != Status::unbounded) {
     return status;
   }
@@ -95,22 +95,26 @@ template <typename Scalar>
 /// n·γ/2 = tan(ψ/2), of the tilt α ‖γ⊥‖²/4 = sin²(α/2) (1 + ‖γ‖²/4).
 /// \param set about zero. It may hold no half turn, as no ellipsoid of γ does.
 /// \param vertical n, in the body axes at the center, a unit vector to rounding.
-/// \return the status of `largest_quotient`, but for `unbounded`, which is an angle of π; `empty_intersection` if the bounds prove that
+/// \return the status of `see` and of `largest_quotient`, but for `unbounded`, which is an angle of π; `empty_intersection` if the bounds prove that
 /// nothing satisfies all.
 template <typename Scalar>
 [[nodiscard]] Status attitude_bounds(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
                                      std::size_t count, const Vector3<Scalar>& vertical,
                                      AttitudeBounds<Scalar>& bounds) noexcept {
+  QuestionedSet<Scalar, 3> questioned;
+  if (const Status status = questioned.see(set, quadrics, count); status != Status::ok) {
+    return status;
+  }
   Scalar sine_square;
-  if (const Status status = detail::largest_across(set, quadrics, count, vertical, sine_square); status != Status::ok) {
+  if (const Status status = detail::largest_across(questioned, vertical, sine_square); status != Status::ok) {
     return status;
   }
   Scalar most;
-  if (const Status status = detail::largest_along(set, quadrics, count, vertical, most); status != Status::ok) {
+  if (const Status status = detail::largest_along(questioned, vertical, most); status != Status::ok) {
     return status;
   }
   Scalar least;
-  if (const Status status = detail::largest_along(set, quadrics, count, Vector3<Scalar>(-vertical), least);
+  if (const Status status = detail::largest_along(questioned, Vector3<Scalar>(-vertical), least);
       status != Status::ok) {
     return status;
   }

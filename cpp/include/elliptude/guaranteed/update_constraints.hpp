@@ -213,14 +213,16 @@ class UpdateConstraints {
     const Matrix<Scalar, N + 1> one = w.lazyProduct(w.transpose());
     const Matrix<Scalar, N + 1> product = w.lazyProduct(v.transpose());
     const Matrix<Scalar, N + 1> along = symmetrized(product);
+    QuestionedSet<Scalar, N> questioned;
+    if (const Status status = questioned.see(asked.set, asked.quadrics.data(), asked.count); status != Status::ok) {
+      return status;
+    }
     Scalar most;
-    if (const Status status = largest_quotient(asked.set, asked.quadrics.data(), asked.count, along, one, most);
-        status != Status::ok) {
+    if (const Status status = questioned.largest_quotient(along, one, most); status != Status::ok) {
       return status;
     }
     Scalar least;
-    if (const Status status =
-            largest_quotient(asked.set, asked.quadrics.data(), asked.count, Matrix<Scalar, N + 1>(-along), one, least);
+    if (const Status status = questioned.largest_quotient(Matrix<Scalar, N + 1>(-along), one, least);
         status != Status::ok) {
       return status;
     }

@@ -10,43 +10,57 @@
 
 namespace elliptude {
 
-/// A bound of zᵀFz/zᵀGz over all z = [1; y] with y in an ellipsoid and in `count` quadrics: the least s for which multipliers μ ≥ 0
-/// with sG − F − ΣμₖMₖ ⪰ 0 were found, where zᵀMₖz is the slack of constraint k. Every such s is a bound, because no slack is
-/// negative in the set; the least of all is the best that the S-procedure gives, exact for the ellipsoid alone. The search ends
-/// within about 1 % of it, or of what the ellipsoid alone gives divided by twenty. Rounding is on the safe side.
-/// \param f, g symmetric, with G ⪰ 0.
-/// \param quadrics at most `most_questioned` of them count.
-/// \param largest the bound s, which may be negative.
-/// \return the status of `validate` for the ellipsoid; `not_finite`; `unbounded` if no s was found.
+/// An ellipsoid and quadrics, of which any number of questions may be asked: they are brought once into the coordinates in which the
+/// ellipsoid is the unit ball.
 template <typename Scalar, int N>
-[[nodiscard]] Status largest_quotient(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
-                                      std::size_t count, const Matrix<Scalar, N + 1>& f, const Matrix<Scalar, N + 1>& g,
-                                      Scalar& largest) noexcept {
-  detail::Coordinates<Scalar, N> at;
-  if (const Status status = detail::coordinates_of(ellipsoid, at); status != Status::ok) {
-    return status;
+class QuestionedSet {
+ public:
+  using Form = Matrix<Scalar, N + 1>;
+
+  /// \param quadrics at most `most_questioned` of them count.
+  /// \return the status of `validate` for the ellipsoid. After another than `ok` nothing may be asked.
+  [[nodiscard]] Status see(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
+                           std::size_t count) noexcept {
+    detail::Coordinates<Scalar, N> at;
+    if (const Status status = detail::coordinates_of(ellipsoid, at); status != Status::ok) {
+      return status;
+    }
+    transposed_.setZero();
+    transposed_(0, 0) = Scalar(1);
+    transposed_.template block<1, N>(0, 1) = at.shift.transpose();
+    transposed_.template block<N, N>(1, 1) = at.factor.transpose();
+    search_.begin();
+    const std::size_t used = count < most_questioned ? count : most_questioned;
+    const Scalar rounding = rounding::share<Scalar>(rounding::relaxation(N, static_cast<int>(used)));
+    for (std::size_t k = 0; k < used; ++k) {
+      search_.add(detail::relaxed(quadrics[k], at.factor, at.shift, at.reach, true, rounding));
+    }
+    return Status::ok;
   }
-  Matrix<Scalar, N + 1> t = Matrix<Scalar, N + 1>::Zero();
-  t(0, 0) = Scalar(1);
-  t.template block<N, 1>(1, 0) = at.shift;
-  t.template block<N, N>(1, 1) = at.factor;
-  const auto seen = [&t](const Matrix<Scalar, N + 1>& form) {
-    return symmetrized(congruence(Matrix<Scalar, N + 1>(t.transpose()), form));
-  };
-  const auto magnitude = [&t](const Matrix<Scalar, N + 1>& form) {
-    const Matrix<Scalar, N + 1> absolute = t.cwiseAbs();
-    return Scalar(
-        congruence(Matrix<Scalar, N + 1>(absolute.transpose()), Matrix<Scalar, N + 1>(form.cwiseAbs())).maxCoeff());
-  };
-  detail::QuotientSearch<Scalar, N> search;
-  search.begin(seen(f), magnitude(f), seen(g), magnitude(g));
-  const std::size_t used = count < most_questioned ? count : most_questioned;
-  const Scalar rounding = rounding::share<Scalar>(rounding::relaxation(N, static_cast<int>(used)));
-  for (std::size_t k = 0; k < used; ++k) {
-    search.add(detail::relaxed(quadrics[k], at.factor, at.shift, at.reach, true, rounding));
+
+  /// A bound of zᵀFz/zᵀGz over all z = [1; y] with y in the ellipsoid and in the quadrics: the least s for which multipliers μ ≥ 0
+  /// with sG − F − ΣμₖMₖ ⪰ 0 were found, where zᵀMₖz is the slack of constraint k. Every such s is a bound, because no slack is
+  /// negative in the set; the least of all is the best that the S-procedure gives, exact for the ellipsoid alone. The search ends
+  /// within about 1 % of it, or of what the ellipsoid alone gives divided by twenty. Rounding is on the safe side.
+  /// \param f, g symmetric, with G ⪰ 0.
+  /// \param largest the bound s, which may be negative.
+  /// \return `not_finite`; `unbounded` if no s was found.
+  [[nodiscard]] Status largest_quotient(const Form& f, const Form& g, Scalar& largest) noexcept {
+    search_.ask(seen(f), magnitude(f), seen(g), magnitude(g));
+    return search_.run(largest);
   }
-  return search.run(largest);
-}
+
+ private:
+  [[nodiscard]] Form seen(const Form& form) const noexcept { return symmetrized(congruence(transposed_, form)); }
+
+  /// A bound of the terms that an entry of the form was summed from.
+  [[nodiscard]] Scalar magnitude(const Form& form) const noexcept {
+    return congruence(Form(transposed_.cwiseAbs()), Form(form.cwiseAbs())).maxCoeff();
+  }
+
+  Form transposed_;  // Tᵀ, z = T [1; u] with u in the unit ball
+  detail::QuotientSearch<Scalar, N> search_;
+};
 
 /// Between what a number may be.
 template <typename Scalar>
@@ -59,7 +73,7 @@ struct Interval {
 /// ellipsoid's center, so that nothing is lost where that is far from zero. For convex quadrics they are exact but for where the
 /// search ends. (theory, section 16.12)
 /// \param direction d, of any length.
-/// \return the status of `largest_quotient`; `empty_intersection` if the bounds prove that nothing satisfies all.
+/// \return the status of `see` and of `largest_quotient`; `empty_intersection` if the bounds prove that nothing satisfies all.
 template <typename Scalar, int N>
 [[nodiscard]] Status extent_along(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
                                   std::size_t count, const Vector<Scalar, N>& direction,
@@ -72,12 +86,16 @@ template <typename Scalar, int N>
   along(0, 0) = -middle;
   along.template block<N, 1>(1, 0) = scalar::constant<Scalar>(0.5L) * direction;
   along.template block<1, N>(0, 1) = scalar::constant<Scalar>(0.5L) * direction.transpose();
+  QuestionedSet<Scalar, N> questioned;
+  if (const Status status = questioned.see(ellipsoid, quadrics, count); status != Status::ok) {
+    return status;
+  }
   Scalar most;
-  if (const Status status = largest_quotient(ellipsoid, quadrics, count, along, one, most); status != Status::ok) {
+  if (const Status status = questioned.largest_quotient(along, one, most); status != Status::ok) {
     return status;
   }
   Scalar least;
-  if (const Status status = largest_quotient(ellipsoid, quadrics, count, Matrix<Scalar, N + 1>(-along), one, least);
+  if (const Status status = questioned.largest_quotient(Matrix<Scalar, N + 1>(-along), one, least);
       status != Status::ok) {
     return status;
   }

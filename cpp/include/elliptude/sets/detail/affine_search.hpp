@@ -28,13 +28,15 @@ class AffineSearch {
     if (!start()) {
       return false;
     }
-    constexpr int most_steps = 12;
-    for (int step = 0; step < most_steps && !is_close(); ++step) {
+    constexpr int most_steps = 11;
+    bool close = is_close();
+    for (int step = 0; step < most_steps && !close; ++step) {
       if (!take_step()) {
         return false;
       }
+      close = is_close();
     }
-    return is_close_;
+    return close;
   }
 
   [[nodiscard]] const Scalar& least() const noexcept { return now_.value; }
@@ -43,7 +45,8 @@ class AffineSearch {
  private:
   struct Iterate {
     Multipliers mu;
-    RootFreeFactor<Scalar, N> factor;       // of A
+    Matrix<Scalar, N> a;                    // A
+    Matrix<Scalar, N> root;                 // a lower triangle W with A⁻¹ = WᵀW
     Vector<Scalar, N> u;                    // where the bound is attained
     std::array<Vector<Scalar, N>, most> r;  // Aₖu + gₖ
     Multipliers slack;                      // at u: D's gradient
@@ -79,12 +82,13 @@ class AffineSearch {
     for (std::size_t k = 1; k < count_; ++k) {
       sum += mu[k] * forms_[k];
     }
-    if (factorize(Matrix<Scalar, N>(sum.template bottomRightCorner<N, N>()), it.factor) != Status::ok) {
+    RootFreeFactor<Scalar, N> factor;
+    if (factorize(Matrix<Scalar, N>(sum.template bottomRightCorner<N, N>()), factor) != Status::ok) {
       return false;
     }
     const Vector<Scalar, N> g = sum.template bottomLeftCorner<N, 1>();
-    const Vector<Scalar, N> of_w = solve(it.factor, w_);
-    const Vector<Scalar, N> of_g = solve(it.factor, g);
+    const Vector<Scalar, N> of_w = solve(factor, w_);
+    const Vector<Scalar, N> of_g = solve(factor, g);
     const Scalar grows = g.dot(of_g) - sum(0, 0);
     const Scalar falls = w_.dot(of_w);
     // Where it would fall for ever nothing satisfies all, and the multipliers stay as they are.
@@ -92,7 +96,9 @@ class AffineSearch {
     const Scalar per_scale = Scalar(1) / it.scale;
     it.value = it.scale * grows + per_scale * falls - Scalar(2) * w_.dot(of_g);
     it.u = per_scale * of_w - of_g;
-    it.factor.p *= per_scale;
+    it.a = it.scale * sum.template bottomRightCorner<N, N>();
+    factor.p *= per_scale;
+    it.root = inverse_root(factor);
     for (std::size_t k = 0; k < count_; ++k) {
       it.mu[k] = it.scale * mu[k];
       const Vector<Scalar, N> gradient = forms_[k].template bottomLeftCorner<N, 1>();
@@ -102,31 +108,44 @@ class AffineSearch {
     return scalar::isfinite(it.value);
   }
 
-  /// The second derivatives, and what they and the slope leave to gain: little in the end, for each multiplier alone and for exchanges
-  /// of some for others, which Σμₖsₖ = 0 makes as large as what falls.
-  [[nodiscard]] bool is_close() noexcept {
-    const Vector<Scalar, N> of_w = solve(now_.factor, w_);
-    const Scalar along_scale = w_.dot(of_w);
-    Scalar gain(0);
+  /// What the second derivatives and the slope leave to gain: little in the end, for each multiplier alone and for exchanges of some
+  /// for others, which Σμₖsₖ = 0 makes as large as what falls.
+  [[nodiscard]] bool is_close() const noexcept {
+    const Scalar most_gain = tolerance_ * w_.norm();
     Scalar exchange(0);
     for (std::size_t k = 0; k < count_; ++k) {
-      const Vector<Scalar, N> image = solve(now_.factor, now_.r[k]);
-      for (std::size_t j = 0; j <= k; ++j) {
-        system_[k * most + j] = Scalar(2) * now_.r[j].dot(image);
-      }
-      const Scalar with_scale = now_.r[k].dot(of_w);
-      gain += gain_of(k, system_[k * most + k] - Scalar(2) * with_scale * with_scale / along_scale);
       exchange += now_.slack[k] > Scalar(0) ? Scalar(now_.mu[k] * now_.slack[k]) : Scalar(0);
-      system_[k * most + k] += z_[k] / now_.mu[k];
     }
-    is_close_ = gain < tolerance_ * w_.norm() && exchange < Scalar(4) * tolerance_ * w_.norm();
-    return is_close_;
+    if (!(exchange < Scalar(4) * most_gain)) {
+      return false;
+    }
+    const Vector<Scalar, N> seen_w = now_.root.lazyProduct(w_);
+    const Scalar per_square = Scalar(1) / seen_w.squaredNorm();
+    Scalar gain(0);
+    for (std::size_t k = 0; k < count_; ++k) {
+      const Vector<Scalar, N> seen = now_.root.lazyProduct(now_.r[k]);
+      const Scalar with_scale = seen.dot(seen_w);
+      gain += gain_of(k, Scalar(2) * (seen.squaredNorm() - with_scale * with_scale * per_square));
+    }
+    return gain < most_gain;
+  }
+
+  /// The matrix of N rows that a step needs, factored.
+  /// \return whether it is positive definite, as it is but for rounding.
+  [[nodiscard]] bool factor_system() noexcept {
+    Matrix<Scalar, N> system = scalar::constant<Scalar>(0.5L) * now_.a;
+    for (std::size_t k = 0; k < count_; ++k) {
+      yield_[k] = now_.mu[k] / z_[k];
+      const Vector<Scalar, N> image = yield_[k] * now_.r[k];
+      system += image.lazyProduct(now_.r[k].transpose());
+    }
+    return factorize(system, system_) == Status::ok;
   }
 
   /// A step of Mehrotra's predictor and corrector.
   /// \return whether it could be taken.
   [[nodiscard]] bool take_step() noexcept {
-    if (!factor_in_place(system_.data(), most, count_)) {
+    if (!factor_system()) {
       return false;
     }
     Multipliers target;
@@ -183,13 +202,17 @@ class AffineSearch {
     return slope > Scalar(0) && removal < least ? removal : least;
   }
 
-  /// The step that takes all μₖzₖ to their targets, linearized.
+  /// The step that takes all μₖzₖ to their targets, linearized: (2RᵀA⁻¹R + E) Δμ = b with E = diag(z/μ), b = target/μ − s, by way of
+  /// the N rows of y = 2A⁻¹RΔμ, which is −2Δu*: (A/2 + RE⁻¹Rᵀ) y = RE⁻¹b, Δμ = E⁻¹(b − Rᵀy).
   void aim_at(const Multipliers& target) noexcept {
+    Vector<Scalar, N> sum = Vector<Scalar, N>::Zero();
     for (std::size_t k = 0; k < count_; ++k) {
-      move_[k] = target[k] / now_.mu[k] - now_.slack[k];
+      move_[k] = yield_[k] * (target[k] / now_.mu[k] - now_.slack[k]);
+      sum += move_[k] * now_.r[k];
     }
-    solve_in_place(system_.data(), most, count_, move_.data());
+    const Vector<Scalar, N> y = solve(system_, sum);
     for (std::size_t k = 0; k < count_; ++k) {
+      move_[k] -= yield_[k] * now_.r[k].dot(y);
       dz_[k] = (target[k] - z_[k] * move_[k]) / now_.mu[k] - z_[k];
     }
   }
@@ -227,13 +250,13 @@ class AffineSearch {
   std::size_t count_;
   Vector<Scalar, N> w_;
   const Scalar tolerance_ = scalar::constant<Scalar>(0.0025L);
-  bool is_close_ = false;
   Iterate now_;
   Iterate next_;
   Multipliers z_;
   Multipliers move_;
   Multipliers dz_;
-  std::array<Scalar, most * most> system_;
+  Multipliers yield_;                 // E⁻¹
+  RootFreeFactor<Scalar, N> system_;  // of A/2 + RE⁻¹Rᵀ
 };
 
 }  // namespace elliptude::detail

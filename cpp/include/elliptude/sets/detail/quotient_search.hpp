@@ -22,12 +22,8 @@ class QuotientSearch {
  public:
   using Form = Matrix<Scalar, N + 1>;
 
-  /// \param f, g in the coordinates in which the ellipsoid is the unit ball, and how large the terms are that they were summed from.
-  void begin(const Form& f, const Scalar& size_of_f, const Form& g, const Scalar& size_of_g) noexcept {
-    f_ = f;
-    size_of_f_ = size_of_f;
-    forms_[0] = g;
-    sizes_[0] = size_of_g;
+  /// The unit ball alone, in the coordinates in which the ellipsoid is that.
+  void begin() noexcept {
     forms_[1].setZero();
     forms_[1](0, 0) = Scalar(-1);
     forms_[1].diagonal().template tail<N>().setConstant(Scalar(1));
@@ -49,6 +45,15 @@ class QuotientSearch {
       sizes_[count_] = Scalar(1);
       ++count_;
     }
+  }
+
+  /// The next question.
+  /// \param f, g in these coordinates, and how large the terms are that they were summed from.
+  void ask(const Form& f, const Scalar& size_of_f, const Form& g, const Scalar& size_of_g) noexcept {
+    f_ = f;
+    size_of_f_ = size_of_f;
+    forms_[0] = g;
+    sizes_[0] = size_of_g;
   }
 
   /// \param s changed only on success.
