@@ -64,6 +64,13 @@ template <typename State>
 
 namespace detail {
 
+/// The λ from which the overlap of two sets is searched that were fused with this share of the second.
+template <typename Scalar>
+[[nodiscard]] Scalar start_of_margin(const Scalar& share) noexcept {
+  const Scalar edge = scalar::constant<Scalar>(0.1L);
+  return scalar::select(share > edge && share < Scalar(1) - edge, share, scalar::constant<Scalar>(0.5L));
+}
+
 /// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
 template <typename State>
 [[nodiscard]] bool is_kept(const StateEllipsoid<State>& set) noexcept {
@@ -88,7 +95,10 @@ template <typename State>
     return status;
   }
   Scalar margin;
-  if (const Status overlap = detail::overlap_of_valid(measured.in_coordinates(), seen, margin); overlap != Status::ok) {
+  const Scalar start =
+      status == Status::ok ? detail::start_of_margin(intersection.share) : scalar::constant<Scalar>(0.5L);
+  if (const Status overlap = detail::overlap_of_valid(measured.in_coordinates(), seen, start, margin);
+      overlap != Status::ok) {
     return overlap;
   }
   fusion.margin = margin;
@@ -99,7 +109,8 @@ template <typename State>
     // The prediction alone has no need to be carried to the measured center and back.
     const StateEllipsoid<State> fused =
         intersection.share == Scalar(1) ? predicted : recentred(measured.center, intersection.set, recentring);
-    if (!detail::is_kept(fused)) {
+    // A shift leaves the shape as it was checked: by `minimal_intersection`, or as one of the two sets.
+    if (recentring != Recentring::shifted && !detail::is_kept(fused)) {
       return Status::beyond_domain;
     }
     fusion.ellipsoid = fused;

@@ -154,7 +154,8 @@ template <typename State, int Rows>
   const Truth<Scalar> valid =
       finite(image) && in_domain(image) && definite_cholesky(image, factor) && semidefinite(measurement.bound);
   const Vector<Scalar, Rows> d = Vector<Scalar, Rows>::Zero() - measurement.y;
-  return valid && overlap<Scalar, Rows>(d, measurement.bound, image, margin) && margin >= Scalar(0);
+  return valid && overlap<Scalar, Rows>(d, measurement.bound, image, scalar::constant<Scalar>(0.5L), margin) &&
+         margin >= Scalar(0);
 }
 
 /// `fuse` of linear measurements with predictions.

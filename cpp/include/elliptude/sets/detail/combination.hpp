@@ -161,6 +161,14 @@ class RelativeSize {
     return scalar::log(Scalar(c.level * weight_.cwiseProduct(c.inverse).sum() / weight_.trace()));
   }
 
+  /// Whether that is negative: the second set alone is larger. No branch depends on a number.
+  [[nodiscard]] auto is_below_second(const Combination<Scalar, N>& c) const noexcept {
+    if (by_volume_) {
+      return (*this)(c) < Scalar(0);
+    }
+    return c.level * weight_.cwiseProduct(c.inverse).sum() < weight_.trace();
+  }
+
   /// First and second derivative with respect to q.
   void derivatives(const Combination<Scalar, N>& c, Scalar& first, Scalar& second) const noexcept {
     const Scalar level1 = c.ball_slack / c.level;
@@ -214,8 +222,11 @@ struct Found {
   Scalar share;
   bool common_point;
 
+  /// \param trial may be `combination` itself.
   void take(const Combination<Scalar, N>& trial, const Scalar& its_share) noexcept {
-    combination = trial;
+    if (&trial != &combination) {
+      combination = trial;
+    }
     share = its_share;
     common_point = common_point || trial.is_common_point();
   }
@@ -272,12 +283,13 @@ template <typename Scalar, int N, typename Slack>
   constexpr int most_steps = 60;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  Scalar log_q = scalar::log(start);
+  Scalar log_q(0);  // less that of the start, which so needs neither a logarithm nor an exponential
   bool bounded = false;
   bool first_set_tried = false;
+  Combination<Scalar, N> other;
   for (int step = 0; step < most_steps; ++step) {
-    const Scalar q = scalar::exp(log_q);
-    Combination<Scalar, N> trial;
+    const Scalar q = step == 0 ? start : Scalar(start * scalar::exp(log_q));
+    Combination<Scalar, N>& trial = bounded ? other : found.combination;
     Scalar move = longest;
     if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
       low = log_q;
@@ -317,10 +329,9 @@ template <typename Scalar, int N, typename Slack>
   if (!bounded) {
     return Status::not_converged;
   }
-  const Scalar q = scalar::exp(log_q);
-  Combination<Scalar, N> last;
-  if (problem.combine(q, last) == Status::ok && last.level > Scalar(0)) {
-    found.take(last, Scalar(q / (Scalar(1) + q)));
+  const Scalar q = start * scalar::exp(log_q);
+  if (problem.combine(q, other) == Status::ok && other.level > Scalar(0)) {
+    found.take(other, Scalar(q / (Scalar(1) + q)));
   }
   return Status::ok;
 }
@@ -358,7 +369,7 @@ template <typename Scalar, int N, typename Slack>
   if (!found.common_point && provably_empty(problem, start)) {
     return Status::empty_intersection;
   }
-  if (idle || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
+  if (idle || (best.level > Scalar(0) && !size.is_below_second(best))) {
     return second_set_alone();
   }
   const Matrix<Scalar, N> half = factor.lazyProduct(best.root.transpose());
