@@ -150,7 +150,7 @@ TEST_CASE("slopes by minors of a tridiagonal matrix are those of the size") {
   derivatives_agree<float, 3>(10, 1, 1e-3L);
 }
 
-TEST_CASE("where there is no combination, or none with a common point, the slopes say so") {
+TEST_CASE("where the determinant or the level is negative, the slopes say so") {
   Random random(3);
   double slope;
   double curvature;
@@ -159,13 +159,10 @@ TEST_CASE("where there is no combination, or none with a common point, the slope
     Case<double, 6> problem = random_case<double, 6>(random, 10, 0, k % 3);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(problem.m);
     problem.slack_at_origin = 1e6;
-    Case<double, 6> two_negative = problem;  // and a determinant that is positive again
-    two_negative.m.diagonal().array() -= eigen.eigenvalues()(1) + eigen.eigenvalues()(2);
-    const double between = 0.5 * (eigen.eigenvalues()(1) + eigen.eigenvalues()(2));
-    CHECK_FALSE(two_negative.reduced(1).derivatives(between, slope, curvature, determinant));
-    CHECK(determinant > 0);
     problem.m.diagonal().array() -= 2 * eigen.eigenvalues()(0);
-    CHECK_FALSE(problem.reduced(1).derivatives(0.99 * eigen.eigenvalues()(0), slope, curvature, determinant));
+    if (eigen.eigenvalues()(1) > 1.1 * eigen.eigenvalues()(0)) {  // not two of them negative
+      CHECK_FALSE(problem.reduced(1).derivatives(0.99 * eigen.eigenvalues()(0), slope, curvature, determinant));
+    }
     CHECK(problem.reduced(1).derivatives(1.01 * eigen.eigenvalues()(0), slope, curvature, determinant));
     const double q = 2 * eigen.eigenvalues()(0);
     problem.slack_at_origin -= static_cast<double>(problem.at(Real(q)).level) + 1e-6;

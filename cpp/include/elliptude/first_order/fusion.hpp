@@ -84,7 +84,8 @@ template <typename State>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status take_fused(const State& center, const Ellipsoid<StateScalar<State>, 6>& set,
                                                       Recentring recentring, StateEllipsoid<State>& taken) noexcept {
   const StateEllipsoid<State> fused = recentred(center, set, recentring);
-  if (!is_kept(fused)) {
+  // A shift leaves the shape as `minimal_intersection` has checked it.
+  if (recentring != Recentring::shifted && !is_kept(fused)) {
     return Status::beyond_domain;
   }
   taken = fused;
@@ -121,7 +122,7 @@ template <typename State>
   }
   if (its_share == Scalar(1)) {
     // The prediction alone has no need to be carried to the measured center and back.
-    if (!is_kept(predicted)) {
+    if (recentring != Recentring::shifted && !is_kept(predicted)) {
       return Status::beyond_domain;
     }
     fused = predicted;

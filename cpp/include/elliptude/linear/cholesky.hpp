@@ -224,6 +224,28 @@ template <typename Scalar, int N>
   return detail::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
 }
 
+/// The same of a Cholesky factor whose diagonal has no zero.
+template <typename Scalar, int N>
+[[nodiscard]] RootFreeFactor<Scalar, N> without_roots(const Matrix<Scalar, N>& l) noexcept {
+  const Vector<Scalar, N> inverse = l.diagonal().cwiseInverse();
+  return {l * inverse.asDiagonal(), inverse.cwiseAbs2()};
+}
+
+namespace detail {
+
+/// Whether each pivot of a factor is more than rounding, a share of the matrix's own diagonal. No branch depends on a number.
+template <typename Scalar, int N>
+[[nodiscard]] auto has_accurate_pivots(const Matrix<Scalar, N>& a, const RootFreeFactor<Scalar, N>& factor) noexcept {
+  const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
+  auto accurate = rounding * a(0, 0) * factor.p(0) < Scalar(1);
+  for (int j = 1; j < N; ++j) {
+    accurate = accurate && rounding * a(j, j) * factor.p(j) < Scalar(1);
+  }
+  return accurate;
+}
+
+}  // namespace detail
+
 /// The lower triangle r with a⁻¹ = rᵀr.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> inverse_root(const RootFreeFactor<Scalar, N>& factor) noexcept {

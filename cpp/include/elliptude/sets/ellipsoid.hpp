@@ -89,9 +89,11 @@ template <typename Scalar, int N>
 /// semidefinite.
 template <typename Scalar, int N>
 [[nodiscard]] Status validate(const Ellipsoid<Scalar, N>& ellipsoid) noexcept {
-  Matrix<Scalar, N> factor;
-  const Status status = detail::validate_entries(ellipsoid);
-  return status == Status::ok ? cholesky_semidefinite(ellipsoid.shape, factor) : status;
+  if (const Status status = detail::validate_entries(ellipsoid); status != Status::ok) {
+    return status;
+  }
+  Matrix<Scalar, N> factor;  // of no use with pivots of the size of rounding, but there is one
+  return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::ok : cholesky_semidefinite(ellipsoid.shape, factor);
 }
 
 /// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where that makes the

@@ -78,7 +78,7 @@ void try_first_set(const Problem<Scalar, N, Slack>& problem, const RelativeSize<
   const Truth<Scalar> best = ask && bounded && !(slope < Scalar(0));
   // A negative level asks for a better center. The last test of `minimal_intersection`: only a set smaller than the second is taken.
   found.usual = found.usual && (!ask || !(trial.level < Scalar(0))) &&
-                (!best || (trial.level > Scalar(0) && size(trial) < Scalar(0)));
+                (!best || (trial.level > Scalar(0) && size.is_below_second(trial)));
   found.common_point = found.common_point || (best && lanewise::is_common_point(trial));
   found.first_alone = found.first_alone || best;
 }
@@ -93,12 +93,12 @@ void least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeS
   constexpr int most_steps = 60;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  Scalar log_q = scalar::log(start);
+  Scalar log_q(0);  // less that of the start
   Scalar q;
   Truth<Scalar> settled = idle || !found.usual;
   Truth<Scalar> tried = settled;
   for (int step = 0; step <= most_steps; ++step) {
-    q = scalar::exp(log_q);
+    q = step == 0 ? start : Scalar(start * scalar::exp(log_q));
     const Truth<Scalar> bounded = combine(problem, q, found.combination) && found.combination.level > Scalar(0);
     const Truth<Scalar> skipped = idle || found.first_alone;
     found.usual = found.usual && (skipped || bounded);
@@ -169,7 +169,7 @@ template <typename Scalar, int N, typename Slack>
 
   const Combination<Scalar, N>& best = found.combination;
   result.first_alone = found.first_alone;
-  result.second_alone = idle || (!found.first_alone && (!(size(best) < Scalar(0)) || found.share == Scalar(1)));
+  result.second_alone = idle || (!found.first_alone && (!size.is_below_second(best) || found.share == Scalar(1)));
   result.share =
       scalar::select(result.second_alone, Scalar(1), scalar::select(found.first_alone, Scalar(0), found.share));
   const Matrix<Scalar, N> half = l.lazyProduct(best.root.transpose());

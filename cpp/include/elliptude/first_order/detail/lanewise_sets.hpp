@@ -213,32 +213,74 @@ template <typename Scalar, int M, int N>
   return usual && finite(product);
 }
 
+template <int Column, typename Scalar, int N>
+void root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled, RootFreeFactor<Scalar, N>& factor,
+                       Truth<Scalar>& usual) noexcept {
+  if constexpr (Column < N) {
+    Scalar pivot = a(Column, Column);
+    for (int k = 0; k < Column; ++k) {
+      pivot -= factor.l(Column, k) * scaled(Column, k);
+    }
+    usual = usual && pivot > Scalar(0) && pivot - pivot == Scalar(0);
+    factor.p(Column) = Scalar(1) / pivot;
+    for (int i = Column + 1; i < N; ++i) {
+      Scalar entry = a(i, Column);
+      for (int k = 0; k < Column; ++k) {
+        entry -= factor.l(i, k) * scaled(Column, k);
+      }
+      scaled(i, Column) = entry;
+      factor.l(i, Column) = entry * factor.p(Column);
+    }
+    root_free_columns<Column + 1>(a, scaled, factor, usual);
+  }
+}
+
+/// `factorize_mixture` of one that is not flat. \return where it is so.
+template <typename Scalar, int N>
+[[nodiscard]] Truth<Scalar> factorize_mixture(const Scalar& lambda, const Matrix<Scalar, N>& first,
+                                              const Matrix<Scalar, N>& second, bool may_be_flat,
+                                              RootFreeFactor<Scalar, N>& factor) noexcept {
+  const Matrix<Scalar, N> mixed = lambda * first + (Scalar(1) - lambda) * second;
+  Matrix<Scalar, N> scaled;
+  Truth<Scalar> usual = everywhere<Scalar>();
+  root_free_columns<0>(mixed, scaled, factor, usual);
+  return may_be_flat ? usual && has_accurate_pivots(mixed, factor) : usual;
+}
+
 /// `overlap_of_valid`. What has settled stays as it is, whatever the other lanes do.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> overlap(const Vector<Scalar, N>& d, const Matrix<Scalar, N>& first,
                                     const Matrix<Scalar, N>& second, Scalar& margin) noexcept {
+  const Scalar tenth = scalar::constant<Scalar>(0.1L);
   Truth<Scalar> usual = everywhere<Scalar>();
   Truth<Scalar> settled = !usual;
   Scalar low(0);
   Scalar high(1);
+  Truth<Scalar> valued = settled;  // where the last step leads to where the value alone is to be found
   Scalar lambda = scalar::constant<Scalar>(0.5L);
   Scalar largest(0);
+  RootFreeFactor<Scalar, N> factor;
   constexpr int most_steps = 60;
   for (int step = 0; step < most_steps && !scalar::all(settled); ++step) {
-    const Scalar rest = Scalar(1) - lambda;
-    const Matrix<Scalar, N> mixed = lambda * first + rest * second;
-    Matrix<Scalar, N> l;
-    usual = usual && (step == 0 ? lanewise::cholesky(mixed, l) : definite_cholesky(mixed, l));
-    const OverlapAt<Scalar> at = overlap_with_factor(lambda, first, second, d, l);
-    largest = greater(largest, at.value);
+    usual = usual && (settled || lanewise::factorize_mixture(lambda, first, second, step > 0, factor));
+    const OverlapAt<Scalar> at = overlap_with_factor(lambda, first, second, d, factor);
+    largest = scalar::select(settled, largest, greater(largest, at.value));
     const Truth<Scalar> rising = at.slope > Scalar(0);
     low = scalar::select(rising, lambda, low);
     high = scalar::select(rising, high, lambda);
-    const Scalar enough = scalar::constant<Scalar>(0.1L) * rounding::root<Scalar>() * high;
+    const Scalar enough = tenth * rounding::root<Scalar>() * high;
     settled = settled || !usual || at.slope == Scalar(0) || scalar::abs(at.step) <= enough || high - low <= enough;
-    Scalar next = lambda + at.step;
-    next = scalar::select(next > low && next < high, next, Scalar(scalar::constant<Scalar>(0.5L) * (low + high)));
-    lambda = scalar::select(settled, lambda, next);
+    const Scalar next = lambda + at.step;
+    const Truth<Scalar> inside = next > low && next < high;
+    const Truth<Scalar> last = !settled && inside && scalar::abs(at.step) <= last_overlap_step(lambda, tenth);
+    lambda = scalar::select(settled, lambda,
+                            scalar::select(inside, next, Scalar(scalar::constant<Scalar>(0.5L) * (low + high))));
+    valued = valued || last;
+    settled = settled || last;
+  }
+  if (!scalar::all(!valued)) {
+    usual = usual && (!valued || lanewise::factorize_mixture(lambda, first, second, true, factor));
+    largest = scalar::select(valued, greater(largest, overlap_value(lambda, d, factor)), largest);
   }
   margin = Scalar(1) - largest;
   return usual;

@@ -187,6 +187,14 @@ class RelativeSize {
     return scalar::log(Scalar(c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() / weight_.trace()));
   }
 
+  /// Whether that is negative: the second set alone is larger. No branch depends on a number.
+  [[nodiscard]] auto is_below_second(const KeptCombination<Scalar, N>& c) const noexcept {
+    if (by_volume_) {
+      return (*this)(c) < Scalar(0);
+    }
+    return c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() < weight_.trace();
+  }
+
   /// First and second derivative with respect to q.
   ELLIPTUDE_OUT_OF_LINE void derivatives(const Combination<Scalar, N>& c, Scalar& first,
                                          Scalar& second) const noexcept {
@@ -304,12 +312,12 @@ template <typename Scalar, int N, typename Slack>
   constexpr int most_steps = 60;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  Scalar log_q = scalar::log(start);
+  Scalar log_q(0);  // less that of the start, which so needs neither a logarithm nor an exponential
   bool bounded = false;
   bool first_set_tried = false;
   Combination<Scalar, N> trial;
   for (int step = 0; step < most_steps; ++step) {
-    const Scalar q = scalar::exp(log_q);
+    const Scalar q = step == 0 ? start : Scalar(start * scalar::exp(log_q));
     Scalar move = longest;
     if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
       low = log_q;
@@ -349,7 +357,7 @@ template <typename Scalar, int N, typename Slack>
   if (!bounded) {
     return Status::not_converged;
   }
-  const Scalar q = scalar::exp(log_q);
+  const Scalar q = start * scalar::exp(log_q);
   if (problem.combine(q, trial) == Status::ok && trial.level > Scalar(0)) {
     found.take(trial, Scalar(q / (Scalar(1) + q)));
   }
@@ -397,7 +405,7 @@ template <typename Scalar, int N, typename Slack>
   if (!found.common_point && provably_empty(problem, start)) {
     return Status::empty_intersection;
   }
-  if (idle || found.share == Scalar(1) || (best.level > Scalar(0) && !(size(best) < Scalar(0)))) {
+  if (idle || found.share == Scalar(1) || (best.level > Scalar(0) && !size.is_below_second(best))) {
     return second_set_alone();
   }
   put_set(origin, factor, best, set);

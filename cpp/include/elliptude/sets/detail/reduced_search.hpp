@@ -36,6 +36,10 @@ struct Reflection {
   }
 };
 
+/// A polynomial Σ cₖ qᵏ of q with room for `Count` coefficients.
+template <typename Scalar, std::size_t Count>
+using Polynomial = std::array<Scalar, Count>;
+
 /// A polynomial of q and its first two derivatives, at one q.
 template <typename Scalar>
 struct Jet {
@@ -43,20 +47,18 @@ struct Jet {
   Scalar first;
   Scalar second;
 
-  /// (q + x) · this − square · before, for `factor` = q + x.
-  [[nodiscard]] Jet next(const Scalar& factor, const Scalar& square, const Jet& before) const noexcept {
-    return {factor * value - square * before.value, value + factor * first - square * before.first,
-            Scalar(2) * first + factor * second - square * before.second};
-  }
-  void add(const Scalar& times, const Jet& other) noexcept {
-    value += times * other.value;
-    first += times * other.first;
-    second += times * other.second;
-  }
-  void add_product(const Jet& a, const Jet& b) noexcept {
-    value += a.value * b.value;
-    first += a.first * b.value + a.value * b.first;
-    second += a.second * b.value + Scalar(2) * a.first * b.first + a.value * b.second;
+  /// \tparam Degree of the polynomial, whose further coefficients are not read.
+  template <std::size_t Degree, std::size_t Count>
+  [[nodiscard]] static Jet of(const Polynomial<Scalar, Count>& polynomial, const Scalar& q) noexcept {
+    Scalar value = polynomial[Degree];
+    Scalar first(0);
+    Scalar half_second(0);
+    for (std::size_t k = Degree; k-- > 0;) {
+      half_second = half_second * q + first;
+      first = first * q + value;
+      value = value * q + polynomial[k];
+    }
+    return {value, first, Scalar(2) * half_second};
   }
   /// Adds the derivatives of `times` log of this.
   void add_logarithm(const Scalar& times, Scalar& slope, Scalar& curvature) const noexcept {
@@ -67,116 +69,171 @@ struct Jet {
   }
 };
 
-/// The logarithm of the size of (7.5) with its derivatives, by minors of T + qI, where T = QᵀMQ is tridiagonal and Qᵀv a multiple of the last
-/// unit vector: (7.9) and (7.10). All in units of a typical q.
+/// T = QᵀMQ, a tridiagonal matrix, where Qᵀv is a multiple of the last unit vector; and QᵀW'Q unless by volume.
+template <typename Scalar, int N>
+struct Tridiagonal {
+  Vector<Scalar, N> diagonal;
+  Vector<Scalar, N> beside;  ///< the last is ± ‖v‖
+  Matrix<Scalar, N> weight;
+
+  Tridiagonal(const Matrix<Scalar, N>& m, const Vector<Scalar, N>& v, const RelativeSize<Scalar, N>& size) noexcept {
+    Matrix<Scalar, N> t = m;
+    if (!size.by_volume()) {
+      weight = size.weight();
+    }
+    reduce<N>(v, !size.by_volume(), t);
+    if constexpr (N > 1) {
+      beside(0) = t(0, 1);
+    }
+    diagonal = t.diagonal();
+  }
+
+ private:
+  /// The reflections that turn x into the last unit vector of the first `Size`, and then column for column what is left of it. What a column
+  /// has become is known, so that of t the first `Size` coordinates alone are turned.
+  template <int Size>
+  void reduce(const Vector<Scalar, Size>& x, bool weighted, Matrix<Scalar, N>& t) noexcept {
+    const Reflection<Scalar, Size> reflection(x);
+    beside(Size - 1) = reflection.image;
+    Matrix<Scalar, Size> rest = t.template topLeftCorner<Size, Size>();
+    reflection.turn(rest);
+    t.template topLeftCorner<Size, Size>() = rest;
+    if (weighted) {
+      reflection.turn(weight);
+    }
+    if constexpr (Size > 2) {
+      reduce<Size - 1>(Vector<Scalar, Size - 1>(rest.col(Size - 1).template head<Size - 1>()), weighted, t);
+    }
+  }
+};
+
+/// The logarithm of the size of (7.5) with its derivatives, by polynomials of q: det(T + qI), N and tr W'A⁻¹ times it, from minors of
+/// T + qI with T tridiagonal, (7.9) and (7.10). All in units of a typical q.
 template <typename Scalar, int N>
 class ReducedSize {
  public:
+  /// \param m positive semidefinite.
   /// \param slack_at_origin k of the problem.
   /// \param size of sets that are not flat.
   ReducedSize(const Matrix<Scalar, N>& m, const Vector<Scalar, N>& v, const Scalar& slack_at_origin,
               const RelativeSize<Scalar, N>& size, const Scalar& unit) noexcept
-      : by_volume_(size.by_volume()), slack_(slack_at_origin / unit) {
-    Matrix<Scalar, N> t = m;
-    if (!by_volume_) {
-      weight_ = size.weight();
-    }
-    reduce<N>(v, t);
-    if constexpr (N > 1) {
-      beside_(0) = t(0, 1);
-    }
+      : by_volume_(size.by_volume()) {
+    Tridiagonal<Scalar, N> t(m, v, size);
     const Scalar scale = Scalar(1) / unit;
-    beside_ *= scale;
-    diagonal_ = scale * t.diagonal();
-    squares_ = beside_.cwiseAbs2();
+    t.beside *= scale;
+    t.diagonal *= scale;
+    const Vector<Scalar, N> squares = t.beside.cwiseAbs2();
+    Minors leading;
+    leading[0] = {Scalar(1)};
+    leading[1] = {t.diagonal(0), Scalar(1)};
+    add_leading<1>(t.diagonal, squares, leading);
+    determinant_ = leading[N];
+    level_ = next<N>(leading[N], Scalar(slack_at_origin * scale), Scalar(-squares(N - 1)), leading[N - 1]);
     if (!by_volume_) {
-      weigh_minors();
+      weigh_minors(t);
+      trace_.fill(Scalar(0));
+      add_columns<N - 1>(t, squares, leading, leading[0], leading[0]);
     }
+  }
+
+  /// √(hH) of the harmonic and the arithmetic mean of T's eigenvalues, if T ≻ 0: 1/h is the sum of p'(0)/p(0), p = det(T + qI).
+  [[nodiscard]] Scalar mean() const noexcept {
+    return scalar::sqrt(Scalar(determinant_[N - 1] * determinant_[0] / determinant_[1]));
   }
 
   /// The first and second derivative with respect to q, and det(T + qI).
-  /// \return whether T + qI ≻ 0 and N > 0; if not, the derivatives are of no use.
+  /// \return whether det(T + qI) > 0 and N > 0; if not, the derivatives are of no use.
   [[nodiscard]] auto derivatives(const Scalar& q, Scalar& slope, Scalar& curvature,
                                  Scalar& determinant) const noexcept {
-    const Jet<Scalar> zero{Scalar(0), Scalar(0), Scalar(0)};
-    std::array<Jet<Scalar>, N + 1> leading;
-    leading[0] = {Scalar(1), Scalar(0), Scalar(0)};
-    leading[1] = {diagonal_(0) + q, Scalar(1), Scalar(0)};
-    auto valid = leading[1].value > Scalar(0);
-    for (std::size_t i = 1; i < N; ++i) {
-      const Eigen::Index row = static_cast<Eigen::Index>(i);
-      leading[i + 1] = leading[i].next(diagonal_(row) + q, squares_(row - 1), leading[i - 1]);
-      valid = valid && leading[i + 1].value > Scalar(0);
-    }
-    const Jet<Scalar> level = leading[N].next(slack_ + q, -squares_(N - 1), leading[N - 1]);
+    const auto of_determinant = Jet<Scalar>::template of<N>(determinant_, q);
+    const auto of_level = Jet<Scalar>::template of<N + 1>(level_, q);
     slope = Scalar(0);
     curvature = Scalar(0);
     if (by_volume_) {
-      level.add_logarithm(Scalar(N), slope, curvature);
-      leading[N].add_logarithm(Scalar(-N - 1), slope, curvature);
+      of_level.add_logarithm(Scalar(N), slope, curvature);
+      of_determinant.add_logarithm(Scalar(-N - 1), slope, curvature);
     } else {
-      level.add_logarithm(Scalar(1), slope, curvature);
-      leading[N].add_logarithm(Scalar(-2), slope, curvature);
-      Jet<Scalar> trace = zero;
-      add_columns<N - 1>(q, leading, leading[0], zero, trace);
-      trace.add_logarithm(Scalar(1), slope, curvature);
+      of_level.add_logarithm(Scalar(1), slope, curvature);
+      of_determinant.add_logarithm(Scalar(-2), slope, curvature);
+      Jet<Scalar>::template of<N - 1>(trace_, q).add_logarithm(Scalar(1), slope, curvature);
     }
-    determinant = leading[N].value;
-    return valid && level.value > Scalar(0);
+    determinant = of_determinant.value;
+    return of_determinant.value > Scalar(0) && of_level.value > Scalar(0);
   }
 
  private:
-  /// The reflections that turn x into the last unit vector of the first `Size`, and then column for column what is left of it.
-  template <int Size>
-  void reduce(const Vector<Scalar, Size>& x, Matrix<Scalar, N>& t) noexcept {
-    const Reflection<Scalar, Size> reflection(x);
-    beside_(Size - 1) = reflection.image;
-    reflection.turn(t);
-    if (!by_volume_) {
-      reflection.turn(weight_);
+  using Coefficients = Polynomial<Scalar, N + 2>;
+  using Minors = std::array<Coefficients, N + 1>;
+
+  /// (t + q) · minor − square · before, where the minor is of this degree and `before` of one less.
+  template <std::size_t Degree>
+  [[nodiscard]] static Coefficients next(const Coefficients& minor, const Scalar& t, const Scalar& square,
+                                         const Coefficients& before) noexcept {
+    Coefficients result;
+    result[0] = t * minor[0];
+    for (std::size_t k = 1; k <= Degree; ++k) {
+      result[k] = t * minor[k] + minor[k - 1];
     }
-    if constexpr (Size > 2) {
-      reduce<Size - 1>(Vector<Scalar, Size - 1>(t.col(Size - 1).template head<Size - 1>()), t);
+    for (std::size_t k = 0; k < Degree; ++k) {
+      result[k] -= square * before[k];
+    }
+    result[Degree + 1] = minor[Degree];
+    return result;
+  }
+
+  /// The leading minors of more than `Size` rows. A recursion, like the other, so that each loop has a constant length and is unrolled.
+  template <int Size>
+  static void add_leading(const Vector<Scalar, N>& diagonal, const Vector<Scalar, N>& squares,
+                          Minors& leading) noexcept {
+    if constexpr (Size < N) {
+      leading[Size + 1] = next<Size>(leading[Size], diagonal(Size), squares(Size - 1), leading[Size - 1]);
+      add_leading<Size + 1>(diagonal, squares, leading);
     }
   }
 
   /// Makes of QᵀW'Q what (7.10) multiplies the minors with.
-  void weigh_minors() noexcept {
+  static void weigh_minors(Tridiagonal<Scalar, N>& t) noexcept {
     for (int j = 1; j < N; ++j) {
       Scalar product(2);
       for (int i = j - 1; i >= 0; --i) {
-        product *= -beside_(i);
-        weight_(i, j) *= product;
+        product *= -t.beside(i);
+        t.weight(i, j) *= product;
       }
     }
   }
 
   /// Adds what the columns from `Column` down have of tr(QᵀW'Q (T + qI)⁻¹) det(T + qI).
-  /// \param trailing minor of the rows below, and `before` that without the first of them. A recursion, so that each loop has a constant
-  /// length and is unrolled.
+  /// \param trailing minor of the rows below, and `before` that without the first of them, if there is one.
   template <int Column>
-  void add_columns(const Scalar& q, const std::array<Jet<Scalar>, N + 1>& leading, const Jet<Scalar>& trailing,
-                   const Jet<Scalar>& before, Jet<Scalar>& sum) const noexcept {
-    Jet<Scalar> column{Scalar(0), Scalar(0), Scalar(0)};
-    for (int i = 0; i <= Column; ++i) {
-      column.add(weight_(i, Column), leading[static_cast<std::size_t>(i)]);
+  void add_columns(const Tridiagonal<Scalar, N>& t, const Vector<Scalar, N>& squares, const Minors& leading,
+                   const Coefficients& trailing, const Coefficients& before) noexcept {
+    constexpr std::size_t most = Column;           // the degree of the sum of leading minors
+    constexpr std::size_t below = N - 1 - Column;  // that of the trailing one
+    std::array<Scalar, most + 1> sum;
+    for (std::size_t k = 0; k <= most; ++k) {
+      sum[k] = t.weight(static_cast<Eigen::Index>(k), Column) * leading[k][k];
+      for (std::size_t i = k + 1; i <= most; ++i) {
+        sum[k] += t.weight(static_cast<Eigen::Index>(i), Column) * leading[i][k];
+      }
     }
-    sum.add_product(column, trailing);
+    for (std::size_t k = 0; k <= most; ++k) {
+      for (std::size_t i = 0; i <= below; ++i) {
+        trace_[k + i] += sum[k] * trailing[i];
+      }
+    }
     if constexpr (Column > 0) {
-      add_columns<Column - 1>(q, leading, trailing.next(diagonal_(Column) + q, squares_(Column), before), trailing,
-                              sum);
+      add_columns<Column - 1>(t, squares, leading, next<below>(trailing, t.diagonal(Column), squares(Column), before),
+                              trailing);
     }
   }
 
   bool by_volume_;
-  Scalar slack_;
-  Vector<Scalar, N> diagonal_;
-  Vector<Scalar, N> beside_;   ///< the last is ± ‖v‖
-  Vector<Scalar, N> squares_;  ///< of `beside_`
-  Matrix<Scalar, N> weight_;   ///< if not by volume
+  Coefficients determinant_;  ///< det(T + qI), of degree N
+  Coefficients level_;        ///< N(q) det(T + qI), of degree N + 1
+  Coefficients trace_;        ///< tr(W'A⁻¹) det(T + qI), of degree N − 1, if not by volume
 };
 
-/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is the geometric mean of M's eigenvalues: (7.11). One where
+/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is a mean of M's eigenvalues: (7.11). One where
 /// the first set alone is the best, and where the steps do not arrive at a minimum that is more than rounding.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar reduced_weight(const ReducedSize<Scalar, N>& size) noexcept {
@@ -189,7 +246,8 @@ template <typename Scalar, int N>
   const auto definite = size.derivatives(Scalar(0), slope, curvature, determinant);
   auto settled = definite && slope >= Scalar(0);
   auto arrived = Scalar(1) < Scalar(0);
-  const Scalar mean = scalar::exp(Scalar(scalar::log(scalar::select(definite, determinant, Scalar(1))) / Scalar(N)));
+  const Scalar wanted = size.mean();
+  const Scalar mean = scalar::select(wanted > Scalar(0) && wanted < infinity, wanted, Scalar(1));
   Scalar low(0);
   Scalar high = infinity;
   Scalar q = mean;
