@@ -28,6 +28,7 @@ struct KeptCombination {
   Scalar quadric_slack;      ///< k − uᵀMu − 2vᵀu at the center
   Scalar ball_slack;         ///< 1 − ‖center‖², which is dN/dq
   Scalar level;              ///< N
+  Scalar inverse_trace;      ///< tr A⁻¹
 
   /// Whether the center lies in both sets, a proof that they meet.
   [[nodiscard]] bool is_common_point() const noexcept { return quadric_slack >= Scalar(0) && ball_slack >= Scalar(0); }
@@ -72,7 +73,7 @@ struct Problem {
   /// not worth another way.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_ill_conditioned(const Scalar& q,
                                                               const KeptCombination<Scalar, N>& at) const noexcept {
-    const Scalar condition = (m.trace() + Scalar(N) * q) * square_of_lower(at.root).trace();
+    const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse_trace;
     return !(condition * condition * condition * rounding::share<Scalar>(1) <= Scalar(1));
   }
 
@@ -92,6 +93,7 @@ struct Problem {
     }
     put_lower_inverse(l, result.root);
     put_square_of_lower(result.root, result.inverse);
+    result.inverse_trace = result.inverse.trace();
     put_center(Vector<Scalar, N>(-result.inverse.lazyProduct(v)), q, true, result);
     // The level is at most N at any point, and less than it by the center's rounding times A.
     for (int k = 0; k < 2 && result.level < Scalar(0); ++k) {
