@@ -253,6 +253,24 @@ TEST_CASE("what a quadric leaves of an ellipsoid is a set or beyond the domain")
   CHECK(result.set.shape(0, 0) == doctest::Approx(1e-200).epsilon(1e-9));
 }
 
+TEST_CASE("what many quadrics leave is a set of the domain, the prediction, or beyond the domain") {
+  const Matrix6<double> unit = Matrix6<double>::Identity();
+  const SizeCriterion<double, 6> criterion = SizeCriterion<double, 6>::trace();
+  for (const double square : {1e-200, 1e-270, 1e-290, 1e-307}) {
+    CAPTURE(square);
+    const std::array<Quadric<double, 6>, 1> ball{Quadric<double, 6>{unit / square, Vector6<double>::Zero(), 1.0}};
+    const bool represented = square > 1e-275;
+    QuadricFusion<double, 6> fusion;
+    CHECK(minimal_intersection<double, 6>(nullptr, ball.data(), 1, criterion, fusion) ==
+          (represented ? Status::ok : Status::beyond_domain));
+    // A prediction of twice the width.
+    const Ellipsoid<double, 6> predicted{Vector6<double>::Zero(), 4.0 * square * unit};
+    REQUIRE(minimal_intersection(&predicted, ball.data(), 1, criterion, fusion) == Status::ok);
+    CHECK(fusion.prediction_alone == !represented);
+    CHECK(fusion.set.shape.diagonal().minCoeff() > 0.0);
+  }
+}
+
 TEST_CASE("the first-order attitude does not depend on the unit of the weights") {
   Random random(7);
   const Matrix3<double> truth = random.rotation();

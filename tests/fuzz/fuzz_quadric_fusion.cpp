@@ -145,7 +145,8 @@ void many(Bytes& bytes) {
   if (status != Status::ok) {
     require(before.unchanged(), "nothing changed otherwise", "the set");
     require(status != Status::empty_intersection || fusion.margin < 0, "a contradiction has a margin", "many quadrics");
-    if (honest && status != Status::out_of_range && !(status == Status::unbounded && !with_prediction)) {
+    const bool alone = !with_prediction && (status == Status::unbounded || status == Status::beyond_domain);
+    if (honest && status != Status::out_of_range && !alone) {
       show("prediction", predicted.shape);
       for (int i = 0; i < count; ++i) {
         show("A", extended(quadrics[static_cast<std::size_t>(i)]).a);

@@ -169,8 +169,8 @@ void report_set(const Ellipsoid<Scalar, N>& set, const Gathered<Scalar, N>& gath
   result.contradiction = QuadricFusion<Scalar, N>::none;
 }
 
-/// The set of the best multipliers, or the prediction where that is smaller.
-/// \return `not_finite` if the set is not, and there is no prediction.
+/// The set of the best multipliers, or the prediction where that is smaller, or where the set's widths cannot be represented.
+/// \return without a prediction: `not_finite`, and `beyond_domain` of a width.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status report_best(const Gathered<Scalar, N>& gathered,
                                                        const typename ManyQuadrics<Scalar, N>::Iterate& best,
@@ -180,10 +180,11 @@ template <typename Scalar, int N>
                                                        QuadricFusion<Scalar, N>& result) noexcept {
   const Ellipsoid<Scalar, N> set = set_of(best, at);
   const bool is_finite = scalar::all_finite(set.center) && scalar::all_finite(set.shape);
-  if (predicted == nullptr && !is_finite) {
-    return Status::not_finite;
+  const bool is_set = is_finite && is_in_domain(set.shape) && set.shape.diagonal().minCoeff() > Scalar(0);
+  if (predicted == nullptr && !is_set) {
+    return is_finite ? Status::beyond_domain : Status::not_finite;
   }
-  if (predicted != nullptr && !(is_finite && is_smaller_set(set, *predicted, criterion))) {
+  if (predicted != nullptr && !(is_set && is_smaller_set(set, *predicted, criterion))) {
     report_prediction(*predicted, margin, result);
   } else {
     report_set(set, gathered, best, margin, result);
@@ -283,7 +284,8 @@ template <typename Scalar, int N, typename Given>
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
 /// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
 /// within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction); `not_positive_definite` of a flat one;
-/// `unbounded` if no A ≻ 0 was found; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin`, `contradiction`,
+/// `unbounded` if no A ≻ 0 was found; `beyond_domain` of what quadrics alone leave; `empty_intersection` with N < 0 and A ≻ 0 as proof,
+/// after which `margin`, `contradiction`,
 /// `steps` and `ended_by_limit` are set, and nothing else.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,

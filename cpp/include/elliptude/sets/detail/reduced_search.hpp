@@ -76,12 +76,15 @@ struct Tridiagonal {
   Vector<Scalar, N> beside;  ///< the last is ± ‖v‖
   Matrix<Scalar, N> weight;
 
-  Tridiagonal(const Matrix<Scalar, N>& m, const Vector<Scalar, N>& v, const RelativeSize<Scalar, N>& size) noexcept {
+  ELLIPTUDE_OUT_OF_LINE Tridiagonal(const Matrix<Scalar, N>& m, const Vector<Scalar, N>& v,
+                                    const RelativeSize<Scalar, N>& size) noexcept {
     Matrix<Scalar, N> t = m;
-    if (!size.by_volume()) {
+    const bool weighted = !size.by_volume();
+    if (weighted) {
       weight = size.weight();
     }
-    reduce<N>(v, !size.by_volume(), t);
+    reflect<N>(v, weighted, t);
+    reflect_columns<N - 1>(weighted, t);
     if constexpr (N > 1) {
       beside(0) = t(0, 1);
     }
@@ -89,10 +92,10 @@ struct Tridiagonal {
   }
 
  private:
-  /// The reflections that turn x into the last unit vector of the first `Size`, and then column for column what is left of it. What a column
-  /// has become is known, so that of t the first `Size` coordinates alone are turned.
+  /// The reflection that turns x into the last unit vector of the first `Size`. Of t these coordinates alone are turned: what their column
+  /// has become is known.
   template <int Size>
-  void reduce(const Vector<Scalar, Size>& x, bool weighted, Matrix<Scalar, N>& t) noexcept {
+  ELLIPTUDE_OUT_OF_LINE void reflect(const Vector<Scalar, Size>& x, bool weighted, Matrix<Scalar, N>& t) noexcept {
     const Reflection<Scalar, Size> reflection(x);
     beside(Size - 1) = reflection.image;
     Matrix<Scalar, Size> rest = t.template topLeftCorner<Size, Size>();
@@ -101,8 +104,14 @@ struct Tridiagonal {
     if (weighted) {
       reflection.turn(weight);
     }
-    if constexpr (Size > 2) {
-      reduce<Size - 1>(Vector<Scalar, Size - 1>(rest.col(Size - 1).template head<Size - 1>()), weighted, t);
+  }
+
+  /// The same for what is left above the diagonal of each column, from the one after the first `Size` down.
+  template <int Size>
+  void reflect_columns(bool weighted, Matrix<Scalar, N>& t) noexcept {
+    if constexpr (Size > 1) {
+      reflect<Size>(Vector<Scalar, Size>(t.col(Size).template head<Size>()), weighted, t);
+      reflect_columns<Size - 1>(weighted, t);
     }
   }
 };
@@ -122,18 +131,7 @@ class ReducedSize {
     const Scalar scale = Scalar(1) / unit;
     t.beside *= scale;
     t.diagonal *= scale;
-    const Vector<Scalar, N> squares = t.beside.cwiseAbs2();
-    Minors leading;
-    leading[0] = {Scalar(1)};
-    leading[1] = {t.diagonal(0), Scalar(1)};
-    add_leading<1>(t.diagonal, squares, leading);
-    determinant_ = leading[N];
-    level_ = next<N>(leading[N], Scalar(slack_at_origin * scale), Scalar(-squares(N - 1)), leading[N - 1]);
-    if (!by_volume_) {
-      weigh_minors(t);
-      trace_.fill(Scalar(0));
-      add_columns<N - 1>(t, squares, leading, leading[0], leading[0]);
-    }
+    expand(t, Scalar(slack_at_origin * scale));
   }
 
   /// √(hH) of the harmonic and the arithmetic mean of T's eigenvalues, if T ≻ 0: 1/h is the sum of p'(0)/p(0), p = det(T + qI).
@@ -164,6 +162,23 @@ class ReducedSize {
  private:
   using Coefficients = Polynomial<Scalar, N + 2>;
   using Minors = std::array<Coefficients, N + 1>;
+
+  /// The polynomials.
+  /// \param slack at the origin.
+  ELLIPTUDE_OUT_OF_LINE void expand(Tridiagonal<Scalar, N>& t, const Scalar& slack) noexcept {
+    const Vector<Scalar, N> squares = t.beside.cwiseAbs2();
+    Minors leading;
+    leading[0] = {Scalar(1)};
+    leading[1] = {t.diagonal(0), Scalar(1)};
+    add_leading<1>(t.diagonal, squares, leading);
+    determinant_ = leading[N];
+    level_ = next<N>(leading[N], slack, Scalar(-squares(N - 1)), leading[N - 1]);
+    if (!by_volume_) {
+      weigh_minors(t);
+      trace_.fill(Scalar(0));
+      add_columns<N - 1>(t, squares, leading, leading[0], leading[0]);
+    }
+  }
 
   /// (t + q) · minor − square · before, where the minor is of this degree and `before` of one less.
   template <std::size_t Degree>
