@@ -96,6 +96,12 @@ Real log_determinant(const Eigen::Matrix<double, N, N>& p) {
   return 2 * l.diagonal().array().log().sum();
 }
 
+/// What a fusion may say of true constraints without a set.
+bool may_refuse_truth(Status status, bool with_prediction) {
+  return status == Status::out_of_range ||
+         (!with_prediction && (status == Status::unbounded || status == Status::beyond_domain));
+}
+
 /// \tparam Each `Quadric<double, N>` or, of six coordinates, `HalfQuadric<double>`.
 template <int N, typename Each>
 void many(Bytes& bytes) {
@@ -145,8 +151,7 @@ void many(Bytes& bytes) {
   if (status != Status::ok) {
     require(before.unchanged(), "nothing changed otherwise", "the set");
     require(status != Status::empty_intersection || fusion.margin < 0, "a contradiction has a margin", "many quadrics");
-    const bool alone = !with_prediction && (status == Status::unbounded || status == Status::beyond_domain);
-    if (honest && status != Status::out_of_range && !alone) {
+    if (honest && !may_refuse_truth(status, with_prediction)) {
       show("prediction", predicted.shape);
       for (int i = 0; i < count; ++i) {
         show("A", extended(quadrics[static_cast<std::size_t>(i)]).a);
