@@ -29,9 +29,8 @@ struct Constraint {
     Quadric<Scalar, N> quadric;  ///< the quadric of all coordinates, if not
   };
 
-  Constraint() noexcept {}
-  Constraint(const Constraint&) = delete;
-  Constraint& operator=(const Constraint&) = delete;
+  // Neither quadric yet: with `= default` a union of classes has no constructor.
+  Constraint() noexcept {}  // NOLINT(modernize-use-equals-default)
 
   /// Makes it a constraint of the first coordinates, or of all.
   /// \param make gives the quadric, which is made in its place.
