@@ -314,7 +314,7 @@ template <typename Scalar, int Rows>
   // the constants of the quadric would cancel.
   const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
   const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
-  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
+  const auto slack = [&](const Vector6<Scalar>& u) noexcept -> Scalar {
     return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
   };
   const AnySlack<Scalar, 6> any_slack(slack);

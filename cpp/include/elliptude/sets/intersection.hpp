@@ -65,7 +65,7 @@ template <typename Scalar, int N>
   Matrix<Scalar, N> m;
   put_square_of_lower(b, m);
   const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
-  const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
+  const auto slack = [&](const Vector<Scalar, N>& u) noexcept -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
   };
   const AnySlack<Scalar, N> any_slack(slack);

@@ -201,7 +201,7 @@ template <typename Scalar, int N>
   const Matrix<Scalar, N> b = solve_lower(l1, l2);
   const Matrix<Scalar, N> m = square_of_lower(b);
   const Vector<Scalar, N> v = b.transpose().lazyProduct(w);
-  const auto slack = [&](const Vector<Scalar, N>& u) -> Scalar {
+  const auto slack = [&](const Vector<Scalar, N>& u) noexcept -> Scalar {
     return Scalar(1) - Vector<Scalar, N>(w + b.lazyProduct(u)).squaredNorm();
   };
   const Problem<Scalar, N, decltype(slack)> problem{m, v, present, slack};

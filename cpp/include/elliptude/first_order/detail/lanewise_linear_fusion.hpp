@@ -179,7 +179,7 @@ template <typename State, int Rows>
   const Matrix<Scalar, Rows, 6> b = h.lazyProduct(l);
   const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
   const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
-  const auto slack = [&](const Vector6<Scalar>& u) -> Scalar {
+  const auto slack = [&](const Vector6<Scalar>& u) noexcept -> Scalar {
     return Scalar(1) - Vector<Scalar, Rows>(y - b.lazyProduct(u)).squaredNorm();
   };
   const Problem<Scalar, 6, decltype(slack)> problem{m, v, present, slack};

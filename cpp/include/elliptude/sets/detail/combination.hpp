@@ -46,14 +46,14 @@ class AnySlack {
   /// \param slack lives as long as this.
   template <typename Slack>
   explicit AnySlack(const Slack& slack) noexcept
-      : slack_(&slack), call_([](const void* any, const Vector<Scalar, N>& u) -> Scalar {
+      : slack_(&slack), call_([](const void* any, const Vector<Scalar, N>& u) noexcept -> Scalar {
           return (*static_cast<const Slack*>(any))(u);
         }) {}
   [[nodiscard]] Scalar operator()(const Vector<Scalar, N>& u) const noexcept { return call_(slack_, u); }
 
  private:
   const void* slack_;
-  Scalar (*call_)(const void*, const Vector<Scalar, N>&);
+  Scalar (*call_)(const void*, const Vector<Scalar, N>&) noexcept;
 };
 
 /// The whitened problem: `slack(u)` is k − uᵀMu − 2vᵀu, which the caller evaluates without cancellation.
