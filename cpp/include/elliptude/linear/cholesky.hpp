@@ -26,16 +26,25 @@ template <typename Scalar, int N>
 
 namespace detail {
 
+/// Whether a factor goes on from a pivot: it is positive and finite, in all lanes.
+struct IsPivot {
+  template <typename Scalar>
+  [[nodiscard]] bool operator()(const Scalar& pivot) const noexcept {
+    return scalar::all(pivot > Scalar(0)) && scalar::isfinite(pivot);
+  }
+};
+
 /// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled: half the
 /// instructions.
-template <int Column, typename Scalar, int N>
-[[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor) noexcept {
+/// \param accepts is given each pivot, and says whether to go on, as `IsPivot` does.
+template <int Column, typename Scalar, int N, typename Accepts>
+[[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor, Accepts accepts) noexcept {
   if constexpr (Column < N) {
     Scalar pivot = a(Column, Column);
     for (int k = 0; k < Column; ++k) {
       pivot -= factor(Column, k) * factor(Column, k);
     }
-    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+    if (!accepts(pivot)) {
       return false;
     }
     const Scalar diagonal = scalar::sqrt(pivot);
@@ -49,7 +58,7 @@ template <int Column, typename Scalar, int N>
       }
       factor(i, Column) = entry * inverse;
     }
-    return cholesky_columns<Column + 1>(a, factor);
+    return cholesky_columns<Column + 1>(a, factor, accepts);
   } else {
     return true;
   }
@@ -61,7 +70,7 @@ template <int Column, typename Scalar, int N>
 /// \param l not a.
 template <typename Scalar, int N>
 [[nodiscard]] Status put_cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
-  return detail::cholesky_columns<0>(a, l) ? Status::ok : Status::not_positive_definite;
+  return detail::cholesky_columns<0>(a, l, detail::IsPivot()) ? Status::ok : Status::not_positive_definite;
 }
 
 /// The lower triangle l with a = l lᵀ of a symmetric positive definite matrix, of which the lower triangle is read.
@@ -151,16 +160,16 @@ struct RootFreeFactor {
 
 namespace detail {
 
-/// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p).
-template <int Column, typename Scalar, int N>
+/// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p), `accepts` as for `cholesky_columns`.
+template <int Column, typename Scalar, int N, typename Accepts>
 [[nodiscard]] bool root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled,
-                                     RootFreeFactor<Scalar, N>& factor) noexcept {
+                                     RootFreeFactor<Scalar, N>& factor, Accepts accepts) noexcept {
   if constexpr (Column < N) {
     Scalar pivot = a(Column, Column);
     for (int k = 0; k < Column; ++k) {
       pivot -= factor.l(Column, k) * scaled(Column, k);
     }
-    if (!scalar::all(pivot > Scalar(0)) || !scalar::isfinite(pivot)) {
+    if (!accepts(pivot)) {
       return false;
     }
     factor.p(Column) = Scalar(1) / pivot;
@@ -172,7 +181,7 @@ template <int Column, typename Scalar, int N>
       scaled(i, Column) = entry;
       factor.l(i, Column) = entry * factor.p(Column);
     }
-    return root_free_columns<Column + 1>(a, scaled, factor);
+    return root_free_columns<Column + 1>(a, scaled, factor, accepts);
   } else {
     return true;
   }
@@ -221,7 +230,8 @@ void solve_unit_up(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
 template <typename Scalar, int N>
 [[nodiscard]] Status factorize(const Matrix<Scalar, N>& a, RootFreeFactor<Scalar, N>& factor) noexcept {
   Matrix<Scalar, N> scaled;
-  return detail::root_free_columns<0>(a, scaled, factor) ? Status::ok : Status::not_positive_definite;
+  const bool has_pivots = detail::root_free_columns<0>(a, scaled, factor, detail::IsPivot());
+  return has_pivots ? Status::ok : Status::not_positive_definite;
 }
 
 /// The same of a Cholesky factor whose diagonal has no zero.

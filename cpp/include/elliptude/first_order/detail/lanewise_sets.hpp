@@ -61,34 +61,20 @@ template <typename Scalar, int N>
   return difference <= rounding::root<Scalar>() * largest;
 }
 
-template <int Column, typename Scalar, int N>
-void cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor, Truth<Scalar>& usual) noexcept {
-  if constexpr (Column < N) {
-    Scalar pivot = a(Column, Column);
-    for (int k = 0; k < Column; ++k) {
-      pivot -= factor(Column, k) * factor(Column, k);
-    }
+/// Notes in which lanes every pivot of a factor is one, and goes on whatever they are.
+template <typename Scalar>
+[[nodiscard]] auto noting_pivots(Truth<Scalar>& usual) noexcept {
+  return [&usual](const Scalar& pivot) noexcept {
     usual = usual && pivot > Scalar(0) && pivot - pivot == Scalar(0);
-    const Scalar diagonal = scalar::sqrt(pivot);
-    const Scalar inverse = Scalar(1) / diagonal;
-    factor.col(Column).template head<Column>().setZero();
-    factor(Column, Column) = diagonal;
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar entry = a(i, Column);
-      for (int k = 0; k < Column; ++k) {
-        entry -= factor(i, k) * factor(Column, k);
-      }
-      factor(i, Column) = entry * inverse;
-    }
-    cholesky_columns<Column + 1>(a, factor, usual);
-  }
+    return true;
+  };
 }
 
 /// `cholesky`. \return where there is a factor.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> cholesky(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   Truth<Scalar> usual = everywhere<Scalar>();
-  cholesky_columns<0>(a, l, usual);
+  static_cast<void>(cholesky_columns<0>(a, l, noting_pivots<Scalar>(usual)));
   return usual;
 }
 
@@ -213,28 +199,6 @@ template <typename Scalar, int M, int N>
   return usual && finite(product);
 }
 
-template <int Column, typename Scalar, int N>
-void root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled, RootFreeFactor<Scalar, N>& factor,
-                       Truth<Scalar>& usual) noexcept {
-  if constexpr (Column < N) {
-    Scalar pivot = a(Column, Column);
-    for (int k = 0; k < Column; ++k) {
-      pivot -= factor.l(Column, k) * scaled(Column, k);
-    }
-    usual = usual && pivot > Scalar(0) && pivot - pivot == Scalar(0);
-    factor.p(Column) = Scalar(1) / pivot;
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar entry = a(i, Column);
-      for (int k = 0; k < Column; ++k) {
-        entry -= factor.l(i, k) * scaled(Column, k);
-      }
-      scaled(i, Column) = entry;
-      factor.l(i, Column) = entry * factor.p(Column);
-    }
-    root_free_columns<Column + 1>(a, scaled, factor, usual);
-  }
-}
-
 /// `factorize_mixture` of one that is not flat. \return where it is so.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> factorize_mixture(const Scalar& lambda, const Matrix<Scalar, N>& first,
@@ -243,7 +207,7 @@ template <typename Scalar, int N>
   const Matrix<Scalar, N> mixed = lambda * first + (Scalar(1) - lambda) * second;
   Matrix<Scalar, N> scaled;
   Truth<Scalar> usual = everywhere<Scalar>();
-  root_free_columns<0>(mixed, scaled, factor, usual);
+  static_cast<void>(root_free_columns<0>(mixed, scaled, factor, noting_pivots<Scalar>(usual)));
   return may_be_flat ? usual && has_accurate_pivots(mixed, factor) : usual;
 }
 
