@@ -103,8 +103,6 @@ struct MotionSeries {
     input = body_input;
     rate[0] = state.angular_velocity;
     momentum[0] = body.inertia() * rate[0] + input.wheel_momentum;
-    std::array<expansion::Columns<Scalar>, terms> across_momentum;
-    across_momentum[0] = expansion::across(momentum[0]);
     if (!scalar::all_finite(state.attitude) || !scalar::all_finite(rate[0])) {
       return Status::not_finite;
     }
@@ -123,13 +121,10 @@ struct MotionSeries {
     for (int k = 1; k <= order; ++k) {
       const auto index = static_cast<std::size_t>(k);
       const Vector3<Scalar> change =
-          (torque_coefficient -
-           expansion::cross_coefficient<Scalar, terms>(k - 1, rate, across_momentum).template head<3>()) /
-          Scalar(k);
+          (torque_coefficient - expansion::cross_coefficient(k - 1, rate, momentum)) / Scalar(k);
       rate[index] = body.inertia_inverse() * change;
       // From the rate, not the change itself: what J⁻¹ has lost of it would come back multiplied by the ratio of the moments.
       momentum[index] = body.inertia() * rate[index];
-      across_momentum[index] = expansion::across(momentum[index]);
       if (k < order) {
         torque_coefficient = torque.extend(k, rate);
       }

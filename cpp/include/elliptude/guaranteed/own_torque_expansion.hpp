@@ -24,12 +24,9 @@ class TorqueExpansion<LinearPotential<Scalar>, Scalar, Terms> {
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto last = static_cast<std::size_t>(k - 1);
-    const auto turned = [&](const std::array<expansion::Columns<Scalar>, Terms>& across) {
-      return Vector3<Scalar>(expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across).template head<3>());
-    };
     const Scalar factor = Scalar(1) / Scalar(k);
-    return add(k, factor * (direction_.rate() * along_[last] - turned(across_seen_)),
-               factor * (-direction_.rate() * seen_[last] - turned(across_along_)));
+    return add(k, factor * (direction_.rate() * along_[last] - expansion::cross_coefficient(k - 1, rate, seen_)),
+               factor * (-direction_.rate() * seen_[last] - expansion::cross_coefficient(k - 1, rate, along_)));
   }
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
     return hat_product(moment_, seen_[static_cast<std::size_t>(k)]);
@@ -59,8 +56,6 @@ class TorqueExpansion<LinearPotential<Scalar>, Scalar, Terms> {
     const auto index = static_cast<std::size_t>(k);
     seen_[index] = seen;
     along_[index] = along;
-    across_seen_[index] = expansion::across(seen);
-    across_along_[index] = expansion::across(along);
     count_ = k + 1;
     return moment_.cross(seen);
   }
@@ -69,8 +64,6 @@ class TorqueExpansion<LinearPotential<Scalar>, Scalar, Terms> {
   TurningDirection<Scalar> direction_;
   std::array<Vector3<Scalar>, Terms> seen_;
   std::array<Vector3<Scalar>, Terms> along_;
-  std::array<expansion::Columns<Scalar>, Terms> across_seen_;
-  std::array<expansion::Columns<Scalar>, Terms> across_along_;
   int count_ = 0;
 };
 

@@ -108,15 +108,12 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
 
   [[nodiscard]] Vector3<Scalar> start(const Matrix3<Scalar>& attitude, const Scalar& /*time*/) noexcept {
     down_[0] = attitude.row(2).transpose();
-    across_down_[0] = expansion::across(down_[0]);
     count_ = 1;
     return moment_.cross(down_[0]);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto index = static_cast<std::size_t>(k);
-    down_[index] =
-        expansion::cross_coefficient<Scalar, Terms>(k - 1, rate, across_down_).template head<3>() / Scalar(-k);
-    across_down_[index] = expansion::across(down_[index]);
+    down_[index] = expansion::cross_coefficient(k - 1, rate, down_) / Scalar(-k);
     count_ = k + 1;
     return moment_.cross(down_[index]);
   }
@@ -146,7 +143,6 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
  private:
   Vector3<Scalar> moment_;
   std::array<Vector3<Scalar>, Terms> down_;
-  std::array<expansion::Columns<Scalar>, Terms> across_down_;
   int count_ = 0;
 };
 
@@ -170,14 +166,14 @@ class QuadraticTorque {
     const Scalar sine = scalar::sin(angle);
     const Vector3<Scalar> radial = attitude.transpose() * (cosine * start_radial_ + sine * start_along_);
     const Vector3<Scalar> along = attitude.transpose() * (cosine * start_along_ - sine * start_radial_);
-    add(0, padded(radial), padded(along));
+    add(0, radial, along);
     return torque(0);
   }
   [[nodiscard]] Vector3<Scalar> extend(int k, const std::array<Vector3<Scalar>, Terms>& rate) noexcept {
     const auto last = static_cast<std::size_t>(k - 1);
     const Scalar factor = Scalar(1) / Scalar(k);
-    add(k, factor * (rate_ * along_[last] - cross_coefficient<Scalar, Terms>(k - 1, rate, across_radial_)),
-        factor * (-rate_ * radial_[last] - cross_coefficient<Scalar, Terms>(k - 1, rate, across_along_)));
+    add(k, factor * (rate_ * along_[last] - cross_coefficient(k - 1, rate, radial_)),
+        factor * (-rate_ * radial_[last].template head<3>() - cross_coefficient(k - 1, rate, along_)));
     return torque(k);
   }
   /// f (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
@@ -249,13 +245,11 @@ class QuadraticTorque {
     return result;
   }
   /// Coefficient k of both directions, and of bbᵀ.
-  void add(int k, const Padded<Scalar>& radial, const Padded<Scalar>& along) noexcept {
+  void add(int k, const Vector3<Scalar>& radial, const Vector3<Scalar>& along) noexcept {
     const auto index = static_cast<std::size_t>(k);
-    radial_[index] = radial;
+    radial_[index] = padded(radial);
     along_[index] = along;
-    across_radial_[index] = across(radial);
-    across_along_[index] = across(along);
-    squares_[index] = radial_[0].lazyProduct(radial.template head<3>().transpose());
+    squares_[index] = radial_[0].lazyProduct(radial.transpose());
     for (std::size_t i = 1; i <= index; ++i) {
       squares_[index] += radial_[i].lazyProduct(radial_[index - i].template head<3>().transpose());
     }
@@ -278,9 +272,7 @@ class QuadraticTorque {
   Vector3<Scalar> start_along_;
   Scalar rate_;
   std::array<Padded<Scalar>, Terms> radial_;
-  std::array<Padded<Scalar>, Terms> along_;
-  std::array<Columns<Scalar>, Terms> across_radial_;
-  std::array<Columns<Scalar>, Terms> across_along_;
+  std::array<Vector3<Scalar>, Terms> along_;
   std::array<Columns<Scalar>, Terms> squares_;  // of bbᵀ
   int count_ = 0;
 };

@@ -18,37 +18,22 @@ using Columns = Matrix<Scalar, padded(3), 3>;
 template <typename Scalar>
 using Padded = Vector<Scalar, padded(3)>;
 
-/// The matrix of x ↦ x × s.
-template <typename Derived>
-[[nodiscard]] Columns<typename Derived::Scalar> across(const Eigen::MatrixBase<Derived>& s) noexcept {
-  using Scalar = typename Derived::Scalar;
-  Columns<Scalar> matrix;
-  for (int j = 0; j < 3; ++j) {
-    matrix(j, j) = Scalar(0);
-    matrix(padded(3) - 1, j) = Scalar(0);  // written over where nothing is filled
-  }
-  matrix(0, 1) = s(2);
-  matrix(0, 2) = -s(1);
-  matrix(1, 0) = -s(2);
-  matrix(1, 2) = s(0);
-  matrix(2, 0) = s(1);
-  matrix(2, 1) = -s(0);
-  return matrix;
-}
-
-/// Coefficient k of ω × s, from those of ω and the matrices `across` of those of s. The last of these, just made, comes last.
-template <typename Scalar, int Terms>
-[[nodiscard]] Padded<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
-                                               const std::array<Columns<Scalar>, Terms>& across_s) noexcept {
-  Padded<Scalar> sum = product_by_columns(across_s[0], rate[static_cast<std::size_t>(k)]);
+/// Coefficient k of ω × s, from those of ω and of s. The last of these, just made, comes last.
+template <typename Scalar, typename Term, std::size_t Terms>
+[[nodiscard]] Vector3<Scalar> cross_coefficient(int k, const std::array<Vector3<Scalar>, Terms>& rate,
+                                                const std::array<Term, Terms>& s) noexcept {
+  const Vector3<Scalar>& last = rate[static_cast<std::size_t>(k)];
+  Scalar x = last(1) * s[0](2) - last(2) * s[0](1);
+  Scalar y = last(2) * s[0](0) - last(0) * s[0](2);
+  Scalar z = last(0) * s[0](1) - last(1) * s[0](0);
   for (int i = k - 1; i >= 0; --i) {
-    const Columns<Scalar>& columns = across_s[static_cast<std::size_t>(k - i)];
-    const Vector3<Scalar>& coefficients = rate[static_cast<std::size_t>(i)];
-    for (int j = 0; j < 3; ++j) {
-      sum += columns.col(j) * coefficients(j);
-    }
+    const Vector3<Scalar>& a = rate[static_cast<std::size_t>(i)];
+    const Term& b = s[static_cast<std::size_t>(k - i)];
+    x = x + a(1) * b(2) - a(2) * b(1);
+    y = y - a(0) * b(2) + a(2) * b(0);
+    z = z + a(0) * b(1) - a(1) * b(0);
   }
-  return sum;
+  return {x, y, z};
 }
 
 /// The value of a series of `count` terms at s.
