@@ -51,11 +51,10 @@ Matrix6<double> matrix_of(const detail::packed::Form<double>& form) {
 
 /// (aᵀu)(bᵀu), put together from its parts.
 detail::packed::Form<double> whole_product(const Vector6<double>& a, const Vector6<double>& b) {
-  const detail::packed::Factor<double> first(a);
-  const detail::packed::Factor<double> second(b);
+  using Factor = detail::packed::Factor<double>;
   detail::packed::Form<double> form;
   for (int at = 0; at < detail::packed::size; at += detail::packed::part_size) {
-    form.segment<detail::packed::part_size>(at) = detail::packed::product(first, second, at);
+    form.segment<detail::packed::part_size>(at) = detail::packed::product(Factor(a, at), Factor(b, at));
   }
   return form;
 }
@@ -103,17 +102,12 @@ TEST_CASE("the product of two linear forms") {
 
 TEST_CASE("the six products of three linear forms") {
   Random random(6);
-  std::array<Vector6<double>, 3> a;
-  for (Vector6<double>& each : a) {
-    each = random.normal_matrix<6>();
-  }
-  using Factor = detail::packed::Factor<double>;
-  const std::array<Factor, 3> factors{Factor(a[0]), Factor(a[1]), Factor(a[2])};
-  const std::array<std::array<std::size_t, 2>, 6> pairs{{{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}}};
+  const Eigen::Matrix<double, 3, 6> a = random.normal_matrix<3, 6>();
+  const std::array<std::array<int, 2>, 6> pairs{{{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}}};
   for (int at = 0; at < detail::packed::size; at += detail::packed::part_size) {
-    const auto parts = detail::packed::products(factors, at);
+    const auto parts = detail::packed::products(detail::packed::factors_of<double>(a, at));
     for (std::size_t i = 0; i < 6; ++i) {
-      const detail::packed::Form<double> expected = whole_product(a[pairs[i][0]], a[pairs[i][1]]);
+      const detail::packed::Form<double> expected = whole_product(a.row(pairs[i][0]), a.row(pairs[i][1]));
       CHECK((parts.col(static_cast<int>(i)) - expected.segment<detail::packed::part_size>(at)).norm() <= 1e-15);
     }
   }

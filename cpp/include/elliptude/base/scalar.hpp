@@ -267,8 +267,8 @@ template <typename A, typename B>
 }
 
 /// T P Tᵀ, symmetric but for rounding.
-template <typename Scalar, int M, int N>
-[[nodiscard]] Matrix<Scalar, M> congruence(const Matrix<Scalar, M, N>& t, const Matrix<Scalar, N>& p) noexcept {
+template <typename T, typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, T::RowsAtCompileTime> congruence(const T& t, const Matrix<Scalar, N>& p) noexcept {
   return product_by_columns(product_by_columns(t, p), t.transpose());
 }
 

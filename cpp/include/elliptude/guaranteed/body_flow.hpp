@@ -156,6 +156,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     GibbsEllipsoid<State> end;
     Scalar size;                  // of the set at the end: √det P
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
+    long step;                    // of how many this is the end
   };
 
   /// Bound of the potential's torque at every attitude from `time` on.
@@ -182,82 +183,107 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
     // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
     // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
-    Course longest_tubes;
-    const Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), longest_tubes);
-    const Scalar short_displacement = scalar::constant<Scalar>(0.01L);
-    if (steps > 1 && (status == Status::unbounded ||
-                      (status == Status::ok && longest_tubes.largest_displacement > short_displacement))) {
-      Course shorter_tubes;
-      const Status shorter = follow(time, h, steps, input, ellipsoid, short_displacement, shorter_tubes);
-      if (shorter == Status::ok && (status != Status::ok || shorter_tubes.size < longest_tubes.size)) {
-        result = shorter_tubes.end;
-        return Status::ok;
-      }
+    Course course;
+    Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), course);
+    const Scalar shorter = scalar::constant<Scalar>(0.01L);
+    if (steps > 1 && (status == Status::unbounded || (status == Status::ok && course.largest_displacement > shorter))) {
+      status = follow_again(time, h, steps, input, ellipsoid, shorter, status, course);
     }
     if (status == Status::ok) {
-      result = longest_tubes.end;
+      result = course.end;
+    }
+    return status;
+  }
+
+  /// The same with shorter tubes. \param status of the course. \return that of the one with the smaller set, which it is now.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_again(const Scalar& time, const Scalar& h, long steps,
+                                                          const Input& input, const GibbsEllipsoid<State>& ellipsoid,
+                                                          const Scalar& longest, Status status,
+                                                          Course& course) const noexcept {
+    Course other;
+    if (follow(time, h, steps, input, ellipsoid, longest, other) == Status::ok &&
+        (status != Status::ok || other.size < course.size)) {
+      course = other;
+      return Status::ok;
     }
     return status;
   }
 
   /// A tube after another, each until its errors have moved by more than `longest`.
-  [[nodiscard]] Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
-                              const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
-                              Course& course) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow(const Scalar& time, const Scalar& h, long steps, const Input& input,
+                                                    const GibbsEllipsoid<State>& ellipsoid, const Scalar& longest,
+                                                    Course& course) const noexcept {
+    GibbsEllipsoid<State>& set = course.end;
+    set = ellipsoid;
+    // A center within `rotation_tolerance` is not yet one within rounding.
+    set.center.attitude = renormalized(set.center.attitude);
+    course.largest_displacement = Scalar(0);
+    course.step = 0;
     ErrorTube<Scalar, Potential> tube;
-    Matrix6<Scalar> factor;
-    if (const Status status = tube.start(ellipsoid.shape, h, stiffness()); status != Status::ok) {
-      // Of a set that is as it should be, h² has overflowed.
-      return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::step_too_long : status;
+    while (course.step < steps) {
+      if (const Status status = tube.start(set.shape, h, stiffness()); status != Status::ok) {
+        return course.step > 0 ? Status::unbounded : refused(set.shape, status);
+      }
+      if (const Status status = follow_tube(tube, time, h, steps, input, longest, course); status != Status::ok) {
+        return status;
+      }
+      if (!put_end(tube, course)) {
+        return Status::unbounded;
+      }
     }
-    if (const Status status = follow_in(tube, time, h, steps, input, ellipsoid.center, longest, course);
-        status != Status::ok) {
-      return status;
-    }
-    course.end.shape = tube.shape();
-    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
-      return Status::unbounded;
-    }
-    course.size = factor.diagonal().prod();
     return Status::ok;
   }
 
   /// A bound of ‖J⁻¹ ∂M/∂ζ‖, 1/s².
   [[nodiscard]] Scalar stiffness() const noexcept { return acceleration_bounds_.degree * acceleration_bounds_.largest; }
 
-  /// All steps, from a tube that has been started. The course's center and largest displacement are found. The series of the motion is
-  /// here, and not where the tube is, as both are large.
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_in(ErrorTube<Scalar, Potential>& tube, const Scalar& time,
-                                                       const Scalar& h, long steps, const Input& input,
-                                                       const State& center, const Scalar& longest,
-                                                       Course& course) const noexcept {
-    State& state = course.end.center;
-    state = center;
-    state.attitude =
-        renormalized(state.attitude);  // a center within `rotation_tolerance` is not yet one within rounding
+  /// Why no tube starts with a shape, which said `status`. Of one that is as it should be, h² has overflowed.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE static Status refused(const Matrix6<Scalar>& shape, Status status) noexcept {
+    Matrix6<Scalar> factor;
+    return cholesky(shape, factor) == Status::ok ? Status::step_too_long : status;
+  }
+
+  /// The set at a tube's end. \return whether its shape is finite and positive definite.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE static bool put_end(const ErrorTube<Scalar, Potential>& tube,
+                                                          Course& course) noexcept {
+    Matrix6<Scalar> factor;
+    course.end.shape = tube.shape();
+    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+      return false;
+    }
+    course.size = factor.diagonal().prod();
+    return true;
+  }
+
+  /// Of the steps that are left as many as a tube that has been started may have. The series of the motion is here, and not where
+  /// the tube is, as both are large.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_tube(ErrorTube<Scalar, Potential>& tube, const Scalar& time,
+                                                         const Scalar& h, long steps, const Input& input,
+                                                         const Scalar& longest, Course& course) const noexcept {
     MotionSeries<Scalar, Potential> series(potential_, torque_bounds_, acceleration_bounds_);
-    course.largest_displacement = Scalar(0);
-    for (long step = 0; step < steps; ++step) {
-      if (interruption().after(step)) {
+    for (;;) {
+      if (interruption().after(course.step)) {
         return Status::interrupted;
       }
-      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(step)) * h;
-      if (const Status status = series.expand(body_, now, h, input, state); status != Status::ok) {
+      const Scalar now = time + Scalar(static_cast<scalar::Value<Scalar>>(course.step)) * h;
+      if (const Status status = series.expand(body_, now, h, input, course.end.center); status != Status::ok) {
         return status;
+      }
+      if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
+        return status;
+      }
+      course.end.center = series.end;
+      if (++course.step == steps) {
+        return Status::ok;
       }
       const Scalar displacement = tube.displacement();
       if (displacement > course.largest_displacement) {
         course.largest_displacement = displacement;
       }
-      if (displacement > longest && tube.start(tube.shape(), h, stiffness()) != Status::ok) {
-        return Status::unbounded;
+      if (displacement > longest) {
+        return Status::ok;
       }
-      if (const Status status = tube.step(body_, series, uncertainty_); status != Status::ok) {
-        return status;
-      }
-      state = series.end;
     }
-    return Status::ok;
   }
 
   RigidBody<Scalar> body_;

@@ -27,7 +27,8 @@ class ErrorTube {
   /// \param h the longest step to come, s.
   /// \param stiffness a bound of ‖J⁻¹ ∂M/∂ζ‖, 1/s². Both only choose the norm in which the rest is bounded.
   /// \return `not_positive_definite` also of a flat one.
-  [[nodiscard]] Status start(const Matrix6<Scalar>& shape, const Scalar& h, const Scalar& stiffness) noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status start(const Matrix6<Scalar>& shape, const Scalar& h,
+                                                   const Scalar& stiffness) noexcept {
     // A Cholesky factor is that of a matrix which differs by less than this from the one given (Higham, Accuracy and
     // Stability, theorem 10.3): none is then smaller.
     Matrix6<Scalar> raised = shape;
@@ -64,11 +65,12 @@ class ErrorTube {
   /// Over the step of the motion that `series` is of; the center is `series.end` afterwards.
   /// \return `unbounded` if the bounds do not close: the set is too large, or the step too long, for it to be bounded;
   /// `invalid_inertia` if the inertia error reaches the least principal moment. Nothing has then changed.
-  [[nodiscard]] Status step(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                            const BodyUncertainty<Scalar>& uncertainty) noexcept;
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status step(const RigidBody<Scalar>& body,
+                                                  const MotionSeries<Scalar, Potential>& series,
+                                                  const BodyUncertainty<Scalar>& uncertainty) noexcept;
 
   /// An ellipsoid about zero that contains Y u for all that u can be by now.
-  [[nodiscard]] Matrix6<Scalar> shape() const noexcept;
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Matrix6<Scalar> shape() const noexcept;
 
   // What is known of every motion that began at y = Y(0) u₀ with ‖u₀‖ ≤ 1: by now y = Y (u₀ + q(u₀) + p + r),
 
@@ -78,6 +80,12 @@ class ErrorTube {
   [[nodiscard]] const Scalar& rest() const noexcept { return rest_; }               ///< bound of ‖r‖
 
  private:
+  /// How u moves over a step. `frame_` is not yet that of its end. \return the status of `step`.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status move(const RigidBody<Scalar>& body,
+                                                  const MotionSeries<Scalar, Potential>& series,
+                                                  const BodyUncertainty<Scalar>& uncertainty,
+                                                  const detail::LinearPart<Scalar>& linear) noexcept;
+
   /// Takes up a step that closes.
   /// \param forms of second order of u' in the middle of the step, and `largest_form` their norm.
   /// \param h of the step, s.
@@ -108,14 +116,24 @@ class ErrorTube {
 template <typename Scalar, typename Potential>
 Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
                                           const BodyUncertainty<Scalar>& uncertainty) noexcept {
-  const Scalar& h = series.step_powers[1];
-  const Scalar half = scalar::constant<Scalar>(0.5L);
-  const Scalar middle = half * h;
-  const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
   detail::LinearPart<Scalar> linear;
   if (const Status status = detail::expand_linear_part(body, series, frame_, linear); status != Status::ok) {
     return status;
   }
+  if (const Status status = move(body, series, uncertainty, linear); status != Status::ok) {
+    return status;
+  }
+  frame_ = linear.end;
+  return Status::ok;
+}
+
+template <typename Scalar, typename Potential>
+Status ErrorTube<Scalar, Potential>::move(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
+                                          const BodyUncertainty<Scalar>& uncertainty,
+                                          const detail::LinearPart<Scalar>& linear) noexcept {
+  const Scalar& h = series.step_powers[1];
+  const Scalar half = scalar::constant<Scalar>(0.5L);
+  const TorqueBounds<Scalar>& torque = series.acceleration;  // of J⁻¹M
   const detail::step_means::LinearChange<Scalar> change{linear.change_odd, linear.change};
   const Scalar attitude = linear.largest_attitude;
   const Scalar strength = linear.from_rate_norm * torque.largest;  // of the torque in u'
@@ -123,7 +141,7 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   const detail::step_means::FormChange<Scalar> of_forms = detail::change_of_forms(series);
 
   // Second order (theory, eq. 17.7).
-  const detail::packed::Forms<Scalar> forms = detail::second_order_forms(body, series, middle, linear);
+  const detail::packed::Forms<Scalar> forms = detail::second_order_forms(body, series, Scalar(half * h), linear);
   const Scalar largest_form = spectral_norm(forms);  // ‖Y⁻¹ N₂(Yu, Yu)‖ ≤ this times ‖u‖² in the middle
   const Scalar form_bound = strength * attitude * attitude * half * degree * degree;
   const detail::step_means::SecondOrder<Scalar> second_order =
@@ -133,13 +151,14 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
       strength * attitude * attitude * attitude * scalar::constant<Scalar>(0.375L) * degree * degree;
   const Scalar before = displacement();
   detail::Pushes<Scalar> pushes;
+  pushes.find_higher(body, series, linear);
   const detail::StepBounds<Scalar, Potential> bounds{series,   linear,       pushes,      change,
                                                      of_forms, second_order, cubic_bound, before};
   detail::Displacement<Scalar> moved;
   const auto closes_within = [&](const Scalar& most) {
     const Status status =
-        pushes.find(body, series, uncertainty, linear, Scalar(attitude * change.stretch() * (Scalar(1) + most)),
-                    Scalar(linear.largest_difference * change.stretch()));
+        pushes.find_unknown(body, series, uncertainty, linear, Scalar(attitude * change.stretch() * (Scalar(1) + most)),
+                            Scalar(linear.largest_difference * change.stretch()));
     return status == Status::ok && !bounds.close(most, moved) ? Status::unbounded : status;
   };
   Status status = Status::unbounded;
@@ -156,7 +175,6 @@ Status ErrorTube<Scalar, Potential>::step(const RigidBody<Scalar>& body, const M
   }
 
   take_up(forms, largest_form, pushes, moved, h);
-  frame_ = linear.end;
   return Status::ok;
 }
 

@@ -34,11 +34,10 @@ template <typename Scalar, int N>
       }
     }
   }
-  const Matrix<Scalar, N> result = rows.template rightCols<N>();
-  if (!scalar::all_finite(result)) {
+  if (!scalar::all_finite(rows.template rightCols<N>())) {
     return Status::not_finite;
   }
-  inverse = result;
+  inverse = rows.template rightCols<N>();
   return Status::ok;
 }
 

@@ -3,10 +3,37 @@
 /// \file
 /// Ellipsoids about all that a quadratic map moves the points of the unit ball to. (theory, section 17.4, *The shape*)
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/packed_forms.hpp"
 #include "elliptude/guaranteed/detail/prediction_sums.hpp"
 
 namespace elliptude::detail {
+
+/// The parts of q = r + s of `enlarged_ball`.
+/// \param gram KKᵀ, and `mean` that of its eigenvalues.
+/// \param sigma σ.
+/// \return whether the ellipsoid's trace may be below `most`. What is found is meaningless otherwise.
+template <typename Scalar>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool split(const packed::Slices<Scalar>& forms, const Scalar& most,
+                                               Matrix6<Scalar>& gram, Scalar& mean, Scalar& sigma) noexcept {
+  const Scalar one(1);
+  packed::Slices<Scalar> part = packed::symmetric_part(forms);  // r, and then s, in the same place
+  mean = part.squaredNorm() / Scalar(6);
+  Vector6<Scalar> columns;  // of s, their lengths squared
+  for (int j = 0; j < 6; ++j) {
+    columns(j) = Vector<Scalar, packed::Slices<Scalar>::RowsAtCompileTime>(forms.col(j) - part.col(j)).squaredNorm();
+  }
+  // σ is no less than the length of any column. With it the trace is at least six times the square of `least`, whatever λ.
+  const Scalar column = columns.maxCoeff();
+  const Scalar least = scalar::sqrt(Scalar(one + column + mean)) + scalar::sqrt(mean);
+  if (!(Scalar(6) * least * least < most)) {
+    return false;
+  }
+  gram = gram_of(part);
+  part = forms - part;
+  sigma = norm_of_gram(gram_of(part));
+  return true;
+}
 
 /// Shape of an ellipsoid that holds x = v + q(v) for all ‖v‖ ≤ 1.
 ///
@@ -22,27 +49,19 @@ template <typename Scalar>
 [[nodiscard]] bool enlarged_ball(const packed::Slices<Scalar>& forms, const Scalar& most,
                                  Matrix6<Scalar>& ball) noexcept {
   const Scalar one(1);
-  packed::Slices<Scalar> part = packed::symmetric_part(forms);  // r, and then s, in the same place
-  const Scalar mean = part.squaredNorm() / Scalar(6);           // of the eigenvalues of KKᵀ
-  Vector6<Scalar> columns;                                      // of s, their lengths squared
-  for (int j = 0; j < 6; ++j) {
-    columns(j) = Vector<Scalar, packed::Slices<Scalar>::RowsAtCompileTime>(forms.col(j) - part.col(j)).squaredNorm();
-  }
-  // The σ below is no less than the length of any column. With it the trace is at least six times the square of `least`, whatever λ.
-  const Scalar column = columns.maxCoeff();
-  const Scalar least = scalar::sqrt(Scalar(one + column + mean)) + scalar::sqrt(mean);
-  if (!(Scalar(6) * least * least < most)) {
+  Matrix6<Scalar> metric;  // first KKᵀ
+  Scalar mean;
+  Scalar sigma;
+  if (!split(forms, most, metric, mean, sigma)) {
     return false;
   }
-  const Matrix6<Scalar> gram = gram_of(part);  // KKᵀ
-  part = forms - part;
-  const Scalar sigma = norm_of_gram(gram_of(part));
   const Scalar whole = one + sigma * sigma;
   // The best λ if all eigenvalues of KKᵀ are alike.
   const Scalar lambda = mean + scalar::sqrt(Scalar(mean * (mean + whole)));
-  Matrix6<Scalar> metric = Matrix6<Scalar>::Zero();
   if (lambda > Scalar(0)) {
-    metric = (-one / lambda) * gram;
+    metric *= -one / lambda;
+  } else {
+    metric.setZero();
   }
   metric.diagonal().array() += one;
   Matrix6<Scalar> inverse;

@@ -3,6 +3,7 @@
 /// \file
 /// A guaranteed filter's predictions: what it knows at a later time, and what it forgets. (theory, sections 16.8, 16.9 and 17)
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/filter_memory.hpp"
 
 namespace elliptude::detail {
@@ -39,21 +40,35 @@ class FilterPrediction {
   [[nodiscard]] Status predict_by(const Scalar& time, const Scalar& duration, const Input& input,
                                   const Move& move) noexcept {
     if (filter_.known.has_attitude) {
-      Set predicted;
-      Status status = move(filter_.known.set, predicted);
-      // A rigid body's flow has factored the shape itself.
-      if (status == Status::ok && (Memory::measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
-        filter_.known.set = predicted;
-        filter_.constraints.count = 0;
-        filter_.time = time;
-        return Status::ok;
-      }
-      status = status == Status::ok ? Status::unbounded : status;
-      if (status == Status::interrupted ||
+      const Status status = predict_set(time, move);
+      if (status == Status::ok || status == Status::interrupted ||
           (status != Status::unbounded && (filter_.settings.policy == Policy::raise || !predicts_another(move)))) {
         return status;
       }
     }
+    return predict_vector(time, duration, input);
+  }
+
+  /// \return `unbounded` also of a set that cannot be kept.
+  template <typename Move>
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status predict_set(const Scalar& time, const Move& move) noexcept {
+    Set predicted;
+    if (const Status status = move(filter_.known.set, predicted); status != Status::ok) {
+      return status;
+    }
+    // A rigid body's flow has factored the shape itself.
+    if (!(Memory::measures_rate ? in_domain(predicted) : can_be_kept(predicted))) {
+      return Status::unbounded;
+    }
+    filter_.known.set = predicted;
+    filter_.constraints.count = 0;
+    filter_.time = time;
+    return Status::ok;
+  }
+
+  /// What is known of the vector, where no attitude is known any more.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status predict_vector(const Scalar& time, const Scalar& duration,
+                                                            const Input& input) noexcept {
     Ellipsoid<Scalar, 3> vector = filter_.known.has_attitude ? vector_of(filter_.known.set) : filter_.known.vector;
     bool has_vector = filter_.settings.estimates_vector && (filter_.known.has_attitude || filter_.known.has_vector);
     if (has_vector) {
@@ -118,7 +133,7 @@ class FilterPrediction {
 
   /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
   template <typename Move>
-  [[nodiscard]] bool predicts_another(const Move& move) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool predicts_another(const Move& move) const noexcept {
     Set another{{filter_.known.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
     another.shape *= scalar::constant<Scalar>(1e-6L);
     Set ignored;

@@ -15,12 +15,9 @@ namespace elliptude::detail {
 /// Y(s) = Σ Y_k sᵏ over a step, which is Y(h/2) (I + W(s)).
 template <typename Scalar>
 struct LinearPart {
-  using Columns = Matrix<Scalar, 6, 3>;
-
   Matrix6<Scalar> middle;
   Matrix6<Scalar> end;
-  Columns from_attitude;      // Y(h/2)⁻¹, its first three columns
-  Columns from_rate;          // and its last
+  Matrix6<Scalar> inverse;    // Y(h/2)⁻¹
   Scalar from_attitude_norm;  // what an error of γ' is, at most, in u'
   Scalar from_rate_norm;      // and one of δω'
   Scalar largest_attitude;    // of γ in the middle for ‖u‖ ≤ 1
@@ -28,6 +25,10 @@ struct LinearPart {
   Scalar change_odd;          // of W, its part that is linear in s − h/2
   Scalar change;              // of W, all
   Scalar error;               // of the integral of Y(h/2)⁻¹ (Y' − A Y)
+
+  /// What makes u' of γ', and of δω'.
+  [[nodiscard]] auto from_attitude() const noexcept { return inverse.template leftCols<3>(); }
+  [[nodiscard]] auto from_rate() const noexcept { return inverse.template rightCols<3>(); }
 };
 
 /// Y_k from Y' = A(s) Y, and what follows from them.
@@ -41,11 +42,11 @@ class LinearExpansion {
   /// \return `unbounded` if Y changes too much over the step.
   [[nodiscard]] Status expand(const Matrix6<Scalar>& frame, LinearPart<Scalar>& linear) noexcept {
     find_coefficients(frame);
-    Matrix6<Scalar> inverse;
-    if (!evaluate(linear, inverse) || !bound_change(inverse, linear)) {
+    evaluate(linear);
+    if (inverse_of(linear.middle, linear.inverse) != Status::ok || !bound_change(linear)) {
       return Status::unbounded;
     }
-    bound_error(inverse, linear);
+    bound_error(linear);
     return Status::ok;
   }
 
@@ -55,7 +56,6 @@ class LinearExpansion {
   // Rows of Y, transposed: one, and three.
   using Row = Vector<Scalar, padded(6)>;
   using Block = Matrix<Scalar, padded(6), 3>;
-  using Columns = Matrix<Scalar, 6, 3>;
   using Blocks = std::array<Block, order + 1>;
 
   [[nodiscard]] static Scalar number(std::size_t k) noexcept { return Scalar(static_cast<scalar::Value<Scalar>>(k)); }
@@ -63,6 +63,7 @@ class LinearExpansion {
   [[nodiscard]] static Scalar block_norm(const Block& block) noexcept {
     return norm_of_gram(Matrix3<Scalar>(block.transpose().lazyProduct(block)));
   }
+  template <typename Columns>
   [[nodiscard]] static Scalar column_norm(const Columns& columns) noexcept {
     return norm_of_gram(Matrix3<Scalar>(columns.transpose().lazyProduct(columns)));
   }
@@ -89,7 +90,7 @@ class LinearExpansion {
   }
 
   /// Everything is transposed.
-  void find_coefficients(const Matrix6<Scalar>& frame) noexcept {
+  ELLIPTUDE_OUT_OF_LINE void find_coefficients(const Matrix6<Scalar>& frame) noexcept {
     const Matrix3<Scalar>& inertia = body_.inertia();
     const Matrix3<Scalar>& inverse_inertia = body_.inertia_inverse();
     for (int j = 0; j < jacobians; ++j) {
@@ -139,33 +140,27 @@ class LinearExpansion {
     }
   }
 
-  /// Y in the middle and at the end of the step. \return whether it has an inverse in the middle.
-  [[nodiscard]] bool evaluate(LinearPart<Scalar>& linear, Matrix6<Scalar>& inverse) const noexcept {
+  /// Y in the middle and at the end of the step.
+  ELLIPTUDE_OUT_OF_LINE void evaluate(LinearPart<Scalar>& linear) const noexcept {
     const Scalar& h = series_.step_powers[1];
     const Scalar middle = scalar::constant<Scalar>(0.5L) * h;
     const Block middle_top = value_at(top_, middle);
     const Block middle_bottom = value_at(bottom_, middle);
     linear.middle = rows(middle_top, middle_bottom);
     linear.end = rows(value_at(top_, h), value_at(bottom_, h));
-    if (inverse_of(linear.middle, inverse) != Status::ok) {
-      return false;
-    }
-    linear.from_attitude = inverse.template leftCols<3>();
-    linear.from_rate = inverse.template rightCols<3>();
-    linear.from_attitude_norm = column_norm(linear.from_attitude);
-    linear.from_rate_norm = column_norm(linear.from_rate);
     linear.largest_attitude = block_norm(middle_top);
     linear.largest_difference = block_norm(middle_bottom);
-    return true;
   }
 
   /// Bounds of W. \return whether they are below a half.
-  [[nodiscard]] bool bound_change(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool bound_change(LinearPart<Scalar>& linear) const noexcept {
+    linear.from_attitude_norm = column_norm(linear.from_attitude());
+    linear.from_rate_norm = column_norm(linear.from_rate());
     const auto& powers = series_.step_powers;
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar middle = half * powers[1];
     const Matrix6<Scalar> slope = rows(slope_at(top_, middle), slope_at(bottom_, middle));
-    linear.change_odd = spectral_norm(product_by_columns(inverse, slope)) * middle;
+    linear.change_odd = spectral_norm(product_by_columns(linear.inverse, slope)) * middle;
     Scalar curvature(0);
     for (std::size_t k = 2; k <= order; ++k) {
       curvature += number(k * (k - 1)) * powers[k - 2] *
@@ -176,13 +171,13 @@ class LinearExpansion {
   }
 
   /// Bound of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; with rounding.
-  void bound_error(const Matrix6<Scalar>& inverse, LinearPart<Scalar>& linear) const noexcept {
+  ELLIPTUDE_OUT_OF_LINE void bound_error(LinearPart<Scalar>& linear) const noexcept {
     const auto& powers = series_.step_powers;
     const Scalar& h = powers[1];
     const Scalar one(1);
     const Scalar largest_attitude = linear.largest_attitude * (one + linear.change);
     const Scalar largest_difference = linear.largest_difference * (one + linear.change);
-    const Matrix6<Scalar> first_error = product_by_columns(inverse, rows(next_top_, next_bottom_));
+    const Matrix6<Scalar> first_error = product_by_columns(linear.inverse, rows(next_top_, next_bottom_));
     linear.error = scalar::sqrt(Scalar(first_error.squaredNorm())) * powers[order + 1] / number(order + 1);
     Scalar top_sum(0);
     Scalar bottom_sum(0);

@@ -28,42 +28,50 @@ template <typename Scalar>
                                         : Scalar(1);
 }
 
-/// A linear form aᵀu, as it goes into products.
-template <typename Scalar>
-struct Factor {
-  Form<Scalar> first;   // a(j), where the entry (j, k) is packed
-  Form<Scalar> second;  // a(k), times half the weight
-
-  explicit Factor(const Vector6<Scalar>& a) noexcept {
-    Vector<Scalar, 12> twice;
-    twice << a, a;
-    for (int d = 0; d < 4; ++d) {
-      first.template segment<6>(6 * d) = a;
-      second.template segment<6>(6 * d) =
-          (scalar::constant<Scalar>(0.5L) * weight<Scalar>(d)) * twice.template segment<6>(d);
-    }
-  }
-};
-
 /// As many entries of a form as are worked with at once: with SIMD registers all, else those of one diagonal.
 constexpr int part_size = padded(6) > 6 ? size : 6;
 template <typename Scalar>
 using Part = Vector<Scalar, part_size>;
 
-/// Of the form (aᵀu)(bᵀu) the part from entry `first` on.
+/// A linear form aᵀu, as it goes into the part of a product from entry `begin` on.
 template <typename Scalar>
-[[nodiscard]] Part<Scalar> product(const Factor<Scalar>& a, const Factor<Scalar>& b, int first) noexcept {
-  return a.first.template segment<part_size>(first).cwiseProduct(b.second.template segment<part_size>(first)) +
-         a.second.template segment<part_size>(first).cwiseProduct(b.first.template segment<part_size>(first));
+struct Factor {
+  Part<Scalar> first;   // a(j), where the entry (j, k) is packed
+  Part<Scalar> second;  // a(k), times half the weight
+
+  Factor(const Vector6<Scalar>& a, int begin) noexcept {
+    Vector<Scalar, 12> twice;
+    twice << a, a;
+    for (int at = 0; at < part_size; at += 6) {
+      const int d = (begin + at) / 6;
+      first.template segment<6>(at) = a;
+      second.template segment<6>(at) =
+          (scalar::constant<Scalar>(0.5L) * weight<Scalar>(d)) * twice.template segment<6>(d);
+    }
+  }
+};
+
+/// Three linear forms.
+template <typename Scalar>
+using Factors = std::array<Factor<Scalar>, 3>;
+template <typename Scalar, typename Rows>
+[[nodiscard]] Factors<Scalar> factors_of(const Rows& rows, int begin) noexcept {
+  return {Factor<Scalar>(rows.row(0), begin), Factor<Scalar>(rows.row(1), begin), Factor<Scalar>(rows.row(2), begin)};
+}
+
+/// The part of the form (aᵀu)(bᵀu).
+template <typename Scalar>
+[[nodiscard]] Part<Scalar> product(const Factor<Scalar>& a, const Factor<Scalar>& b) noexcept {
+  return a.first.cwiseProduct(b.second) + a.second.cwiseProduct(b.first);
 }
 
 /// The six products of three linear forms, as `expansion::RowForms` counts them, but those of two different ones not times √2.
 template <typename Scalar>
-[[nodiscard]] Matrix<Scalar, part_size, 6> products(const std::array<Factor<Scalar>, 3>& factors, int first) noexcept {
+[[nodiscard]] Matrix<Scalar, part_size, 6> products(const Factors<Scalar>& factors) noexcept {
   Matrix<Scalar, part_size, 6> parts;
   for (std::size_t a = 0; a < 3; ++a) {
-    parts.col(static_cast<int>(a)) = product(factors[a], factors[a], first);
-    parts.col(static_cast<int>(a) + 3) = product(factors[(a + 1) % 3], factors[(a + 2) % 3], first);
+    parts.col(static_cast<int>(a)) = product(factors[a], factors[a]);
+    parts.col(static_cast<int>(a) + 3) = product(factors[(a + 1) % 3], factors[(a + 2) % 3]);
   }
   return parts;
 }
@@ -149,18 +157,12 @@ template <typename Scalar>
 [[nodiscard]] Slices<Scalar> symmetric_part(const Slices<Scalar>& slices) noexcept {
   const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);
   constexpr int rows = padded(6);
-  Slices<Scalar> across = Slices<Scalar>::Zero();  // H_j(i, k) as entry j of column k of slice i
-  for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k <= i; ++k) {
-      for (int j = 0; j < 6; ++j) {
-        across(rows * k + j, i) = slices(rows * k + i, j);
-      }
-    }
-  }
   Slices<Scalar> result;
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k <= i; ++k) {
-      slice(result, i).col(k) = third * (slice(slices, i).col(k) + slice(slices, k).col(i) + slice(across, i).col(k));
+      Vector<Scalar, rows> across = Vector<Scalar, rows>::Zero();  // H_j(i, k)
+      across.template head<6>() = slices.row(rows * k + i).transpose();
+      slice(result, i).col(k) = third * (slice(slices, i).col(k) + slice(slices, k).col(i) + across);
       slice(result, k).col(i) = slice(result, i).col(k);
     }
   }

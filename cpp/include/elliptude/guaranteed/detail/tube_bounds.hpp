@@ -19,35 +19,62 @@ struct Pushes {
   Scalar cubic_norm;
   Scalar fourth_norm;
 
+  /// What is of third and of fourth order.
+  template <typename Potential>
+  ELLIPTUDE_OUT_OF_LINE void find_higher(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
+                                         const LinearPart<Scalar>& linear) noexcept {
+    const auto top = linear.middle.template topRows<3>();
+    const Matrix3<Scalar> attitudes = top.lazyProduct(top.transpose());  // shape of the ellipsoid of γ
+    // ¼ γ (γ·δω): a number, which is a form of u, times γ
+    const Scalar quarter = scalar::constant<Scalar>(0.25L) * largest_product(linear.middle);
+    cubic_norm = put_push(linear.from_attitude(), Matrix3<Scalar>((quarter * quarter) * attitudes), cubic);
+    if (series.acceleration.largest > Scalar(0)) {
+      add_cubic_push(linear.from_rate(), cubic_torque(body, series, attitudes, linear.largest_attitude));
+    }
+    const Scalar attitude = linear.largest_attitude;
+    const Scalar degree = series.acceleration.degree;
+    const Scalar bound =
+        attitude * attitude * attitude * attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
+    fourth_norm = put_push(linear.from_rate(), Matrix3<Scalar>((bound * bound) * series.acceleration.shape), fourth);
+  }
+
+  /// The unknown torque.
   /// \param largest_angle of γ over the step.
   /// \param largest_difference of δω over the step, for ‖u‖ ≤ 1.
   /// \return `invalid_inertia` if the inertia error reaches the least principal moment.
   template <typename Potential>
-  [[nodiscard]] Status find(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,
-                            const BodyUncertainty<Scalar>& uncertainty, const LinearPart<Scalar>& linear,
-                            const Scalar& largest_angle, const Scalar& largest_difference) noexcept {
-    using Columns = typename LinearPart<Scalar>::Columns;
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status find_unknown(const RigidBody<Scalar>& body,
+                                                          const MotionSeries<Scalar, Potential>& series,
+                                                          const BodyUncertainty<Scalar>& uncertainty,
+                                                          const LinearPart<Scalar>& linear, const Scalar& largest_angle,
+                                                          const Scalar& largest_difference) noexcept {
     Matrix3<Scalar> torque;
     if (const Status status = unknown_torque(body, series, uncertainty, largest_angle, largest_difference, torque);
         status != Status::ok) {
       return status;
     }
     unknown.setZero();
+    unknown_norm = Scalar(0);
     if (torque.trace() != Scalar(0)) {  // of NaN, too, which shows in the norm
-      const Columns by_torque = linear.from_rate.lazyProduct(body.inertia_inverse());
-      unknown = congruence(by_torque, torque);
+      const Matrix<Scalar, 6, 3> by_torque = linear.from_rate().lazyProduct(body.inertia_inverse());
+      unknown_norm = put_push(by_torque, torque, unknown);
     }
-    unknown_norm = scalar::sqrt(Scalar(unknown.trace()));
-    const Scalar middle = scalar::constant<Scalar>(0.5L) * series.step_powers[1];
-    cubic = cubic_push(body, series, middle, linear);
-    cubic_norm = scalar::sqrt(Scalar(cubic.trace()));
-    const Scalar attitude = linear.largest_attitude;
-    const Scalar degree = series.acceleration.degree;
-    const Scalar bound =
-        attitude * attitude * attitude * attitude * scalar::constant<Scalar>(0.125L) * degree * degree * degree;
-    fourth = congruence(linear.from_rate, Matrix3<Scalar>((bound * bound) * series.acceleration.shape));
-    fourth_norm = scalar::sqrt(Scalar(fourth.trace()));
     return Status::ok;
+  }
+
+ private:
+  /// The ellipsoid of what three numbers, themselves in an ellipsoid, are in u'. \return a bound of its radius.
+  template <typename Columns>
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE static Scalar put_push(const Columns& columns, const Matrix3<Scalar>& shape,
+                                                             Matrix6<Scalar>& push) noexcept {
+    push = congruence(columns, shape);
+    return scalar::sqrt(Scalar(push.trace()));
+  }
+
+  template <typename Columns>
+  ELLIPTUDE_OUT_OF_LINE void add_cubic_push(const Columns& columns, const Matrix3<Scalar>& shape) noexcept {
+    cubic = sum_of_shapes(cubic, congruence(columns, shape));
+    cubic_norm = scalar::sqrt(Scalar(cubic.trace()));
   }
 };
 
