@@ -71,6 +71,12 @@ void check_cholesky() {
       const Matrix<double, N> unit = root * l;
       REQUIRE((unit - Matrix<double, N>::Identity()).cwiseAbs().maxCoeff() <=
               4 * N * epsilon * std::sqrt(condition) * 10);
+      const LongMatrix exact_l = l.template cast<long double>();
+      const LongMatrix exact_image = exact_l * a.template cast<long double>() * exact_l.transpose();
+      const Matrix<double, N> image_error = congruence_of_lower(l, a) - exact_image.template cast<double>();
+      // Entry (i, j) of |l| |a| |l|ᵀ is at most what the diagonals have, of N terms each.
+      const Vector<double, N> widths = l.cwiseAbs() * Vector<double, N>(a.diagonal().cwiseSqrt());
+      REQUIRE((image_error.array().abs() <= 2 * N * epsilon * (widths * widths.transpose()).array()).all());
       const Matrix<double, N, 2> b = units.asDiagonal() * random.normal_matrix<N, 2>();
       const Matrix<double, N, 2> x = solve_lower_transposed(l, solve_lower(l, b));
       const Matrix<double, N, 2> reference = eigen.solve(b);

@@ -77,6 +77,7 @@ void use_factorization(const Matrix<Scalar, N>& shape, Tally<Scalar>& tally) noe
   tally.add(l);
   tally.add(cholesky(shape, l));
   tally.add(lower_inverse(l));
+  tally.add(congruence_of_lower(l, shape));
   const Vector<Scalar, N> ones = Vector<Scalar, N>::Ones();
   tally.add(solve_lower_transposed(l, solve_lower(l, ones)));
   Matrix<Scalar, N> inverse;

@@ -196,7 +196,7 @@ template <typename Scalar, typename Potential>
 Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Matrix6<Scalar> set_inverse = lower_inverse(set_);
   const Vector6<Scalar> widths = set_.colwise().squaredNorm();
-  Matrix6<Scalar> shape = congruence(set_, moved_ball(set_inverse, widths));
+  Matrix6<Scalar> shape = congruence_of_lower(set_, moved_ball(set_inverse, widths));
   add_pushes(set_inverse, Scalar(widths.sum()), shape);
   Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
   // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.

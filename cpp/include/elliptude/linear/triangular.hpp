@@ -96,6 +96,28 @@ template <typename Scalar, int N>
   return square;
 }
 
+/// a lᵀ of a lower triangle, column by column as `product_by_columns`, which it has the bits of.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> times_transposed_lower(const Matrix<Scalar, N>& a,
+                                                       const Matrix<Scalar, N>& l) noexcept {
+  Matrix<Scalar, N> product;
+  for (int j = 0; j < N; ++j) {
+    Vector<Scalar, N> column = a.col(0) * l(j, 0);
+    for (int k = 1; k <= j; ++k) {
+      column += a.col(k) * l(j, k);
+    }
+    product.col(j) = column;
+  }
+  return product;
+}
+
+/// l p lᵀ of a lower triangle and an exactly symmetric p, symmetric but for rounding.
+template <typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, N> congruence_of_lower(const Matrix<Scalar, N>& l, const Matrix<Scalar, N>& p) noexcept {
+  const Matrix<Scalar, N> product = times_transposed_lower(p, l).transpose();
+  return times_transposed_lower(product, l);
+}
+
 /// x with l x = b, for a lower triangle whose diagonal has no zero; b may have any number of columns.
 template <typename Scalar, int N, int Columns>
 [[nodiscard]] Matrix<Scalar, N, Columns> solve_lower(const Matrix<Scalar, N>& l,
