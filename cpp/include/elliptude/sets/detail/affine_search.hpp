@@ -41,12 +41,14 @@ class AffineSearch {
 
   [[nodiscard]] const Scalar& least() const noexcept { return now_.value; }
   [[nodiscard]] const Multipliers& multipliers() const noexcept { return now_.mu; }
+  /// Where the bound is attained.
+  [[nodiscard]] const Vector<Scalar, N>& point() const noexcept { return now_.u; }
 
  private:
   struct Iterate {
     Multipliers mu;
     Matrix<Scalar, N> a;                    // A
-    Matrix<Scalar, N> root;                 // a lower triangle W with A⁻¹ = WᵀW
+    RootFreeFactor<Scalar, N> factor;       // of A
     Vector<Scalar, N> u;                    // where the bound is attained
     std::array<Vector<Scalar, N>, most> r;  // Aₖu + gₖ
     Multipliers slack;                      // at u: D's gradient
@@ -82,13 +84,12 @@ class AffineSearch {
     for (std::size_t k = 1; k < count_; ++k) {
       sum += mu[k] * forms_[k];
     }
-    RootFreeFactor<Scalar, N> factor;
-    if (factorize(Matrix<Scalar, N>(sum.template bottomRightCorner<N, N>()), factor) != Status::ok) {
+    if (factorize(Matrix<Scalar, N>(sum.template bottomRightCorner<N, N>()), it.factor) != Status::ok) {
       return false;
     }
     const Vector<Scalar, N> g = sum.template bottomLeftCorner<N, 1>();
-    const Vector<Scalar, N> of_w = solve(factor, w_);
-    const Vector<Scalar, N> of_g = solve(factor, g);
+    const Vector<Scalar, N> of_w = solve(it.factor, w_);
+    const Vector<Scalar, N> of_g = solve(it.factor, g);
     const Scalar grows = g.dot(of_g) - sum(0, 0);
     const Scalar falls = w_.dot(of_w);
     // Where it would fall for ever nothing satisfies all, and the multipliers stay as they are.
@@ -97,8 +98,7 @@ class AffineSearch {
     it.value = it.scale * grows + per_scale * falls - Scalar(2) * w_.dot(of_g);
     it.u = per_scale * of_w - of_g;
     it.a = it.scale * sum.template bottomRightCorner<N, N>();
-    factor.p *= per_scale;
-    it.root = inverse_root(factor);
+    it.factor.p *= per_scale;
     for (std::size_t k = 0; k < count_; ++k) {
       it.mu[k] = it.scale * mu[k];
       const Vector<Scalar, N> gradient = forms_[k].template bottomLeftCorner<N, 1>();
@@ -119,11 +119,12 @@ class AffineSearch {
     if (!(exchange < Scalar(4) * most_gain)) {
       return false;
     }
-    const Vector<Scalar, N> seen_w = now_.root.lazyProduct(w_);
+    const Matrix<Scalar, N> root = inverse_root(now_.factor);  // A⁻¹ is its square
+    const Vector<Scalar, N> seen_w = root.lazyProduct(w_);
     const Scalar per_square = Scalar(1) / seen_w.squaredNorm();
     Scalar gain(0);
     for (std::size_t k = 0; k < count_; ++k) {
-      const Vector<Scalar, N> seen = now_.root.lazyProduct(now_.r[k]);
+      const Vector<Scalar, N> seen = root.lazyProduct(now_.r[k]);
       const Scalar with_scale = seen.dot(seen_w);
       gain += gain_of(k, Scalar(2) * (seen.squaredNorm() - with_scale * with_scale * per_square));
     }

@@ -105,6 +105,8 @@ class QuotientSearch {
     }
     std::copy_n(search.multipliers().begin(), constraints_, x_.begin());
     x_[constraints_] = search.least() + f_(0, 0);
+    // There Z is singular along [1; u]: the proof will subtract its rounding from that, and a little more is for the other directions.
+    x_[constraints_] += scalar::constant<Scalar>(1.01L) * rounding_of(x_) * (Scalar(1) + search.point().squaredNorm());
     gap_ = Scalar(0);
     return true;
   }
