@@ -6,18 +6,19 @@
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
-#include "elliptude/linear/bordered_system.hpp"
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/sets/detail/affine_search.hpp"
+#include "elliptude/sets/detail/bordered_system.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
 
 namespace elliptude {
 
 namespace detail {
 
-/// Minimises s over Z = sG − ΣμₖMₖ − F = Σ xₖBₖ − F ⪰ 0, μ ≥ 0. The unknowns x are the multipliers, of which the first is the unit
-/// ball's, with Bₖ = −Mₖ, and after them s with B = G; by Newton's steps towards the least s − τ (log det Z + Σ log μₖ) with ever smaller τ. Every Z ≻ 0 on the way is a bound; in the
-/// end the least s for the multipliers found is taken. Where the question is linear, `AffineSearch` finds them for less.
+/// Minimises s over Z = sG − ΣμₖMₖ − F = Σ xₖBₖ − F ⪰ 0, μ ≥ 0. The unknowns x are the multipliers, the first of them the unit ball's,
+/// with Bₖ = −Mₖ, and then s with G for B. By Newton's steps towards the least s − τ (log det Z + Σ log μₖ) with ever smaller τ. Every
+/// Z ≻ 0 on the way is a bound; in the end about the least s for the multipliers found is taken. Where the question is linear,
+/// `AffineSearch` finds them for less.
 template <typename Scalar, int N>
 class QuotientSearch {
  public:
@@ -114,7 +115,8 @@ class QuotientSearch {
   /// The multipliers for any question, and an s.
   [[nodiscard]] bool find_by_barrier() noexcept {
     // Rounding has its place from the start, for multipliers of a few: at the end there would be no room for it.
-    relief_ = rounding::share<Scalar>(2 * rounding::quotient) * (size_of_f_ + Scalar(8) * (Scalar(1) + sizes_[constraints_]));
+    relief_ =
+        rounding::share<Scalar>(2 * rounding::quotient) * (size_of_f_ + Scalar(8) * (Scalar(1) + sizes_[constraints_]));
     if (!find_start()) {
       return false;
     }
@@ -308,7 +310,8 @@ class QuotientSearch {
   Scalar relief_;
   Unknowns x_;  // the multipliers, and s
   Form z_;
-  Scalar gap_;  // about what s may still fall for these multipliers, on the path where the barrier's slope is e₀/τ
+  Scalar
+      gap_;  // about what s may still fall, on the path where the barrier's slope is e/τ; zero where s is the least for x
   BorderedSystem<Scalar, most> system_;
 };
 

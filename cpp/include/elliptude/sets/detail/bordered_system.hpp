@@ -1,14 +1,14 @@
 #pragma once
 
 /// \file
-/// A symmetric positive definite system of a few equations, as many as are known at run time alone.
+/// A symmetric positive definite system of a few equations, how many is known at run time alone. (theory, section 16.11)
 
 #include <array>
 #include <cstddef>
 
 #include "elliptude/base/scalar.hpp"
 
-namespace elliptude {
+namespace elliptude::detail {
 
 /// H x = b with H = L diag(p)⁻¹ Lᵀ. The right side is one more column, so that eliminating the unknowns makes L⁻¹b of it too. Whole
 /// rows are added up, though of what is before the diagonal nothing is used: a sum of constant length is a few instructions.
@@ -68,4 +68,4 @@ class BorderedSystem {
   std::array<Scalar, Most> inverse_pivots_;
 };
 
-}  // namespace elliptude
+}  // namespace elliptude::detail
