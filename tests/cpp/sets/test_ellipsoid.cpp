@@ -948,3 +948,24 @@ TEST_CASE("sets that barely meet are not empty where their margin says so and th
   CHECK(met > 2000);
   CHECK(alone > 5);
 }
+
+TEST_CASE("what sets that barely meet have in common is bounded as sharply as that of others") {
+  Random random(32);
+  const Vector3<double> common = Vector3<double>::Zero();
+  int met = 0;
+  for (int i = 0; i < 300; ++i) {
+    const auto pair = barely_meeting_pair(random, 10, static_cast<long double>(random.log_uniform(1e-11, 1e-4)));
+    const Criterion<3> criterion = i % 2 == 0 ? Criterion<3>::volume() : Criterion<3>::trace();
+    Intersection<double, 3> result;
+    if (minimal_intersection(pair[0], pair[1], criterion, result) != Status::ok) {
+      continue;  // rounding has parted them
+    }
+    ++met;
+    const long double size = size_of<3>(result.set.shape.cast<long double>(), criterion);
+    const long double least = smallest_by_search(pair[0], pair[1], criterion);
+    CAPTURE(i);
+    REQUIRE(static_cast<double>(size - least) < 1e-3);
+    REQUIRE(form(result.set, common) < 1 + 1e-6);
+  }
+  CHECK(met > 290);
+}

@@ -88,7 +88,6 @@ void try_first_set(const Problem<Scalar, N, Slack>& problem, const RelativeSize<
 template <typename Scalar, int N, typename Slack>
 void least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
                        const Scalar& start, const Truth<Scalar>& idle, LanesFound<Scalar, N>& found) noexcept {
-  const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
   const Scalar longest(4);
   constexpr int most_steps = 60;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
@@ -125,7 +124,7 @@ void least_combination(const Problem<Scalar, N, Slack>& problem, const RelativeS
     Scalar next = log_q + move;
     next = scalar::select(next > low && next < high, next, Scalar(scalar::constant<Scalar>(0.5L) * (low + high)));
     log_q = scalar::select(settled, log_q, next);
-    settled = settled || scalar::abs(move) <= tolerance || high - low <= tolerance;
+    settled = settled || is_last_move<Scalar>(slope, move) || high - low <= rounding::root<Scalar>();
   }
   found.usual = found.usual && settled;
   found.share = q / (Scalar(1) + q);

@@ -279,6 +279,15 @@ template <typename Scalar>
   return move < longest ? move : longest;
 }
 
+/// Whether a step to where the slope is zero is the last: short, and short beside the width of the minimum, which of sets that barely
+/// meet is narrow. Newton's steps square the error: after one with |slope · move| ≤ ε^¼ the logarithm of the size exceeds its least
+/// value by a quarter of √ε at most. (theory, section 7.4) No branch depends on a number.
+template <typename Scalar>
+[[nodiscard]] auto is_last_move(const Scalar& slope, const Scalar& move) noexcept {
+  const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
+  return scalar::abs(move) <= tolerance && scalar::abs(Scalar(slope * move)) <= tolerance;
+}
+
 /// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was found.
 /// \param trial room to work in.
 template <typename Scalar, int N, typename Slack>
@@ -299,29 +308,26 @@ template <typename Scalar, int N, typename Slack>
 
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
 /// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
-/// iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as about the second set alone, and where the bracket of q is as
-/// narrow as the tolerance: beyond, rounding would choose the bound, and in float often one without volume.
+/// iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as about the second set alone,
+/// and where the bracket is as narrow as √ε: beyond, rounding would choose the bound.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status least_combination(const Problem<Scalar, N, Slack>& problem,
                                                              const RelativeSize<Scalar, N>& size, const Scalar& start,
                                                              Found<Scalar, N>& found) noexcept {
-  // Newton's steps square the error, and the size is flat at its minimum: after a step of ε^¼ the shape is right to about √ε
-  // and the size to about ε.
-  const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
   const Scalar longest(4);
-  const Scalar least = problem.least_weight();
   constexpr int most_steps = 60;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar log_q(0);  // less that of the start, which so needs neither a logarithm nor an exponential
   bool bounded = false;
+  bool is_last = false;
   bool first_set_tried = false;
   Combination<Scalar, N> trial;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar q = step == 0 ? start : Scalar(start * scalar::exp(log_q));
     Scalar move = longest;
-    if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > least))) {
+    if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > problem.least_weight()))) {
       low = log_q;
     } else {
       if (trial.level < Scalar(0)) {
@@ -340,6 +346,7 @@ template <typename Scalar, int N, typename Slack>
           scalar::abs(move) <= rounding::root<Scalar>()) {
         return Status::ok;
       }
+      is_last = is_last_move(slope, move);
       if (move < scalar::constant<Scalar>(-0.5L) && !first_set_tried) {
         first_set_tried = true;
         if (first_set_is_best(problem, size, trial, found)) {
@@ -352,7 +359,7 @@ template <typename Scalar, int N, typename Slack>
       next = scalar::constant<Scalar>(0.5L) * (low + high);
     }
     log_q = next;
-    if (bounded && (scalar::abs(move) <= tolerance || high - low <= tolerance)) {
+    if (bounded && (is_last || high - low <= rounding::root<Scalar>())) {
       break;
     }
   }
