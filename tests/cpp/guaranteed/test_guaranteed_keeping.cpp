@@ -13,14 +13,14 @@ using GyroFilter = GuaranteedFilter<GyroFlow>;
 
 const double largest = FilterDomain<double>::largest();
 
-GyroFilter gyro_filter(double noise, double drift) {
+GyroFilter gyro_filter(double noise, double drift, const GyroFilter::Settings& settings = {}) {
   GyroUncertainty<double> uncertainty;
   uncertainty.noise = noise * noise * Matrix3d::Identity();
   uncertainty.drift = drift * drift * Matrix3d::Identity();
   GyroFlow flow;
   REQUIRE(GyroFlow::make(uncertainty, GyroFlow::IntervalRate::mean, flow) == Status::ok);
   GyroFilter filter;
-  REQUIRE(GyroFilter::make(flow, {}, 0, filter) == Status::ok);
+  REQUIRE(GyroFilter::make(flow, settings, 0, filter) == Status::ok);
   return filter;
 }
 
@@ -120,4 +120,29 @@ TEST_CASE("a bias beyond the domain is not kept without the attitude") {
   REQUIRE(filter.knows_vector());
   REQUIRE(filter.predict(3, {Vector3d::Zero()}) == Status::ok);
   CHECK(!filter.knows_vector());
+}
+
+TEST_CASE("a linear measurement speaks of a bias that is to be left to its bound, as long as there is none") {
+  GyroFilter::Settings settings;
+  settings.estimates_vector = false;
+  // A bound that is to come later, or belonged to another filter, is none.
+  GyroFilter filter = gyro_filter(0, 0, settings);
+  REQUIRE(filter.bound_vector({Vector3d(5, 5, 5), 1e-6 * Matrix3d::Identity()}) == Status::ok);
+  REQUIRE(GyroFilter::make(filter.flow(), settings, 0, filter) == Status::ok);
+  REQUIRE(filter.start(gyro_set(0.1, 1)) == Status::ok);
+  const Vector6<double> error = (Vector6<double>() << 0.01, 0, 0, 0.5, 0, 0).finished();
+  LinearMeasurement<double, 1> linear{Vector<double, 1>::Zero(), Matrix<double, 1, 6>::Zero(),
+                                      Matrix<double, 1>::Constant(1e-6)};
+  for (const double of_bias : {0.1, 1.0}) {
+    linear.h << 1, 0, 0, of_bias, 0, 0;
+    linear.y = linear.h * error;
+    GyroFilter measured = filter;
+    Report report;
+    REQUIRE(measured.update(linear, report) == Status::ok);
+    const GyroState<double> truth{exp(Vector3d(error.head<3>())), error.tail<3>()};
+    double form = 2;
+    REQUIRE(quadratic_form(measured.ellipsoid(), truth, form) == Status::ok);
+    CHECK(form <= 1);
+    CHECK(measured.ellipsoid().shape.trace() < filter.ellipsoid().shape.trace());
+  }
 }

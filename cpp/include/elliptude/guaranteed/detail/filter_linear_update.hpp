@@ -26,7 +26,7 @@ class FilterLinearUpdate {
       return Status::unbounded;
     }
     LinearMeasurement<Scalar, Rows> seen = measurement;
-    if (!filter_.settings.estimates_vector && filter_.known.has_vector_bound) {
+    if (filter_.leaves_vector()) {
       if (const Status status = without_vector(seen); status != Status::ok) {
         return status;
       }
@@ -37,7 +37,7 @@ class FilterLinearUpdate {
     }
     QuadricFusion<Scalar, 6> fusion;
     Status status = Status::ok;
-    if (filter_.settings.estimates_vector) {
+    if (!filter_.leaves_vector()) {
       const Ellipsoid<Scalar, 6> predicted = filter_.known.set.in_coordinates();
       status = minimal_intersection(&predicted, &quadric, 1, filter_.settings.criterion, fusion);
     } else {

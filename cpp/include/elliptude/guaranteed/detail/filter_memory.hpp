@@ -41,6 +41,9 @@ struct FilterMemory {
     return settings.policy == Policy::relaxed && settings.most_wrong > 0;
   }
 
+  /// Whether the vector is left to its bound: the set is then a product of the attitude's and of that. (theory, section 16.7)
+  [[nodiscard]] bool leaves_vector() const noexcept { return !settings.estimates_vector && known.has_vector_bound; }
+
   [[nodiscard]] Claim present_claim() const noexcept {
     return !known.has_attitude ? Claim::none : trust.rests_on_drops() ? Claim::conditional : Claim::unconditional;
   }
@@ -64,7 +67,7 @@ struct FilterMemory {
   /// If the vector is left to its bound, nothing else is known about it.
   void confine(Set& set) const noexcept {
     if constexpr (!measures_rate) {
-      if (!settings.estimates_vector && known.has_vector_bound) {
+      if (leaves_vector()) {
         set.center.gyro_bias = known.vector_bound.center;
         set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known.vector_bound.shape);
       }

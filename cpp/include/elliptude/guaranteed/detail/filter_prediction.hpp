@@ -102,7 +102,7 @@ class FilterPrediction {
       if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) && turns_too_far(turn)) {
         return beyond_all_turns();
       }
-      if (!filter_.settings.estimates_vector && filter_.known.has_vector_bound) {
+      if (filter_.leaves_vector()) {
         return filter_.flow.predict_attitude(filter_.time, duration, input, filter_.known.vector_bound, set, predicted);
       }
     }
@@ -117,7 +117,7 @@ class FilterPrediction {
     if (turns_too_far(turn)) {
       return beyond_all_turns();
     }
-    if (!filter_.settings.estimates_vector && filter_.known.has_vector_bound) {
+    if (filter_.leaves_vector()) {
       return filter_.flow.predict_attitude_turn(duration, turn, angle, filter_.known.vector_bound, set, predicted);
     }
     return filter_.flow.predict_turn(duration, turn, angle, set, predicted);

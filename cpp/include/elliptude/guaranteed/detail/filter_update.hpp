@@ -93,7 +93,7 @@ class FilterUpdate {
   /// \param before what the filter knew.
   void leave(const Knowledge<State>& before, const Measurements<Scalar>& measurements,
              UpdateConstraints<State>& constraints) const noexcept {
-    const bool is_product = !filter_.settings.estimates_vector && filter_.known.has_vector_bound;
+    const bool is_product = filter_.leaves_vector();
     if (!filter_.known.has_attitude) {
       constraints.forget();
       return;
