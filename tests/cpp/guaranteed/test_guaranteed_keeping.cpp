@@ -146,3 +146,14 @@ TEST_CASE("a linear measurement speaks of a bias that is to be left to its bound
     CHECK(measured.ellipsoid().shape.trace() < filter.ellipsoid().shape.trace());
   }
 }
+
+TEST_CASE("a center with an entry that is no number is in no domain, wherever the entry is") {
+  for (int i = 0; i < 3; ++i) {
+    Vector3d vector(1, 2, 3);
+    vector(i) = std::numeric_limits<double>::quiet_NaN();
+    CHECK_FALSE(in_domain(Ellipsoid<double, 3>{vector, Matrix3d::Identity()}));
+    GibbsEllipsoid<GyroState<double>> set = gyro_set(0.1, 1);
+    set.center.gyro_bias = vector;
+    CHECK_FALSE(in_domain(set));
+  }
+}

@@ -24,7 +24,9 @@ struct FilterDomain {
 template <typename Scalar>
 [[nodiscard]] bool in_domain(const Ellipsoid<Scalar, 3>& vector) noexcept {
   const Scalar largest = FilterDomain<Scalar>::largest();
-  return vector.center.cwiseAbs().maxCoeff() <= largest && vector.shape.trace() <= largest * largest;
+  // The largest of numbers may be a number though one of them is none.
+  return scalar::all_finite(vector.center) && vector.center.cwiseAbs().maxCoeff() <= largest &&
+         vector.shape.trace() <= largest * largest;
 }
 
 /// The same about the same center, a little wider, so that it has an inverse: E(0, S) is in E(0, S + w²I).
@@ -39,8 +41,7 @@ template <typename Scalar>
 template <typename Scalar>
 [[nodiscard]] bool can_be_kept(const Ellipsoid<Scalar, 3>& vector) noexcept {
   Matrix3<Scalar> factor;
-  return scalar::all_finite(vector.center) && scalar::all_finite(vector.shape) && in_domain(vector) &&
-         cholesky(vector.shape, factor) == Status::ok;
+  return scalar::all_finite(vector.shape) && in_domain(vector) && cholesky(vector.shape, factor) == Status::ok;
 }
 
 /// Whether a set is finite and within the domain; false of NaN.
@@ -48,15 +49,16 @@ template <typename State>
 [[nodiscard]] bool in_domain(const GibbsEllipsoid<State>& set) noexcept {
   using Scalar = StateScalar<State>;
   const Scalar largest = FilterDomain<Scalar>::largest();
-  return scalar::all_finite(set.center.attitude) && scalar::all_finite(set.shape) &&
-         vector_part(set.center).cwiseAbs().maxCoeff() <= largest && set.shape.trace() <= largest * largest;
+  return scalar::all_finite(set.center.attitude) && scalar::all_finite(vector_part(set.center)) &&
+         scalar::all_finite(set.shape) && vector_part(set.center).cwiseAbs().maxCoeff() <= largest &&
+         set.shape.trace() <= largest * largest;
 }
 
 /// Whether a filter may keep a set: the one test that all sets pass before they are taken up.
 template <typename State>
 [[nodiscard]] bool can_be_kept(const GibbsEllipsoid<State>& set) noexcept {
   Matrix6<StateScalar<State>> factor;
-  return scalar::all_finite(vector_part(set.center)) && in_domain(set) && cholesky(set.shape, factor) == Status::ok;
+  return in_domain(set) && cholesky(set.shape, factor) == Status::ok;
 }
 
 }  // namespace elliptude
