@@ -174,7 +174,7 @@ def test_no_sampled_attitude_is_farther_off():
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3])
 def test_bounds_are_those_of_the_reference(count):
-    """n·γ/2 = tan(ψ/2) and |γ⊥|²/4 = sin²(α/2)(1 + |γ|²/4), by another search for the multipliers; equation (16.11)."""
+    """n·γ/2 = tan(ψ/2) and |γ⊥|²/4 = sin²(α/2)(1 + |γ|²/4), by another search for the multipliers; equation (16.5)."""
     for seed in range(4):
         scene = Scene(1000 + 100 * count + seed, count)
         bounds = scene.filter.bounds(UP)

@@ -174,8 +174,7 @@ template <typename Scalar, int N>
   if (const Status status = cholesky_semidefinite(ellipsoid.shape, l); status != Status::ok) {
     return status;
   }
-  const Vector<Scalar, N> present =
-      l.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
+  const Vector<Scalar, N> present = detail::present_coordinates(l);
   const Quadric<Scalar, N> seen = pullback(quadric, l, ellipsoid.center);
   const auto seen_slack = [&](const Vector<Scalar, N>& u) -> Scalar { return slack(seen, u); };
   const detail::AnySlack<Scalar, N> any_slack(seen_slack);
