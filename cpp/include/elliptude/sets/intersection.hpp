@@ -130,8 +130,9 @@ template <typename Scalar, int N>
 
 /// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
 /// family that two multipliers give, never larger than either set. One of the two may be flat.
-/// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if they have no
-/// common point; `beyond_domain` also of what they have in common.
+/// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if it is proved that they
+/// have no common point (of sets that differ far in size `overlap_margin` tells more; docs/domain.md); `beyond_domain` also of what
+/// they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
                                           const SizeCriterion<Scalar, N>& criterion,
