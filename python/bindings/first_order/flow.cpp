@@ -47,7 +47,7 @@ body : RigidBody
 potential : a potential, optional
     A free body if omitted.
 step : float
-    The longest step, s; an interval is divided into the fewest equal steps that are no longer.
+    The longest step, s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
 order : {2, 4, 6, 8}
     Order of the integrator.
 unknown_torque : float or (3, 3) array_like, optional

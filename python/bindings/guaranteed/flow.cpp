@@ -113,8 +113,8 @@ potential : Potential, optional
     Python has no bounds of its torque until they are stated: `StatedTorque`. A `StatedTorque` adds to the set some curvature ‖θ‖² of unknown torque, where θ is the set's largest
     angle and half of a step's turn: take short steps.
 step : float
-    The longest step, s; an interval is divided into the fewest equal steps that are no longer. The set holds the motion
-    whatever the step; a shorter one makes it smaller, and takes longer.
+    The longest step, s; an interval is divided into the fewest equal steps that are no longer but for a thousandth. The
+    set holds the motion whatever the step; a shorter one makes it smaller, and takes longer.
 unknown_torque : float or (3, 3) array_like, optional
     An additional unknown torque, at every time in a ball of this radius (N m) or an ellipsoid of this shape ((N m)²), body
     axes; it may change in any way.

@@ -152,6 +152,31 @@ TEST_CASE("the most steps of a prediction are a setting") {
   CHECK(first_order.predict(0, 1e100, {}, start, criterion, prediction) == Status::too_many_steps);
 }
 
+TEST_CASE("rounding of two times does not cost a second step") {
+  // The difference of two times is the longest step but for their rounding: with a second step the set would be another one.
+  const RigidBody<double> body;
+  const Set before{{Matrix3d::Identity(), Vector3d(0.3, -0.2, 0.1)}, 1e-4 * Matrix6<double>::Identity()};
+  Flow flow = free_flow(body, 0.1);
+  REQUIRE(flow.set_most_steps(1) == Status::ok);
+  RigidBodyFlow<double, FreeBody<double>> first_order;
+  REQUIRE(decltype(first_order)::make(body, {}, 0.1, 2, Matrix3d::Zero(), first_order) == Status::ok);
+  REQUIRE(first_order.set_most_steps(1) == Status::ok);
+  const auto criterion = SizeCriterion<double, 6>::trace();
+  for (const double first : {0.0, 20.0, 1e5, 1.7e9}) {
+    for (int k = 0; k < 40; ++k) {
+      const double time = first + 0.1 * k;
+      const double duration = first + 0.1 * (k + 1) - time;
+      Set after;
+      CHECK(flow.predict(time, duration, {}, before, after) == Status::ok);
+      Prediction<RigidBodyState<double>> prediction;
+      const StateEllipsoid<RigidBodyState<double>> start{before.center, before.shape};
+      CHECK(first_order.predict(time, duration, {}, start, criterion, prediction) == Status::ok);
+    }
+  }
+  Set after;
+  CHECK(flow.predict(0, 0.1002, {}, before, after) == Status::too_many_steps);
+}
+
 TEST_CASE("a caller can stop a prediction") {
   struct Counter {
     int asked = 0;

@@ -27,8 +27,8 @@ class GibbsSet(NamedTuple):
 
 
 def body_steps(duration: float, longest_step: float) -> int:
-    """The fewest steps that are no longer than the longest, but for rounding."""
-    return max(math.ceil(duration / longest_step * (1.0 - 16.0 * ROUNDING)), 1)
+    """The fewest steps that are no longer than the longest, but for a thousandth."""
+    return max(math.ceil(0.999 * duration / longest_step), 1)
 
 
 class Course(NamedTuple):

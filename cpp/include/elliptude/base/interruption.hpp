@@ -4,7 +4,7 @@
 /// How many steps a prediction may take, and how a caller stops a long one before its end.
 
 #include "elliptude/base/limits.hpp"
-#include "elliptude/base/rounding.hpp"
+#include "elliptude/base/scalar.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
@@ -40,12 +40,12 @@ class PredictionLimits {
   [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }
 
  protected:
-  /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest`.
+  /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest` by more than a thousandth:
+  /// the difference of two times is right to their rounding alone, and must not cost a second step.
   /// \return `too_many_steps`.
   template <typename Scalar>
   [[nodiscard]] Status divide(const Scalar& duration, const Scalar& longest, long& steps) const noexcept {
-    // A step that is longer than the longest only by rounding does not need another one.
-    const Scalar wanted = duration / longest * (Scalar(1) - rounding::share<Scalar>(rounding::steps));
+    const Scalar wanted = duration / longest * scalar::constant<Scalar>(0.999L);
     if (!(wanted <= Scalar(static_cast<scalar::Value<Scalar>>(most_steps_)))) {
       return Status::too_many_steps;
     }

@@ -32,7 +32,7 @@ class RigidBodyFlow : public PredictionLimits {
   struct Input {
     Vector3<Scalar> control_torque = Vector3<Scalar>::Zero();  ///< N m, body axes, constant over the interval
   };
-  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer.
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
   /// \param order of the integrator: 2, 4, 6 or 8.
   /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and anything
   ///        in the ellipsoid from step to step. Zero for none.

@@ -33,7 +33,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   using State = RigidBodyState<Scalar>;
   using Input = BodyInput<Scalar>;
 
-  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer. The set is valid for any
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth. The set is valid for any
   ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
   /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia error
   /// reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
