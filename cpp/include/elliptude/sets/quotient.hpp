@@ -41,7 +41,8 @@ class QuestionedSet {
   /// A bound of zᵀFz/zᵀGz over all z = [1; y] with y in the ellipsoid and in the quadrics: the least s for which multipliers μ ≥ 0
   /// with sG − F − ΣμₖMₖ ⪰ 0 were found, where zᵀMₖz is the slack of constraint k. Every such s is a bound, because no slack is
   /// negative in the set; the least of all is the best that the S-procedure gives, exact for the ellipsoid alone. The search ends
-  /// within about 1 % of it, or of what the ellipsoid alone gives divided by twenty. Rounding is on the safe side.
+  /// where about 1 % is left on the path that it follows. Off that path, in some sets that are thin to 1e-8 or have indefinite quadrics,
+  /// far more may be left: the bound holds and says less. Rounding is on the safe side.
   /// \param f, g symmetric, with G ⪰ 0.
   /// \param largest the bound s, which may be negative.
   /// \return `not_finite`; `unbounded` if no s was found.
