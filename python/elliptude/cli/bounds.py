@@ -149,7 +149,7 @@ def bounds(
     """
     if carried == "spacecraft":
         raise typer.BadParameter(_NO_RULE_IN_FREE_FALL, param_hint="--carried")
-    require_outputs((path for path in (out, rule) if path is not None), force=force)
+    require_outputs((path for path in (out, rule) if path is not None), force=force, read=[log, config])
     source = recording_of(log)
     named = {
         "gyroscope": (gyro, gyro_unit),

@@ -116,7 +116,7 @@ def convert(
     force: Force = False,
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
-    require_outputs([target], force=force)
+    require_outputs([target], force=force, read=[source, config])
     log = recording(source)
     if config is None:
         rows = conversion.convert(log, target, stream)
@@ -162,7 +162,7 @@ def calibrate(
     Nothing is fitted: every set of parameters that agrees with all samples within the stated bounds is kept, and what
     is left of the errors is a bound by the same statements.
     """
-    require_outputs([out], force=force)
+    require_outputs([out], force=force, read=[log, config, statements])
     configuration = read_configuration(config).model_copy(update={"calibration": None})
     known = read_statements(statements)
     if disturbance_ut is not None:

@@ -122,7 +122,7 @@ def estimate(
         # An error at the end is better found before a long estimation.
         html_report.plotly_script()
         files.append(report)
-    require_outputs(files, force=force, folder=out)
+    require_outputs(files, force=force, folder=out, read=[log, config])
     source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)

@@ -15,7 +15,9 @@ from elliptude.io.tables import Result
 FIGURE, SUMMARY = "estimate.png", "summary.json"
 
 
-def require_outputs(files: Iterable[Path], *, force: bool, folder: Path | None = None) -> None:
+def require_outputs(
+    files: Iterable[Path], *, force: bool, folder: Path | None = None, read: Iterable[Path | None] = ()
+) -> None:
     """Refuse what a command could not write in the end, before it works.
 
     Parameters
@@ -25,13 +27,23 @@ def require_outputs(files: Iterable[Path], *, force: bool, folder: Path | None =
         Whether files that are there may be replaced.
     folder : pathlib.Path, optional
         It is made if it is missing; that of any other file must be there.
+    read : iterable of pathlib.Path or None
+        What the command reads, which no output may replace; None is not given.
 
     Raises
     ------
     FileError
-        If a file cannot be written, or is there and must not be replaced.
+        If a file cannot be written, is there and must not be replaced, is what the command reads, or comes twice.
     """
+    needed = {path.resolve(): path for path in read if path is not None}
+    written = set[Path]()
     for file in files:
+        place = file.resolve()
+        if place in needed:
+            raise FileError(f"{file}: not written: it is what the command reads; give the output another name")
+        if place in written:
+            raise FileError(f"{file}: not written: two outputs have this name; give one of them another")
+        written.add(place)
         require_writable(file, makes_folders=folder is not None and file.parent.absolute() == folder.absolute())
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")

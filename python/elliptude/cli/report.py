@@ -23,7 +23,7 @@ from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.spool import recording
 from elliptude.report import comparison
-from elliptude.report.run import Run, read_run
+from elliptude.report.run import Run, files_of_run, read_run
 
 Results: TypeAlias = Annotated[
     Path, typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False)
@@ -67,7 +67,7 @@ def make_report(
     Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
     """
     files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
-    require_outputs(files, force=force, folder=pictures)
+    require_outputs(files, force=force, folder=pictures, read=[*files_of_run(result), reference, config])
     if reference is None:
         _require_none_of_reference("--config", config, reference_error_deg)
     run, read_label = read_run(result)
@@ -120,7 +120,7 @@ def view(
     is shown, or another attitude (--reference), or none.
     """
     if out is not None:
-        require_outputs([out], force=force)
+        require_outputs([out], force=force, read=[*files_of_run(result), log, config, reference, reference_config])
     if (log is None) != (config is None):
         raise typer.BadParameter("belong together: give both, or none", param_hint="--log and --config")
     if reference is None:

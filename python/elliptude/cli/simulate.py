@@ -68,9 +68,8 @@ def simulate(
     all_seeds = range(seed, seed + seeds)
     files = {n: f"measurements{f'_seed{n}' if seeds > 1 else ''}.{format}" for n in all_seeds}
     summary_file = out / "summary.json"
-    require_outputs(
-        (out / file for file in (*files.values(), "estimate.toml", summary_file.name)), force=force, folder=out
-    )
+    written = (out / file for file in (*files.values(), "estimate.toml", summary_file.name))
+    require_outputs(written, force=force, folder=out, read=[Path(scenario)])
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.
     summary_file.unlink(missing_ok=True)

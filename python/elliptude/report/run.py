@@ -443,6 +443,23 @@ def _require_words(table: Path, column: str, found: tuple[str, ...] | None, allo
             raise FileError(f"{table}: row {row + 1} below the header, column {column!r}: {word!r}, not {_or(allowed)}")
 
 
+def files_of_run(result: Path) -> list[Path]:
+    """What may be read of a result: itself, and what `elliptude estimate` wrote beside it or in it.
+
+    Parameters
+    ----------
+    result : pathlib.Path
+        A folder, or the table of results.
+
+    Returns
+    -------
+    list of pathlib.Path
+        Not all of them need be there.
+    """
+    folder = result if result.is_dir() else result.parent
+    return [result, *(folder / name for name in ("results.csv", "results.parquet", "summary.json", "dropped.csv"))]
+
+
 def _table_of(result: Path) -> Path:
     if not result.is_dir():
         return result

@@ -19,7 +19,7 @@ from elliptude.io.spool import recording
 from elliptude.logs.quaternion_readings import readings
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
-from elliptude.report.run import read_run
+from elliptude.report.run import files_of_run, read_run
 
 # s; a shorter time between two attitudes than rows have between them, and a longer one than a recording lasts.
 _SHORTEST_DELTA_S, _LONGEST_DELTA_S = 1e-3, 1e6
@@ -85,7 +85,8 @@ def compare(
     if all_pairs and delta_rows is None and delta_s is None:
         raise typer.BadParameter("needs --delta-rows or --delta-s", param_hint="--all-pairs")
     if tum is not None:
-        require_outputs((tum / name for name in ("estimate.tum", "reference.tum")), force=force, folder=tum)
+        files = [tum / name for name in ("estimate.tum", "reference.tum")]
+        require_outputs(files, force=force, folder=tum, read=[*files_of_run(result), reference, config])
     other = recording(reference)
     configuration = None if config is None else read_configuration(config)
     error_deg, source = reference_error(reference_error_deg, configuration)

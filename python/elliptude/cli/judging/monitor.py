@@ -27,7 +27,7 @@ from elliptude.logs.quaternion_readings import readings
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.monitoring import Limits, Monitored
 from elliptude.report import comparison, monitored
-from elliptude.report.run import Run, read_run
+from elliptude.report.run import Run, files_of_run, read_run
 from elliptude.results import CLAIMS
 
 _GroundFrame = Literal["ENU", "NED", "NWU"]
@@ -95,7 +95,7 @@ def monitor(
     quaternions are read in a wrong order or as their inverse.
     """
     files = [] if out is None else [out / name for name in (f"monitor.{format}", "monitor.png", "monitor.json")]
-    require_outputs(files, force=force, folder=out)
+    require_outputs(files, force=force, folder=out, read=[*files_of_run(log), estimate, config, estimate_config])
     limits = _limits(limit_deg, limit_tilt_deg, limit_heading_deg)
     if heading_free and (limit_deg is not None or limit_heading_deg is not None):
         raise typer.BadParameter("judges the tilt alone; --limit-tilt-deg is its limit", param_hint="--heading-free")

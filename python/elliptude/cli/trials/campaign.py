@@ -74,7 +74,7 @@ def campaign(
     if dask is not None and processes is not None:
         raise typer.BadParameter("with --dask the cluster says how many processes work", param_hint="--processes")
     # Those of a campaign that was begun are replaced, if it is this one.
-    require_outputs((out / name for name in FILES), force=True, folder=out)
+    require_outputs((out / name for name in FILES), force=True, folder=out, read=[config])
     plan = read_plan(config)
     with (
         _workers(dask) as executor,
