@@ -8,6 +8,7 @@ line is, 130 interrupted, 143 terminated.
 from __future__ import annotations
 
 import importlib
+import re
 import signal
 import sys
 from dataclasses import dataclass
@@ -103,6 +104,34 @@ def _stands_for_a_command() -> None:
     """A stand-in for ``--help``; the command itself is imported when it is called."""
 
 
+_SAID_OF_OPTIONS = {
+    r"^Value error, (.*?)\.?$": r"\1",
+    r"^Input should be a valid number.*": "not a number",
+    r"^Input should be a valid integer.*": "not a whole number",
+    r"^Input should be greater than or equal to (\S+)$": r"must be at least \1",
+    r"^Input should be less than or equal to (\S+)$": r"must be at most \1",
+    r"^Input should be ": "must be ",
+}
+"""What pydantic, by which typer reads options, says of a value (patterns), and what that is in other words."""
+
+
+def option_in_words(said: str) -> str:
+    """What is wrong with the value of an option, without the words of a library.
+
+    Parameters
+    ----------
+    said : str
+        By typer.
+
+    Returns
+    -------
+    str
+    """
+    for pattern, words in _SAID_OF_OPTIONS.items():
+        said = re.sub(pattern, words, said, flags=re.DOTALL)
+    return said
+
+
 def make_app() -> typer.Typer:
     """Put the commands together.
 
@@ -130,6 +159,9 @@ def make_app() -> typer.Typer:
         def invoke(self, ctx: Any) -> Any:
             try:
                 return super().invoke(ctx)
+            except typer.BadParameter as error:  # of a command's options, too: the group calls it
+                error.message = option_in_words(error.message)
+                raise
             except FileError as error:
                 message = str(error)
             except BrokenPipeError:  # `| head` has read enough; typer ends without a message

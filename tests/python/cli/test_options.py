@@ -124,3 +124,22 @@ def test_what_is_there_is_kept_and_the_option_named(files):
     assert done.exit_code == 1
     assert "out.toml is there already; --force replaces it" in done.output
     assert (files / "out.toml").read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("bounds", "x", "--carried", "plane"), "'plane' is not one of 'hand', 'drone', 'car', 'boat', 'spacecraft' "),
+        (("bounds", "x", "--margin", "wide"), "'--margin': not a number "),
+        (("validate", "--out", "x", "--trials", "1e3"), "'--trials': not a whole number "),
+        (("validate", "--out", "x", "--trials", "0"), "'--trials': must be at least 1 "),
+        (("validate", "--out", "x", "--processes", "9999"), "'--processes': must be at most 1024 "),
+        (("estimate", "x", "--config", "x", "--out", "x", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'parquet' "),
+    ],
+)
+def test_the_value_of_an_option_is_refused_in_our_words(arguments, said):
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert said in done.output
+    assert "Value error" not in done.output
+    assert "Input should" not in done.output
