@@ -8,6 +8,8 @@ line is, 130 interrupted, 143 terminated.
 from __future__ import annotations
 
 import importlib
+import inspect
+import io
 import re
 import signal
 import sys
@@ -36,7 +38,10 @@ class Command:
             module = importlib.import_module(f"elliptude.cli.{self.module}")
         except ModuleNotFoundError as error:
             _exit_for_want_of(error)
-        app.command(name)(getattr(module, self.function))
+        function = getattr(module, self.function)
+        # Lines of a docstring end where the source wraps; a terminal wraps paragraphs by itself.
+        paragraphs = (inspect.getdoc(function) or "").split("\n\n")
+        app.command(name, help="\n\n".join(" ".join(one.split()) for one in paragraphs))(function)
         return typer.main.get_command(app)
 
 
@@ -149,10 +154,12 @@ def make_app() -> typer.Typer:
     from typer.core import TyperGroup
 
     from elliptude import __version__
-    from elliptude.io.files import FileError, system_fault
+    from elliptude.io.files import FileError, require_unicode, system_fault
 
     class Group(TyperGroup):
         def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+            for one in args:
+                require_unicode(one)
             name, command, rest = super().resolve_command(ctx, args)
             return name, command and COMMANDS[str(command.name)].load(str(command.name)), rest
 
@@ -205,6 +212,9 @@ def main() -> None:
     """Run the command line; what `pip` installs as ``elliptude``."""
     # As an exception, so that temporary files are removed; by itself it would end the program at once.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # None if it is closed
+            stream.reconfigure(errors="replace")  # a terminal without ° or µ shows ?
     try:
         app = make_app()
     except ModuleNotFoundError as error:

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import secrets
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -75,6 +76,29 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     by_small_letters = {one.lower(): one for one in known}
     near = difflib.get_close_matches(name.lower(), by_small_letters, n=1, cutoff=0.75)
     return f", did you mean {by_small_letters[near[0]]!r}?" if near else ""
+
+
+def require_unicode(name: str) -> None:
+    """Refuse a name of a file that is no Unicode text: PyArrow and JSON cannot hold it.
+
+    Parameters
+    ----------
+    name : str
+        As the system gave it.
+
+    Raises
+    ------
+    FileError
+        If it has bytes that the system's encoding does not know.
+    """
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        shown = name.encode(errors="backslashreplace").decode()
+        raise FileError(
+            f"'{shown}': a name that is no text in this system's encoding, {sys.getfilesystemencoding()}: rename the "
+            "file, or set a locale of UTF-8, such as LC_ALL=C.UTF-8"
+        ) from None
 
 
 @contextmanager

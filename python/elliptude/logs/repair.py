@@ -24,6 +24,8 @@ from elliptude.typing import FloatArray
 _A_STEP = 0.9
 # A step that so many of all are shorter than is a long one, but no pause.
 _NO_PAUSE = 0.95
+# Rows of which each is earlier than the one above show that all are in reverse order; in fewer a clock may have jumped.
+_LEAST_REVERSED = 3
 MOST_PLACES = 20
 """How many places of a fault are kept, the first ones."""
 _MOST_SAID = 3
@@ -262,6 +264,12 @@ def _look_at_stamps(
     _add(found, file, np.flatnonzero(missing & ~left_out), f"rows without a time in {clock.column!r}", "left out")
     left_out |= missing
     kept = np.flatnonzero(~left_out & ~np.isnan(times))
+    if len(kept) > _LEAST_REVERSED and (np.diff(times[kept]) < 0.0).all():
+        found.hopeless.append(
+            f"the times in {clock.column!r} fall from the first row to the last: the rows are in reverse order. Turn "
+            "them round, so that the earliest comes first"
+        )
+        return
     late, ahead, hopeless = _out_of_order(times[kept], marks[kept])
     _add(found, file, kept[late], f"rows whose time in {clock.column!r} is before that of a row above", "left out")
     _add(found, file, kept[ahead], f"rows whose time in {clock.column!r} is after that of rows below", "left out")

@@ -383,6 +383,12 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
     for sensor in configuration.directions:
         if sensor.kind != "direction" and sensor.kind not in vectors:
             there = samples[sensor.name]
+            if not np.isfinite(there.values[:, 0]).any():
+                columns = ", ".join(sensor.columns)
+                raise FileError(
+                    f"{name}: {sensor.name!r} ({columns}) is measured at no row: leave it out, by a configuration or "
+                    "by options that name the columns of the other sensors (--time, --gyro, --accelerometer)"
+                )
             vectors[sensor.kind] = _at(gyro.times, there.times, there.values[:, :3])
             together &= np.isin(gyro.times, there.times)
     attitudes = None

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import subprocess
 import sys
 
@@ -59,3 +60,34 @@ def test_a_command_that_lacks_a_module_says_which(monkeypatch):
     with pytest.raises(SystemExit) as stopped:
         COMMANDS["report"].load("report")
     assert "elliptude.cli.report, which is not installed: pip install 'elliptude[cli]'" in str(stopped.value)
+
+
+def test_the_lines_of_help_end_where_the_terminal_does():
+    shown = CliRunner().invoke(make_app(), ["bounds", "--help"], env={"COLUMNS": "100"}).output
+    lines = [line.strip() for line in shown[shown.index("A configuration, --like") :].splitlines()]
+    assert all(len(line) > 80 for line in lines[:3]), lines[:4]
+
+
+def command(*arguments, **environment):
+    """The command line as a process of its own."""
+    program = "import sys; sys.argv[0] = 'elliptude'; from elliptude.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, env=os.environ | environment, check=False
+    )
+
+
+def test_a_terminal_without_the_sign_of_a_degree_shows_another(tmp_path):
+    log = tmp_path / "log.csv"
+    header = [f"{kind} {axis} ({unit})" for kind, unit in (("Gyr", "deg/s"), ("Acc", "m/s^2")) for axis in "XYZ"]
+    rows = [f"{0.01 * i:.2f},0,0,{0.01 * (i % 2)},0,0,9.8" for i in range(100)]
+    log.write_text("\n".join(["Time (s)," + ",".join(header), *rows]) + "\n")
+    done = command("bounds", str(log), PYTHONIOENCODING="ascii")
+    assert done.returncode == 0, done.stderr
+    assert b"gyro: rate, ?/s" in done.stdout
+
+
+def test_a_name_that_is_no_text_is_refused_with_a_remedy():
+    done = command("bounds", b"M\xfcnchen.csv", LC_ALL="C.UTF-8")
+    assert done.returncode == 1
+    assert b"error: 'M\\udcfcnchen.csv': a name that is no text in this system's encoding, utf-8: rename" in done.stderr
+    assert b"Traceback" not in done.stderr

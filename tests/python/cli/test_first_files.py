@@ -101,3 +101,35 @@ def test_arrays():
     times[500] = 2.49
     with pytest.raises(ValueError, match=r"time\[500\] is 2\.49, not after time\[499\], 2\.495: times must increase"):
         el.ahrs(times, *arrays)
+
+
+def with_lines(folder, change):
+    log = write(folder, HEADER, columns_of(made()))
+    header, *rows = log.read_text().splitlines()
+    log.write_text("\n".join(change(header, rows)) + "\n")
+    return log
+
+
+def test_a_header_in_the_middle(tmp_path):
+    log = with_lines(tmp_path, lambda header, rows: [header, *rows[:500], header, *rows[500:]])
+    assert "first.csv: line 502: the header again: delete this line or" in refuse("bounds", log)
+
+
+def test_rows_in_reverse_order(tmp_path):
+    log = with_lines(tmp_path, lambda header, rows: [header, *rows[::-1]])
+    for options in ([], ["--repair"]):
+        message = refuse("bounds", log, *options)
+        assert "the times in 'Time (s)' fall from the first row to the last: the rows are in reverse order" in message
+        assert "Cut the file" not in message
+
+
+@pytest.mark.parametrize(("first", "name"), [(4, "up"), (7, "field")])
+def test_a_sensor_without_a_measurement(tmp_path, first, name):
+    def without(row):
+        return ",".join("" if first <= i < first + 3 else cell for i, cell in enumerate(row.split(",")))
+
+    log = with_lines(tmp_path, lambda header, rows: [header, *map(without, rows)])
+    message = refuse("bounds", log)
+    assert (
+        f"first.csv: {name!r} ({', '.join(HEADER[first : first + 3])}) is measured at no row: leave it out" in message
+    )

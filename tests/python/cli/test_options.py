@@ -134,7 +134,10 @@ def test_what_is_there_is_kept_and_the_option_named(files):
         (("validate", "--out", "x", "--trials", "1e3"), "'--trials': not a whole number "),
         (("validate", "--out", "x", "--trials", "0"), "'--trials': must be at least 1 "),
         (("validate", "--out", "x", "--processes", "9999"), "'--processes': must be at most 1024 "),
-        (("estimate", "x", "--config", "x", "--out", "x", "--format", "xlsx"), "'xlsx' is not one of 'csv', 'parquet' "),
+        (
+            ("estimate", "x", "--config", "x", "--out", "x", "--format", "xlsx"),
+            "'xlsx' is not one of 'csv', 'parquet' ",
+        ),
     ],
 )
 def test_the_value_of_an_option_is_refused_in_our_words(arguments, said):

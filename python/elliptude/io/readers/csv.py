@@ -213,6 +213,11 @@ class CsvTable(NumbersAlone):
                     f"{self.path}: line {line}: {len(cells)} columns, but the header has {len(self.written)}, "
                     f"separated by {mark}"
                 )
+            if cells == list(self.written):
+                raise FileError(
+                    f"{self.path}: line {line}: the header again: delete this line or, if another recording begins "
+                    "here, cut the file"
+                )
             for name, kind in types.items():
                 cell = cells[self.written.index(name)].strip(" \t")
                 if not cell or kind == pa.string() or (self.lenient and cell in MISSING):
