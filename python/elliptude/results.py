@@ -379,12 +379,12 @@ class GuaranteedLog:
         """How far each row's attitude may be off, arrays of shape (n,), if a vertical was given."""
         return None if self.question_bounds is None else AttitudeBounds(*self.question_bounds.T)
 
-    def forms(self, true_attitudes: NDArray[np.float64], true_vectors: NDArray[np.float64] | None = None) -> FloatArray:
+    def forms(self, true_attitudes: AttitudeLike, true_vectors: NDArray[np.float64] | None = None) -> FloatArray:
         """Where the truth is in the sets, in the Gibbs chart: [γ; δ]ᵀ P⁻¹ [γ; δ], at most 1 inside.
 
         Parameters
         ----------
-        true_attitudes : (n, 3, 3) array_like
+        true_attitudes : (n, 3, 3) array_like, or Rotation of SciPy
             From body to reference axes.
         true_vectors : (n, 3) array_like, optional
             Without it the form is of γ alone, in the projection of the set on the attitude. With
@@ -396,10 +396,8 @@ class GuaranteedLog:
         (n,) ndarray
             NaN where there is no set, or no truth.
         """
-        forms: FloatArray = np.asarray(
-            _core._gibbs_forms(self.attitudes, self.vectors, self.shapes, true_attitudes, true_vectors)
-        )
-        return forms
+        matrices = true_attitudes.as_matrix() if isinstance(true_attitudes, SupportsAsMatrix) else true_attitudes
+        return np.asarray(_core._gibbs_forms(self.attitudes, self.vectors, self.shapes, matrices, true_vectors))
 
     def shapes_exponential(self) -> FloatArray:
         """Shapes (n, 6, 6) in the exponential chart of sets about the same centers that contain those of `shapes`."""
@@ -470,8 +468,8 @@ class AhrsResult:
         """The share of rows with each claim of the attitude."""
         return {claim: float(np.mean(self.claims == claim)) for claim in CLAIMS}
 
-    def contains(self, true_attitudes: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether attitudes (n, 3, 3), from body to the same axes, are in the sets, shape (n,)."""
+    def contains(self, true_attitudes: AttitudeLike) -> NDArray[np.bool_]:
+        """Whether attitudes (n, 3, 3) or a Rotation of SciPy, from body to the same axes, are in the sets, (n,)."""
         inside: NDArray[np.bool_] = self.sets.forms(true_attitudes) <= 1.0
         return inside
 

@@ -48,13 +48,15 @@ def ahrs(
     acc: Any,
     mag: Any,
     statements: str | os.PathLike[str],
-    stated_units: Mapping[str, str],
+    stated_units: Mapping[str, Any],
     implausible: str,
     questions: Sequence[str] = (),
 ) -> AhrsResult:
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
+    if not isinstance(questions, Sequence):
+        raise TypeError(f"questions: {questions!r}, not a list of words: {', '.join(_QUESTIONS)}")
     for question in (questions := [questions] if isinstance(questions, str) else questions):
         if question not in _QUESTIONS:
             raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
@@ -112,14 +114,14 @@ def ahrs(
     )
 
 
-def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, str]) -> tuple[ArrayLog, Tables]:
+def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:
     """The arrays as a log, and which of its columns are which sensors."""
     times = times_of(time)
     columns: dict[str, FloatArray] = {"time[:]": times}
     named: dict[str, tuple[list[str], str]] = {}
     for name, values in sensors.items():
         known, unit = _UNITS[name], stated[name]
-        if unit not in known:
+        if not isinstance(unit, str) or unit not in known:
             raise ValueError(f"{name}_unit: {unit!r} is none of {', '.join(known)}")
         if values is None and name == "mag":
             continue
@@ -170,15 +172,15 @@ def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike
     return validate(file.path, document.unwrap(), Configuration)
 
 
-def _rule(statements: str | os.PathLike[str]) -> Tables:
+def _rule(statements: Any) -> Tables:
     """The table ``rule`` of a configuration: by how a sensor is carried, or in a file."""
     for carried in get_args(Carried):
         if statements == carried:
             stated = rule_for(carried).model_dump(mode="json", exclude_none=True)
             return {"kind": "hand_held"} if carried == "hand" else {"kind": "stated"} | stated
-    if not Path(statements).exists():
+    if not isinstance(statements, str | os.PathLike) or not Path(statements).exists():
         words = ", ".join(repr(word) for word in (*get_args(Carried), "recording"))
-        raise ValueError(f"statements: {os.fspath(statements)!r} is none of {words}, and there is no such file")
+        raise ValueError(f"statements: {statements!r} is none of {words}, and there is no such file")
     return {"kind": "file", "file": os.fspath(statements)}
 
 

@@ -1,5 +1,6 @@
 """Checks of the arrays that a user gives: NumPy's, lists, and columns of pandas or Polars. Messages name the place."""
 
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ def times_of(time: Any) -> FloatArray:
     TypeError, ValueError
         If they are no times that increase; the message has the first place.
     """
-    found = _array("time", time)
+    found = _dates(_array("time", time))
     if found.ndim != 1 or len(found) < 3:
         raise ValueError(f"time: shape {found.shape}, not (N,) with N at least 3")
     if found.dtype.kind in "mM":
@@ -65,18 +66,31 @@ def _array(name: str, values: Any) -> NDArray[Any]:
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     to_numpy = getattr(values, "to_numpy", None)
+    if to_numpy is not None and getattr(getattr(values, "dtype", None), "tz", None) is not None:
+        return np.asarray(to_numpy(dtype="datetime64[ns]"))  # pandas, with a time zone: as UTC
     try:
         return np.asarray(values if to_numpy is None else to_numpy())
     except ValueError as error:  # rows of different lengths
         raise TypeError(f"{name}: not an array of numbers: {error}") from error
 
 
+def _dates(found: NDArray[Any]) -> NDArray[Any]:
+    """Python's dates with a time, in UTC, as NumPy's; what is none as it is."""
+    if found.dtype != object or found.ndim != 1 or not all(isinstance(one, datetime) for one in found):
+        return found
+    utc = [one if one.tzinfo is None else one.astimezone(UTC).replace(tzinfo=None) for one in found]
+    return np.array(utc, dtype="datetime64[ns]")
+
+
 def _numbers(name: str, found: NDArray[Any]) -> FloatArray:
     if found.dtype == object:
-        try:
-            return np.array([np.nan if one is None else float(one) for one in found.ravel()]).reshape(found.shape)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"{name}: not an array of numbers: {error}") from error
+        numbers = np.empty(found.size)
+        for i, one in enumerate(found.ravel()):
+            try:
+                numbers[i] = np.nan if one is None else float(one)
+            except (TypeError, ValueError) as error:
+                raise TypeError(f"{name}: an array with {one!r}, a {type(one).__name__}, not of numbers") from error
+        return numbers.reshape(found.shape)
     if found.dtype.kind not in "iuf":
         raise TypeError(f"{name}: an array of {found.dtype}, not of numbers")
     return found.astype(np.float64)

@@ -289,3 +289,38 @@ def test_a_wrong_unit_of_the_gyro_is_told(recording):
     times, rates, forces, fields, _ = recording
     with pytest.raises(ValueError, match=r"degrees|radians"):
         el.ahrs(times, np.rad2deg(rates), forces, fields, mag_unit="uT")
+
+
+def test_dates_with_a_time_zone_are_times(recording):
+    pandas = pytest.importorskip("pandas")
+    times, *sensors, _ = recording
+    zoned = pandas.to_datetime(1.7e9 + times, unit="s", utc=True).tz_convert("Europe/Berlin")
+    expected = el.ahrs(zoned.tz_convert("UTC").tz_localize(None), *sensors, mag_unit="uT")
+    for time in (zoned, pandas.Series(zoned), list(zoned), zoned.to_pydatetime()):
+        found = el.ahrs(time, *sensors, mag_unit="uT")
+        np.testing.assert_allclose(found.times, expected.times, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(found.quaternions, expected.quaternions, rtol=0, atol=1e-4)
+
+
+def test_a_rotation_of_scipy_is_an_attitude(recording, by_hand):
+    attitudes = recording[-1]
+    inside = by_hand.contains(Rotation.from_matrix(attitudes))
+    assert inside.all()
+    np.testing.assert_array_equal(inside, by_hand.contains(attitudes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"gyr_unit": ["rad/s"]}, "gyr_unit: ['rad/s'] is none of rad/s, deg/s"),
+        ({"statements": None}, "statements: None is none of 'hand'"),
+        ({"questions": None}, "questions: None, not a list of words: reference_turns, body_turns, attitude"),
+        ({"time": [object()] * 1200}, "time: an array with <object"),
+        ({"acc": np.full((1200, 3), "up", dtype=object)}, "acc: an array with 'up', a str, not of numbers"),
+    ],
+)
+def test_what_is_of_a_wrong_type_is_named(recording, changes, said):
+    times, gyr, acc, mag, _ = recording
+    arguments = {"time": times, "gyr": gyr, "acc": acc, "mag": mag, "mag_unit": "uT"} | changes
+    with pytest.raises((TypeError, ValueError), match=re.escape(said)):
+        el.ahrs(**arguments)
