@@ -67,7 +67,9 @@ def bounds(
         typer.Option(help=f"Columns and units of a known kind of file: {', '.join(presets())}.", show_default=False),
     ] = None,
     time: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
-    time_unit: Annotated[str, typer.Option(help="s, ms, 0.1ms, us or ns.")] = "s",
+    time_unit: Annotated[
+        str | None, typer.Option(help="s, ms, 0.1ms, us or ns; s if left out.", show_default=False)
+    ] = None,
     gyro: Annotated[str | None, typer.Option(help="Three columns, separated by commas.", show_default=False)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", show_default=False)] = None,
     accelerometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,

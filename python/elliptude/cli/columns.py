@@ -3,7 +3,7 @@
 import csv
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import typer
@@ -25,7 +25,7 @@ def tables_of(
     config: Path | None,
     like: str | None,
     time: str | None,
-    time_unit: str,
+    time_unit: str | None,
     named: dict[str, tuple[str | None, str | None]],
     truth: str | None,
     stated: Stated,
@@ -37,6 +37,14 @@ def tables_of(
         raise typer.BadParameter("give one of a configuration, --like, and columns by name")
     if at_rest is not None and (config is not None or (like is None and not by_name)):
         raise typer.BadParameter("goes with columns by name or --like", param_hint="--at-rest")
+    if not by_name:
+        _require_none(
+            "goes with columns by name: --time, --gyro and so on", {"--time-unit": time_unit, "--truth": truth}
+        )
+    for name, (columns, unit) in named.items():
+        if columns is None:
+            option = "--gyro" if name == "gyroscope" else f"--{name}"
+            _require_none(f"is of the columns that {option} names", {f"{option}-unit": unit})
     if config is not None:
         return load_toml(config), config
     if like is not None:
@@ -73,9 +81,16 @@ def tables_of(
     if (time is None) != has_stamps or "gyroscope" not in sensors:
         needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
         raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
-    found = mapping.of_sensors(time, time_unit, sensors, _listed(truth, 4, "--truth") if truth else ())
+    found = mapping.of_sensors(time, time_unit or "s", sensors, _listed(truth, 4, "--truth") if truth else ())
     turn_at_rest(found, at_rest)
     return found, log
+
+
+def _require_none(why: str, options: Mapping[str, str | None]) -> None:
+    """Refuse an option that would count for nothing."""
+    for option, value in options.items():
+        if value is not None:
+            raise typer.BadParameter(why, param_hint=option)
 
 
 def state_field(tables: Tables, field_ut: float | None, config: Path | None) -> None:

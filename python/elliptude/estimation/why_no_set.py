@@ -33,7 +33,7 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
         if says[:, i].any():
             continue
         if not np.isfinite(rows.directions[:, i, 0]).any():
-            hints.append(f"{name!r} is measured at no row")
+            hints.append(_not_measured(name, run, configuration))
         elif np.isfinite(rows.angles[:, i]).any():
             hints.append(f"the bounds of {name!r} allow any direction, at every row")
         else:
@@ -56,6 +56,19 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
                 "nothing of the turn"
             )
     return hints or ["no set could be formed from its bounds: `elliptude check` says what is suspicious"]
+
+
+def _not_measured(name: str, run: GuaranteedRun, configuration: Configuration) -> str:
+    """Why a direction counts at no row: it is not in the log, or the gaps of the gyro leave no window to average it."""
+    names = [sensor.name for sensor in configuration.directions]
+    is_there = name in names and bool(np.isfinite(run.log.directions[:, names.index(name), 0]).any())
+    if not is_there or run.rows.gyro is None or not run.gaps:
+        return f"{name!r} is measured at no row"
+    return (
+        f"{name!r} counts as a mean over a window, and none fits between {len(run.gaps)} gaps of the gyro, intervals "
+        f"longer than {run.rows.gyro.longest_interval:.4g} s: if the bound of its noise covers longer ones, state that "
+        "(longest_interval_s)"
+    )
 
 
 def _nothing_bounds_the_rate(run: GuaranteedRun, configuration: Configuration) -> bool:

@@ -133,3 +133,24 @@ def test_a_sensor_without_a_measurement(tmp_path, first, name):
     assert (
         f"first.csv: {name!r} ({', '.join(HEADER[first : first + 3])}) is measured at no row: leave it out" in message
     )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--truth", "qw,qx,qy,qz"], "--truth: goes with columns by name"),
+        (["--time-unit", "ms"], "--time-unit: goes with columns by name"),
+        (["--time-unit", "s"], "--time-unit: goes with columns by name"),
+        (["--gyro-unit", "rad/s"], "--gyro-unit: is of the columns that --gyro names"),
+        (["--accelerometer-unit", "g"], "--accelerometer-unit: is of the columns that --accelerometer names"),
+        (
+            ["--time", HEADER[0], "--gyro", ",".join(HEADER[1:4]), "--gyro-unit", "deg/s", "--magnetometer-unit", "G"],
+            "--magnetometer-unit: is of the columns that --magnetometer names",
+        ),
+    ],
+)
+def test_an_option_that_would_count_for_nothing(tmp_path, options, said):
+    log = write(tmp_path, HEADER, columns_of(made()))
+    done = CliRunner().invoke(app(), ["bounds", str(log), *options], env={"COLUMNS": "300"})
+    assert done.exit_code == 2, done.output
+    assert f"Invalid value for {said}" in done.output

@@ -87,3 +87,20 @@ def test_a_filter_says_why_it_has_no_set():
 def test_a_gyro_filter_names_its_bias(bound):
     gyro = el.GuaranteedFilter(el.GuaranteedGyroFlow(0.01), vector_bound=bound)
     assert ("nothing bounds the gyro's bias" in gyro.why_no_set) == (bound is None)
+
+
+def test_uneven_stamps_leave_no_window():
+    rng = np.random.default_rng(1)
+    times = 0.01 * np.arange(1500) + rng.uniform(-0.004, 0.004, 1500)
+    rates = np.outer(np.sin(np.clip(times - 3.0, 0.0, None)), [0.5, 0.2, 0.1])
+    attitudes = [np.eye(3)]
+    for step, rate in zip(np.diff(times), 0.5 * (rates[1:] + rates[:-1]), strict=True):
+        attitudes.append(attitudes[-1] @ el.exp(step * rate))
+    forces = np.einsum("nji,j->ni", attitudes, [0.0, 0.0, 9.81])
+    fields = np.einsum("nji,j->ni", attitudes, [0.0, 20.0, -40.0])
+    found = el.ahrs(times, rates, forces, fields, mag_unit="uT", statements="recording")
+    assert set(found.claims) == {"none"}
+    assert "'up' is measured at no row" not in found.notes
+    (why,) = [note for note in found.notes if note.startswith("'up' counts as a mean over a window, and none fits")]
+    assert "gaps of the gyro, intervals longer than 0.015" in why
+    assert "longest_interval_s" in why
