@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What is measured, in time by `benchmark_core` and in instructions by `instructions_core`: each operation is a function
-/// that runs `count` times and returns a number made of all the results, so that none of them can be left out.
+/// What is measured, in time by `benchmark_core` and in instructions by `instructions_core`: each operation is a
+/// function that runs `count` times and returns a number made of all the results, so that none of them can be left out.
 
 #include <array>
 #include <cmath>
@@ -158,8 +158,8 @@ struct Pair {
 
 constexpr std::size_t pair_count = 64;
 
-/// What an update of the scenario `orbit` meets at 7 degrees: a measured ellipsoid, and one that 30 steps have carried on
-/// from such a measurement; the truth is in both.
+/// What an update of the scenario `orbit` meets at 7 degrees: a measured ellipsoid, and one that 30 steps have carried
+/// on from such a measurement; the truth is in both.
 inline std::array<Pair, pair_count> typical_pairs() {
   auto motion = gravity_gradient_motion();
   Random random;
@@ -209,7 +209,8 @@ double fuse(long count) {
   return sum;
 }
 
-/// A prediction about as wide as the measurements: three directions and the angular velocity, all about the predicted center.
+/// A prediction about as wide as the measurements: three directions and the angular velocity, all about the predicted
+/// center.
 struct Gathered {
   Ellipsoid6 predicted;
   std::array<HalfQuadric<double>, 4> quadrics;
@@ -304,7 +305,8 @@ inline double gyro_row(long count) {
 
 // --- the guaranteed filter --------------------------------------------------------------------------------------------
 
-/// What a spacecraft of the scenario `orbit` measures at each step at 7 degrees: three directions and the angular velocity.
+/// What a spacecraft of the scenario `orbit` measures at each step at 7 degrees: three directions and the angular
+/// velocity.
 struct Cycle {
   double time;
   std::array<Direction<double>, 3> directions;
@@ -334,8 +336,8 @@ inline std::array<Cycle, cycle_count> typical_cycles() {
   return cycles;
 }
 
-/// One step of the flow and the fusion of all measurements with its end, for a filter that has been running; and with `asks` the
-/// bounds of tilt and heading after it.
+/// One step of the flow and the fusion of all measurements with its end, for a filter that has been running; and with
+/// `asks` the bounds of tilt and heading after it.
 template <SizeCriterion<double, 6>::Kind kind, bool asks>
 double guaranteed_cycle(long count) {
   static const std::array<Cycle, cycle_count> cycles = typical_cycles();

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What a user would take instead, as plain as it is usually written, on the same inputs and measured in the same run: for ratios
-/// that mean something on any machine. None of it bounds anything.
+/// What a user would take instead, as plain as it is usually written, on the same inputs and measured in the same run:
+/// for ratios that mean something on any machine. None of it bounds anything.
 
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
@@ -66,8 +66,9 @@ double quaternion_step(long count) {
   return sum + state.attitude.coeffs().sum();
 }
 
-/// A multiplicative extended Kalman filter of [ζ; δω]: Runge–Kutta and a transition matrix of second order, scalar measurements
-/// one after another. (Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2)
+/// A multiplicative extended Kalman filter of [ζ; δω]: Runge–Kutta and a transition matrix of second order, scalar
+/// measurements one after another. (Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and
+/// Control, 6.2)
 template <typename Potential>
 class KalmanFilter {
  public:

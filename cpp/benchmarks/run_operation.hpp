@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The program of `instructions_core` and `instructions_peers`: it runs one operation a number of times, for tools/count_instructions.sh
-/// to count the instructions of; without arguments, it lists the operations.
+/// The program of `instructions_core` and `instructions_peers`: it runs one operation a number of times, for
+/// tools/count_instructions.sh to count the instructions of; without arguments, it lists the operations.
 
 #include <cstdio>
 #include <cstdlib>

@@ -1,6 +1,7 @@
-// What the attitudes of a motion cost: processor time to errors of 1e-3, 1e-6 and 1e-9 rad, of the worst of 1,000 equally spaced
-// outputs, of the integrators here and of those that a user would take instead. It prints a line for each method and motion,
-// with tabs between: the motion, the method, and milliseconds for each error, or a dash where none of its settings reaches it.
+// What the attitudes of a motion cost: processor time to errors of 1e-3, 1e-6 and 1e-9 rad, of the worst of 1,000
+// equally spaced outputs, of the integrators here and of those that a user would take instead. It prints a line for
+// each method and motion, with tabs between: the motion, the method, and milliseconds for each error, or a dash where
+// none of its settings reaches it.
 
 #include <cmath>
 #include <cstdio>

@@ -1,13 +1,13 @@
-// SPDX-License-Identifier: MIT
-// The C interface: the guaranteed filters of elliptude.h, compiled once. Compile this file with -ffp-contract=off and without
-// -ffast-math (the core refuses that), as cpp/c_interface/CMakeLists.txt does; the rest of a program may have any flags.
+// SPDX-License-Identifier: MIT The C interface: the guaranteed filters of elliptude.h, compiled once. Compile this file
+// with -ffp-contract=off and without -ffast-math (the core refuses that), as cpp/c_interface/CMakeLists.txt does; the
+// rest of a program may have any flags.
 
 // One order of sums on every processor.
 #ifndef EIGEN_DONT_VECTORIZE
 #define EIGEN_DONT_VECTORIZE
 #endif
-// Functions of templates are the same function in all of a program for the linker. With names of their own those of this file are not
-// mixed with what other files make of the same headers with other flags.
+// Functions of templates are the same function in all of a program for the linker. With names of their own those of
+// this file are not mixed with what other files make of the same headers with other flags.
 #define elliptude elliptude_of_c_interface
 #define Eigen Eigen_of_c_interface
 

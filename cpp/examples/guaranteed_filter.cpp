@@ -1,5 +1,6 @@
-// A spacecraft that spins about a principal axis, with a star tracker, a Sun sensor and a gyro whose errors are bounded. At one
-// moment the Sun sensor sees a reflection instead: the filter proves that something is wrong, leaves it out, and says so.
+// A spacecraft that spins about a principal axis, with a star tracker, a Sun sensor and a gyro whose errors are
+// bounded. At one moment the Sun sensor sees a reflection instead: the filter proves that something is wrong, leaves it
+// out, and says so.
 #include <elliptude/elliptude.hpp>
 #include <iostream>
 

@@ -1,5 +1,5 @@
-// A spacecraft on a circular orbit, turned by the gravity gradient: integrates one orbit and prints attitude, energy and
-// angular momentum.
+// A spacecraft on a circular orbit, turned by the gravity gradient: integrates one orbit and prints attitude, energy
+// and angular momentum.
 
 #include <cstdio>
 #include <elliptude/dynamics/integrator.hpp>
@@ -7,8 +7,8 @@
 using elliptude::Status;
 
 int main() {
-  // Every function that can fail says so by a status; nothing throws. This one is `invalid_inertia` for a matrix that no
-  // distribution of masses has.
+  // Every function that can fail says so by a status; nothing throws. This one is `invalid_inertia` for a matrix that
+  // no distribution of masses has.
   elliptude::RigidBody<double> body;
   const Eigen::Matrix3d inertia = Eigen::Vector3d(1.0, 2.8, 2.0).asDiagonal();  // kg m²
   if (const Status status = elliptude::RigidBody<double>::make(inertia, body); status != Status::ok) {

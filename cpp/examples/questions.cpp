@@ -1,5 +1,6 @@
-// Single questions to what one update leaves possible: how far a spacecraft may be turned about its camera's axis, how fast it may turn
-// about that axis, and the set of its attitude alone. Each answer is sharper than the filter's set, which answers all at once.
+// Single questions to what one update leaves possible: how far a spacecraft may be turned about its camera's axis, how
+// fast it may turn about that axis, and the set of its attitude alone. Each answer is sharper than the filter's set,
+// which answers all at once.
 #include <elliptude/elliptude.hpp>
 #include <iostream>
 

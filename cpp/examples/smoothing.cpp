@@ -1,5 +1,6 @@
-// A spacecraft with a gyro whose bias is not known, and a star tracker that sees one star at a time. What was possible at a moment is
-// known better when more has been measured: with a fixed lag while the stream runs, and for the whole recording at its end.
+// A spacecraft with a gyro whose bias is not known, and a star tracker that sees one star at a time. What was possible
+// at a moment is known better when more has been measured: with a fixed lag while the stream runs, and for the whole
+// recording at its end.
 #include <elliptude/elliptude.hpp>
 #include <iostream>
 #include <vector>

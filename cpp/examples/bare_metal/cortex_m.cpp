@@ -1,6 +1,6 @@
-// A Cortex-M with a floating-point unit and nothing else: vector table, start-up, semihosting, and counts of instructions and stack.
-// The counts are true where QEMU runs it with `-icount shift=0`: the processor then needs 1 ns for each instruction, and SysTick
-// counts its 25 MHz.
+// A Cortex-M with a floating-point unit and nothing else: vector table, start-up, semihosting, and counts of
+// instructions and stack. The counts are true where QEMU runs it with `-icount shift=0`: the processor then needs 1 ns
+// for each instruction, and SysTick counts its 25 MHz.
 #include <cstddef>
 #include <cstdint>
 

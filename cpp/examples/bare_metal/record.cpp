@@ -1,5 +1,5 @@
-// Records what is replayed: a spacecraft that tumbles, four directions and its angular velocity with errors that keep their bounds.
-// Writes the rows to the standard output, to be included by C++.
+// Records what is replayed: a spacecraft that tumbles, four directions and its angular velocity with errors that keep
+// their bounds. Writes the rows to the standard output, to be included by C++.
 #include <cstdint>
 #include <cstdio>
 #include <elliptude/dynamics/integrator.hpp>

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Replays the recording through a filter. It writes a digest of each set's bits, its width in nrad, and what predictions and
-/// updates cost.
+/// Replays the recording through a filter. It writes a digest of each set's bits, its width in nrad, and what
+/// predictions and updates cost.
 
 #include <cstdint>
 #include <elliptude/elliptude.hpp>

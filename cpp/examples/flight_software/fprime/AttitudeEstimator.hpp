@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// A component in the style of F´ around the guaranteed filter of a gyro. It is compiled here against a stub of what F´ makes of
-/// AttitudeEstimator.fpp, and has never run under F´.
+/// A component in the style of F´ around the guaranteed filter of a gyro. It is compiled here against a stub of what F´
+/// makes of AttitudeEstimator.fpp, and has never run under F´.
 
 #include <elliptude.h>
 

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Bounds of single questions about an attitude: how far it may be tilted, how far turned about the vertical, how far in all. Each
-/// has multipliers of its own, so that it is as sharp as the constraints allow. (theory, section 16.11)
+/// Bounds of single questions about an attitude: how far it may be tilted, how far turned about the vertical, how far
+/// in all. Each has multipliers of its own, so that it is as sharp as the constraints allow. (theory, section 16.11)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/quotient.hpp"
@@ -13,8 +13,8 @@ namespace elliptude {
 template <typename Scalar>
 struct AttitudeBounds {
   Scalar tilt;  ///< between the vertical as seen from the body in both attitudes
-  /// Of the turn about the vertical that is left when the tilt is taken away by the shortest turn, from the center's to the others:
-  /// the least and the most, about the vertical in the sense of a right-handed screw.
+  /// Of the turn about the vertical that is left when the tilt is taken away by the shortest turn, from the center's to
+  /// the others: the least and the most, about the vertical in the sense of a right-handed screw.
   Scalar heading_from;
   Scalar heading_to;
   Scalar angle;  ///< of the turn from one to the other: cos(angle/2) = cos(tilt/2) cos(heading/2), each at its largest
@@ -91,12 +91,12 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// The bounds for the attitudes with γ, the Gibbs vector about the center, in a set and in `count` quadrics. Of the heading ψ it is
-/// n·γ/2 = tan(ψ/2), of the tilt α ‖γ⊥‖²/4 = sin²(α/2) (1 + ‖γ‖²/4).
+/// The bounds for the attitudes with γ, the Gibbs vector about the center, in a set and in `count` quadrics. Of the
+/// heading ψ it is n·γ/2 = tan(ψ/2), of the tilt α ‖γ⊥‖²/4 = sin²(α/2) (1 + ‖γ‖²/4).
 /// \param set about zero. It may hold no half turn, as no ellipsoid of γ does.
 /// \param vertical n, in the body axes at the center, a unit vector to rounding.
-/// \return the status of `see` and of `largest_quotient`, but for `unbounded`, which is an angle of π; `empty_intersection` if the bounds prove that
-/// nothing satisfies all.
+/// \return the status of `see` and of `largest_quotient`, but for `unbounded`, which is an angle of π;
+/// `empty_intersection` if the bounds prove that nothing satisfies all.
 template <typename Scalar>
 [[nodiscard]] Status attitude_bounds(const Ellipsoid<Scalar, 3>& set, const Quadric<Scalar, 3>* quadrics,
                                      std::size_t count, const Vector3<Scalar>& vertical,
@@ -121,8 +121,8 @@ template <typename Scalar>
   if (!(most + least >= Scalar(0))) {
     return Status::empty_intersection;
   }
-  // The center, the vertical and the functions below are right to a few roundings of one, and the heading as many over the cosine of
-  // half the tilt: next to a tilt of π it is lost.
+  // The center, the vertical and the functions below are right to a few roundings of one, and the heading as many over
+  // the cosine of half the tilt: next to a tilt of π it is lost.
   const Scalar cosine_square = Scalar(1) - sine_square;
   const Scalar slip = rounding::share<Scalar>(rounding::center + rounding::direction);
   const Scalar slip_of_heading =

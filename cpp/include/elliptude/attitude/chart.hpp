@@ -25,7 +25,8 @@ struct ExponentialChart {
     return length;
   }
 
-  /// An error ζ about Ĉ, seen from Ĉ' with Ĉ = Ĉ' exp(S(a)), is a + G ζ to first order: G = J_r⁻¹(a). (theory, section 10)
+  /// An error ζ about Ĉ, seen from Ĉ' with Ĉ = Ĉ' exp(S(a)), is a + G ζ to first order: G = J_r⁻¹(a).
+  /// (theory, section 10)
   template <typename Scalar>
   [[nodiscard]] static Matrix3<Scalar> seen_from(const Vector3<Scalar>& offset) noexcept {
     return right_jacobian_inverse(offset);
@@ -38,8 +39,8 @@ struct ExponentialChart {
   }
 };
 
-/// γ = 2 tan(θ/2) n, twice the Gibbs vector, equal to ζ to second order: a chart up to half turns in which a direction's cone is
-/// a quadric.
+/// γ = 2 tan(θ/2) n, twice the Gibbs vector, equal to ζ to second order: a chart up to half turns in which a
+/// direction's cone is a quadric.
 struct GibbsChart {
   template <typename Scalar>
   [[nodiscard]] static Vector3<Scalar> error(const Matrix3<Scalar>& center, const Matrix3<Scalar>& attitude) noexcept {
@@ -51,7 +52,8 @@ struct GibbsChart {
     return center * cayley(scalar::constant<Scalar>(0.5L) * gamma);
   }
 
-  /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). For a single component γᵢ it bounds |ζᵢ|. (theory, section 16)
+  /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). For a single component γᵢ it bounds |ζᵢ|.
+  /// (theory, section 16)
   template <typename Scalar>
   [[nodiscard]] static Scalar angle(const Scalar& length) noexcept {
     return Scalar(2) * scalar::atan2(Scalar(scalar::constant<Scalar>(0.5L) * length), Scalar(1));

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// Caps of the sphere: a direction that is known within an angle, and what two of them have in common. (theory, section 18.9)
+/// Caps of the sphere: a direction that is known within an angle, and what two of them have in common.
+/// (theory, section 18.9)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
@@ -28,8 +29,8 @@ template <typename Scalar>
   return cap.angle >= Scalar(0) ? Status::ok : Status::out_of_range;
 }
 
-/// Where the directions are in body axes after the body has turned by the rotation `turn`, and before, after or within that by at
-/// most `angle`, rad, about any axis.
+/// Where the directions are in body axes after the body has turned by the rotation `turn`, and before, after or within
+/// that by at most `angle`, rad, about any axis.
 template <typename Scalar>
 [[nodiscard]] DirectionCap<Scalar> turned(const DirectionCap<Scalar>& cap, const Matrix3<Scalar>& turn,
                                           const Scalar& angle) noexcept {
@@ -38,12 +39,13 @@ template <typename Scalar>
               rounding::share<Scalar>(rounding::direction)};
 }
 
-/// A small cap about what two caps have in common. With |x − cᵢ|² ≤ vᵢ = 4 sin²(rᵢ/2), α + β = 1 and D = |c₁ − c₂|, the unit
-/// vector m along w = αc₁ + βc₂ has
+/// A small cap about what two caps have in common. With |x − cᵢ|² ≤ vᵢ = 4 sin²(rᵢ/2), α + β = 1 and D = |c₁ − c₂|, the
+/// unit vector m along w = αc₁ + βc₂ has
 ///
 ///     |x − m|² ≤ (αv₁ + βv₂ − 2αβD²/(1 + ‖w‖))/‖w‖,   ‖w‖² = 1 − αβD²,
 ///
-/// for any weights. With those here m is the middle of the arc on which both circles meet. The result is never larger than either.
+/// for any weights. With those here m is the middle of the arc on which both circles meet. The result is never larger
+/// than either.
 /// \param first, second about unit vectors.
 /// \return `empty_intersection` if the bound is negative: they have no common direction.
 template <typename Scalar>

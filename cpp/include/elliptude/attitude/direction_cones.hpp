@@ -3,9 +3,10 @@
 /// \file
 /// Measured directions with bounds as cones of attitudes, and weighted sums of these cones. (theory, section 15)
 ///
-/// "The directions eᵢ and b̃ᵢ are at most rᵢ apart in attitude C", ∠(Cᵀeᵢ, b̃ᵢ) ≤ rᵢ, is a cone. With C = Ĉ C(q), q = (w, x) a unit
-/// quaternion, it is exactly xᵀNᵢx − 2w dᵢᵀx ≤ sᵢ, and so is every sum of cones with weights μᵢ ≥ 0. With any weights the
-/// sum holds all attitudes that the cones have in common; the weights only decide how small the ellipsoid is.
+/// "The directions eᵢ and b̃ᵢ are at most rᵢ apart in attitude C", ∠(Cᵀeᵢ, b̃ᵢ) ≤ rᵢ, is a cone. With C = Ĉ C(q), q =
+/// (w, x) a unit quaternion, it is exactly xᵀNᵢx − 2w dᵢᵀx ≤ sᵢ, and so is every sum of cones with weights μᵢ ≥ 0. With
+/// any weights the sum holds all attitudes that the cones have in common; the weights only decide how small the
+/// ellipsoid is.
 ///
 /// Rounding is on the safe side throughout: an attitude that satisfies every cone is in the resulting set, and data
 /// that are called contradictory are so. This widens the set by a few roundings of the directions.
@@ -36,7 +37,8 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// Cones added up with weights, the largest of which counts as one: the attitudes Ĉ C(q), q = (w, x), with xᵀNx − 2w Dᵀx ≤ R. (eq. 15.4)
+/// Cones added up with weights, the largest of which counts as one: the attitudes Ĉ C(q), q = (w, x), with xᵀNx − 2w
+/// Dᵀx ≤ R. (eq. 15.4)
 template <typename Scalar>
 struct ConeSum {
   Matrix3<Scalar> attitude;   ///< Ĉ
@@ -47,8 +49,9 @@ struct ConeSum {
 };
 
 /// The smallest ellipsoid, in the chart's coordinates, about a sum of cones. (eqs. 15.6, 15.7)
-/// \return `empty_intersection` if no attitude satisfies the sum, which is a proof that some bound is wrong; `unbounded` if half
-/// turns about Ĉ satisfy it, so that it reaches beyond every chart, or if rounding hides whether they do.
+/// \return `empty_intersection` if no attitude satisfies the sum, which is a proof that some bound is wrong;
+/// `unbounded` if half turns about Ĉ satisfy it, so that it reaches beyond every chart, or if rounding hides whether
+/// they do.
 template <typename Chart, typename Scalar>
 [[nodiscard]] Status bounding_ellipsoid(const ConeSum<Scalar>& sum, Ellipsoid<Scalar, 3>& ellipsoid) noexcept {
   SymmetricEigen<Scalar, 3> eigen;
@@ -138,8 +141,8 @@ class DirectionCones {
           !(result.body_[i].squaredNorm() > scalar::constant<Scalar>(0.5L))) {
         return Status::zero_direction;
       }
-      // Unit vectors in the computer, seen through an attitude that is nearly a rotation, are within a few roundings of the
-      // true ones: this is added to the bound. (theory, 15.7)
+      // Unit vectors in the computer, seen through an attitude that is nearly a rotation, are within a few roundings of
+      // the true ones: this is added to the bound. (theory, 15.7)
       const Scalar sine = scalar::sin(Scalar((r + rounding::share<Scalar>(rounding::direction)) / Scalar(2)));
       result.width_[i] = Scalar(2) * sine * sine;
     }
@@ -178,7 +181,8 @@ class DirectionCones {
     if (!(largest > Scalar(0))) {
       return Status::out_of_range;
     }
-    // Shares of the largest: no sum overflows, and what underflows is far below what rounding is allowed. (theory, 15.7)
+    // Shares of the largest: no sum overflows, and what underflows is far below what rounding is allowed.
+    // (theory, 15.7)
     Weights share{};
     Scalar total(0);
     Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
@@ -212,10 +216,11 @@ class DirectionCones {
     return Status::ok;
   }
 
-  /// Weights that make the ellipsoid of the Gibbs chart about the solution for `weights_by_bound` small: at most twelve Newton
-  /// steps in log μ from there, each of which makes it smaller. If half turns are in the set for the first weights, it looks
-  /// for others that exclude them. Any weights give a valid set, so nothing depends on how far the search got. If a sum of
-  /// cones on the way proves that the data contradict each other, it ends with those weights. (theory, 15.6)
+  /// Weights that make the ellipsoid of the Gibbs chart about the solution for `weights_by_bound` small: at most twelve
+  /// Newton steps in log μ from there, each of which makes it smaller. If half turns are in the set for the first
+  /// weights, it looks for others that exclude them. Any weights give a valid set, so nothing depends on how far the
+  /// search got. If a sum of cones on the way proves that the data contradict each other, it ends with those weights.
+  /// (theory, 15.6)
   [[nodiscard]] Weights minimal_weights(const Matrix3<Scalar>& attitude, WahbaCriterion criterion) const noexcept;
 
  private:

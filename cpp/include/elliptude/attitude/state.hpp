@@ -45,7 +45,8 @@ struct ScalarOfState<GyroState<Scalar>> {
 template <typename State>
 using StateScalar = typename ScalarOfState<State>::Type;
 
-/// The error x = [ζ; δ] of a state about a center: C = Ĉ exp(S(ζ)), and the difference of the vectors; in the Gibbs chart [γ; δ].
+/// The error x = [ζ; δ] of a state about a center: C = Ĉ exp(S(ζ)), and the difference of the vectors; in the Gibbs
+/// chart [γ; δ].
 template <typename Chart = ExponentialChart, typename State>
 [[nodiscard]] Vector6<StateScalar<State>> state_error(const State& center, const State& state) noexcept {
   Vector6<StateScalar<State>> x;

@@ -9,8 +9,8 @@
 
 namespace elliptude {
 
-/// The set {retract(center, x) : xᵀ P⁻¹ x ≤ 1} in the coordinates x of a chart. P, rad² and rad²/s², is the shape of a set, not
-/// a covariance.
+/// The set {retract(center, x) : xᵀ P⁻¹ x ≤ 1} in the coordinates x of a chart. P, rad² and rad²/s², is the shape of a
+/// set, not a covariance.
 template <typename State, typename Chart = ExponentialChart>
 struct StateEllipsoid {
   using Scalar = StateScalar<State>;
@@ -89,12 +89,13 @@ template <typename State, typename Chart>
 
 namespace detail {
 
-/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls for the rounding of the new
-/// center, in attitude (rad) and vector.
+/// What a change of coordinates adds to a shape: E(0, `factor`² P_attitude) in the attitude, and balls for the rounding
+/// of the new center, in attitude (rad) and vector.
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> with_attitude_added(const Matrix6<Scalar>& shape, const Scalar& factor,
                                                   const Scalar& attitude_slip, const Scalar& vector_slip) noexcept {
-  // The slips are of different coordinates, together in E(0, 2 R), and beside the ellipsoid share p: (1 + p) and (1 + 1/p).
+  // The slips are of different coordinates, together in E(0, 2 R), and beside the ellipsoid share p: (1 + p) and (1 +
+  // 1/p).
   const Scalar square = attitude_slip * attitude_slip;
   const Scalar least = scalar::constant<Scalar>(1.0L / 64.0L);
   const Scalar size = factor * factor * shape.template topLeftCorner<3, 3>().trace();
@@ -139,7 +140,8 @@ template <typename State>
   b.diagonal().array() += Scalar(1) / scale;
   State moved = retract<GibbsChart>(center, ellipsoid.center);
   moved.attitude = renormalized(moved.attitude);  // the rounding of many updates without a prediction must not add up
-  // A turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little more as a is not nothing; rounding of B acts on γ.
+  // A turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little more as a is not nothing; rounding of B
+  // acts on γ.
   const Scalar stretch = Scalar(1) / (Scalar(1) - e);
   const Scalar square_reach = stretch * stretch * ellipsoid.shape.template topLeftCorner<3, 3>().trace();
   const Scalar attitude_slip = rounding::share<Scalar>(rounding::center) * (Scalar(1) + square_reach);
@@ -165,8 +167,8 @@ template <typename State, typename Chart>
   return Status::ok;
 }
 
-/// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ, with τ at the
-/// largest angle in the set. (theory, section 16)
+/// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ,
+/// with τ at the largest angle in the set. (theory, section 16)
 /// \return the status of `validate`; `unbounded` if the set holds half turns.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Wahba's problem (paper, §2.1): the attitude C that minimises ½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² for reference directions eᵢ and the same
-/// directions b̃ᵢ measured in body axes. With the attitude profile L = Σ wᵢ eᵢ b̃ᵢᵀ it maximises tr(CᵀL).
+/// Wahba's problem (paper, §2.1): the attitude C that minimises ½ Σ wᵢ ‖eᵢ − C b̃ᵢ‖² for reference directions eᵢ and
+/// the same directions b̃ᵢ measured in body axes. With the attitude profile L = Σ wᵢ eᵢ b̃ᵢᵀ it maximises tr(CᵀL).
 ///
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
@@ -152,8 +152,8 @@ struct FoamSolution {
   Matrix3<Scalar> curvature;  ///< tr(A) I − ½(A + Aᵀ), A = CᵀL: the cost's second derivatives
 };
 
-/// The largest root of the quartic of which λ = σ₁ + σ₂ + s₃ is one, (λ² − ‖L‖²)² = 8λ det L + 4‖adj L‖², by Newton's steps from
-/// above, where it is convex. (theory, eq. 8.5)
+/// The largest root of the quartic of which λ = σ₁ + σ₂ + s₃ is one, (λ² − ‖L‖²)² = 8λ det L + 4‖adj L‖², by Newton's
+/// steps from above, where it is convex. (theory, eq. 8.5)
 /// \return whether it has settled: where the root is double, the steps are short and slow.
 template <typename Scalar>
 [[nodiscard]] bool foam_root(const Scalar& square, const Scalar& determinant, const Scalar& adjugate_square,
@@ -174,7 +174,8 @@ template <typename Scalar>
   return false;
 }
 
-/// C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ (theory, eq. 8.6), and one step of Newton's method on the cost. No branch depends on a number.
+/// C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ (theory, eq. 8.6), and one step of Newton's method on the cost. No branch
+/// depends on a number.
 /// \param sum κ + ‖L‖².
 template <typename Scalar>
 [[nodiscard]] FoamSolution<Scalar> foam_attitude(const Matrix3<Scalar>& profile, const Matrix3<Scalar>& cofactors,
@@ -246,8 +247,8 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// Markley's FOAM: C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ without a decomposition, and one step of Newton's method; `svd` where
-/// the condition may be above a thousand. The condition is right to half of the digits. (theory, eq. 8.6)
+/// Markley's FOAM: C = [(κ + ‖L‖²) L + λ adj Lᵀ − L Lᵀ L]/ζ without a decomposition, and one step of Newton's method;
+/// `svd` where the condition may be above a thousand. The condition is right to half of the digits. (theory, eq. 8.6)
 /// \return `not_finite`; `attitude_undetermined`.
 template <typename Scalar>
 [[nodiscard]] Status attitude_by_foam(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude,
@@ -261,8 +262,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The paper's Theorem 1: L = QR with Q in SO(3), C = SL, S = Q √((RRᵀ)⁻¹) Qᵀ. It is the polar factor of L, and a rotation only
-/// if det L > 0. Forming RRᵀ squares the condition of L.
+/// The paper's Theorem 1: L = QR with Q in SO(3), C = SL, S = Q √((RRᵀ)⁻¹) Qᵀ. It is the polar factor of L, and a
+/// rotation only if det L > 0. Forming RRᵀ squares the condition of L.
 /// \return `not_finite`; `improper_profile` if det L is not positive or L is singular to rounding.
 template <typename Scalar>
 [[nodiscard]] Status attitude_by_qr(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude,

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// All attitudes that agree with measured directions, when the error of each is bounded by an angle: an ellipsoid that contains
-/// them, without linearization, for errors of any size. (theory, section 15)
+/// All attitudes that agree with measured directions, when the error of each is bounded by an angle: an ellipsoid that
+/// contains them, without linearization, for errors of any size. (theory, section 15)
 
 #include "elliptude/attitude/direction_cones.hpp"
 
@@ -16,7 +16,8 @@ struct WahbaSet {
   Scalar margin;               ///< R as a share of Σ μᵢ 2 sin²(rᵢ/2): 1 for directions that fit exactly
 };
 
-/// The sum of directions within their bounds, with given weights: everything that `wahba_set` uses, even if it finds no set.
+/// The sum of directions within their bounds, with given weights: everything that `wahba_set` uses, even if it finds no
+/// set.
 /// \return what `DirectionCones::make` and `add_up` say; `out_of_range` if the number of weights differs.
 template <typename Reference, typename Body, typename Bounds, typename Weights>
 [[nodiscard]] Status cone_sum(const Eigen::MatrixBase<Reference>& reference, const Eigen::MatrixBase<Body>& body,
@@ -37,16 +38,16 @@ template <typename Reference, typename Body, typename Bounds, typename Weights>
   return cones.add_up(chosen, sum);
 }
 
-/// An ellipsoid that contains every attitude for which each direction is within its bound: the smallest about the sum of the
-/// directions' cones with the weights.
+/// An ellipsoid that contains every attitude for which each direction is within its bound: the smallest about the sum
+/// of the directions' cones with the weights.
 /// \tparam Chart `ExponentialChart` or `GibbsChart`, in whose coordinates the ellipsoid is.
 /// \param reference 3 × m, directions in reference axes, of any length; m is at most 32.
 /// \param body 3 × m, the same directions as measured in body axes.
 /// \param bounds m angles between 0 and π, rad: the largest angle between the measured direction and the true one.
-/// \param weights m numbers of any magnitude, not negative, not all zero: they count as shares of the largest. A direction with
-/// weight zero is not used.
-/// \return the status of `cone_sum`; `empty_intersection`, a proof that some bound is wrong; `unbounded` if half turns about the
-/// attitude cannot be excluded, as with one direction, collinear ones, or very large bounds.
+/// \param weights m numbers of any magnitude, not negative, not all zero: they count as shares of the largest. A
+/// direction with weight zero is not used.
+/// \return the status of `cone_sum`; `empty_intersection`, a proof that some bound is wrong; `unbounded` if half turns
+/// about the attitude cannot be excluded, as with one direction, collinear ones, or very large bounds.
 template <typename Chart, typename Reference, typename Body, typename Bounds, typename Weights>
 [[nodiscard]] Status wahba_set(const Eigen::MatrixBase<Reference>& reference, const Eigen::MatrixBase<Body>& body,
                                const Eigen::MatrixBase<Bounds>& bounds, const Eigen::MatrixBase<Weights>& weights,
@@ -64,7 +65,8 @@ template <typename Chart, typename Reference, typename Body, typename Bounds, ty
   return Status::ok;
 }
 
-/// The set for weights that make it small, by `DirectionCones::minimal_weights`; never larger than for weights of 1/(1 − cos rᵢ).
+/// The set for weights that make it small, by `DirectionCones::minimal_weights`; never larger than for weights of 1/(1
+/// − cos rᵢ).
 /// \param weights m numbers that come out: the weights, the largest of them 1.
 /// \return as `wahba_set`; `unbounded` if no weights that exclude half turns were found.
 template <typename Chart, typename Reference, typename Body, typename Bounds, typename Weights>

@@ -1,13 +1,16 @@
 #pragma once
 
 /// \file
-/// exp, log, sin, cos and atan2 of `double` and `float`, with errors that are proved (theory, section 17.11) and the same bits with
-/// every compiler and processor of IEEE arithmetic (docs/flight.md): nothing but sums, products and quotients of the type itself, and
-/// integers. They do not set errno. Infinities, NaN, signed zeros and subnormal numbers are taken and given as C's functions do.
+/// exp, log, sin, cos and atan2 of `double` and `float`, with errors that are proved (theory, section 17.11) and the
+/// same bits with every compiler and processor of IEEE arithmetic (docs/flight.md): nothing but sums, products and
+/// quotients of the type itself, and integers. They do not set errno. Infinities, NaN, signed zeros and subnormal
+/// numbers are taken and given as C's functions do.
 ///
-/// base/rounding.hpp has their errors (`exp_units` and so on), beside which half of the smallest positive number may be lost.
+/// base/rounding.hpp has their errors (`exp_units` and so on), beside which half of the smallest positive number may be
+/// lost.
 
-// Sums in another order, or numbers that are taken for finite, make the proofs of this library void, and these functions wrong.
+// Sums in another order, or numbers that are taken for finite, make the proofs of this library void, and these
+// functions wrong.
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || \
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0)
 #error "elliptude: the guarantee covers IEEE arithmetic: compile without -ffast-math and what it consists of"
@@ -16,8 +19,8 @@
 #include "elliptude/base/detail/angle_reduction.hpp"
 #include "elliptude/base/detail/elementary_constants.hpp"
 
-// The target elliptude::same_bits defines ELLIPTUDE_SAME_BITS. No macro says whether a compiler may fuse a product and a sum: the
-// target tells it not to.
+// The target elliptude::same_bits defines ELLIPTUDE_SAME_BITS. No macro says whether a compiler may fuse a product and
+// a sum: the target tells it not to.
 #if defined(ELLIPTUDE_SAME_BITS) && \
     (!defined(EIGEN_DONT_VECTORIZE) || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ % 16 != 0))
 #error "elliptude: the same bits everywhere need EIGEN_DONT_VECTORIZE, and arithmetic that rounds to each type"
@@ -78,8 +81,8 @@ template <typename Real>
   return quadrant % 4 < 2 ? result : -result;
 }
 
-/// atan2 of magnitudes `least` ≤ `most`, neither of which overflows or underflows where it matters. The sector says whether y is the
-/// larger (2), and whether x is negative (1).
+/// atan2 of magnitudes `least` ≤ `most`, neither of which overflows or underflows where it matters. The sector says
+/// whether y is the larger (2), and whether x is negative (1).
 template <typename Real>
 [[nodiscard]] Real atan_of_ratio(Real least, Real most, unsigned sector) noexcept {
   using C = Constants<Real>;

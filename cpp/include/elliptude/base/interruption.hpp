@@ -9,8 +9,9 @@
 
 namespace elliptude {
 
-/// A function that a flow calls about once in `interval` steps and that says whether to stop; null for none. It must not throw,
-/// and gets `context` as given. A prediction that was stopped returns `Status::interrupted` and has changed nothing.
+/// A function that a flow calls about once in `interval` steps and that says whether to stop; null for none. It must
+/// not throw, and gets `context` as given. A prediction that was stopped returns `Status::interrupted` and has changed
+/// nothing.
 struct Interruption {
   bool (*stop)(void* context) noexcept = nullptr;
   void* context = nullptr;
@@ -40,8 +41,8 @@ class PredictionLimits {
   [[nodiscard]] const Interruption& interruption() const noexcept { return interruption_; }
 
  protected:
-  /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest` by more than a thousandth:
-  /// the difference of two times is right to their rounding alone, and must not cost a second step.
+  /// The fewest equal steps that a positive duration is divided into so that none is longer than `longest` by more than
+  /// a thousandth: the difference of two times is right to their rounding alone, and must not cost a second step.
   /// \return `too_many_steps`.
   template <typename Scalar>
   [[nodiscard]] Status divide(const Scalar& duration, const Scalar& longest, long& steps) const noexcept {

@@ -1,10 +1,10 @@
 #pragma once
 
 /// \file
-/// How much the core takes at once: the sizes of its arrays. They cost stack, and a program for a small processor sets smaller
-/// ones: as macros, the same in all files of a program (`target_compile_definitions(elliptude INTERFACE ELLIPTUDE_MOST_DIRECTIONS=4)`).
-/// What is within the limits gives the same results for all of them, to the last bit; what is beyond is refused with
-/// `Status::out_of_range`. (docs/flight.md)
+/// How much the core takes at once: the sizes of its arrays. They cost stack, and a program for a small processor sets
+/// smaller ones: as macros, the same in all files of a program (`target_compile_definitions(elliptude INTERFACE
+/// ELLIPTUDE_MOST_DIRECTIONS=4)`). What is within the limits gives the same results for all of them, to the last bit;
+/// what is beyond is refused with `Status::out_of_range`. (docs/flight.md)
 
 #include <cstddef>
 
@@ -13,13 +13,14 @@
 #define ELLIPTUDE_MOST_DIRECTIONS 32
 #endif
 
-/// Quadrics that are fused at once, at least four more than directions: a guaranteed filter adds an angular velocity, an attitude,
-/// and what is known and stated of the vector.
+/// Quadrics that are fused at once, at least four more than directions: a guaranteed filter adds an angular velocity,
+/// an attitude, and what is known and stated of the vector.
 #ifndef ELLIPTUDE_MOST_QUADRICS
 #define ELLIPTUDE_MOST_QUADRICS (ELLIPTUDE_MOST_DIRECTIONS + 8)
 #endif
 
-/// Quadrics that one question about the attitude takes into account, 1 or more; others are left out, and the answer is less sharp.
+/// Quadrics that one question about the attitude takes into account, 1 or more; others are left out, and the answer is
+/// less sharp.
 #ifndef ELLIPTUDE_MOST_QUESTIONED
 #define ELLIPTUDE_MOST_QUESTIONED 8
 #endif

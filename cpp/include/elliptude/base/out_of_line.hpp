@@ -1,9 +1,10 @@
 #pragma once
 
 /// \file
-/// Functions that are not inlined. A compiler gives a function room for all that it has inlined into it, and often shares none of it; what is
-/// out of line takes its room only while it runs. So a function that holds large sets has those parts of it out of line that are large
-/// themselves, and a cold path is out of line where it would make a hot function's frame larger. (docs/flight.md, what it costs)
+/// Functions that are not inlined. A compiler gives a function room for all that it has inlined into it, and often
+/// shares none of it; what is out of line takes its room only while it runs. So a function that holds large sets has
+/// those parts of it out of line that are large themselves, and a cold path is out of line where it would make a hot
+/// function's frame larger. (docs/flight.md, what it costs)
 
 #if defined(__GNUC__)
 #define ELLIPTUDE_OUT_OF_LINE __attribute__((noinline))

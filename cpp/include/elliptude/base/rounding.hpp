@@ -1,11 +1,11 @@
 #pragma once
 
 /// \file
-/// How far rounding may move a guaranteed set, as multiples of ε, the distance from 1 to the next number, each with the statement
-/// that it covers. They are derived in theory, section 17.8, and compared with running error bounds of the same templates in
-/// tests/cpp/base/test_rounding.cpp. Shapes are bounded entry by entry: an entry (i, j) of a shape may be wrong by a multiple of
-/// ε √(Pᵢᵢ Pⱼⱼ), however thin the set is in some direction, so a share of the whole shape does not cover it; a share of its
-/// diagonal does.
+/// How far rounding may move a guaranteed set, as multiples of ε, the distance from 1 to the next number, each with the
+/// statement that it covers. They are derived in theory, section 17.8, and compared with running error bounds of the
+/// same templates in tests/cpp/base/test_rounding.cpp. Shapes are bounded entry by entry: an entry (i, j) of a shape
+/// may be wrong by a multiple of ε √(Pᵢᵢ Pⱼⱼ), however thin the set is in some direction, so a share of the whole shape
+/// does not cover it; a share of its diagonal does.
 
 #include "elliptude/base/scalar.hpp"
 
@@ -15,15 +15,17 @@ namespace elliptude::rounding {
 ///@{
 /// Angle of a product of two rotations, brought back to SO(3), from the exact one; and of the Cayley map before it.
 inline constexpr int center = 24;
-/// Angle of the turn from one rotation to another, each one to rounding (`rotation`), by the Gibbs vector of their product.
+/// Angle of the turn from one rotation to another, each one to rounding (`rotation`), by the Gibbs vector of their
+/// product.
 inline constexpr int turn_between = 128;
 /// Norm of the errors of `exp` and `right_jacobian` of a computed turn θ: this many ε, and this many ε θ more.
 inline constexpr int turn = 32;
 inline constexpr int turn_by_angle = 12;
-/// Entries of T P Tᵀ in the norms of T's rows in P (`covered_congruence`), and what a Cholesky factorisation after it needs.
+/// Entries of T P Tᵀ in the norms of T's rows in P (`covered_congruence`), and what a Cholesky factorisation after it
+/// needs.
 inline constexpr int congruence = 48;
-/// Entries of a sum of a few shapes with factors in the roots of its own diagonal, the factors themselves, and a Cholesky
-/// factorisation after it.
+/// Entries of a sum of a few shapes with factors in the roots of its own diagonal, the factors themselves, and a
+/// Cholesky factorisation after it.
 inline constexpr int sum = 64;
 /// A product of a few positive numbers.
 inline constexpr int product = 64;
@@ -33,8 +35,8 @@ inline constexpr int bound = 128;
 inline constexpr int rotation = 8;
 ///@}
 
-/// The functions of base/elementary.hpp, in units of the last place of the result. Such a unit is at most ε of the result. (theory,
-/// section 17.11)
+/// The functions of base/elementary.hpp, in units of the last place of the result. Such a unit is at most ε of the
+/// result. (theory, section 17.11)
 ///@{
 inline constexpr double exp_units = 1.0;
 inline constexpr double log_units = 1.5;
@@ -46,7 +48,8 @@ inline constexpr double atan2_units = 1.7;
 ///@{
 /// More than a Cholesky factorisation of N rows loses, relative to each diagonal entry (theorem 10.7).
 [[nodiscard]] constexpr int cholesky(int n) noexcept { return 2 * n * (n + 1); }
-/// More than the error of an inverse by Cholesky's factor and of its square, relative to κ² times themselves (section 14.2).
+/// More than the error of an inverse by Cholesky's factor and of its square, relative to κ² times themselves (section
+/// 14.2).
 [[nodiscard]] constexpr int inverse(int n) noexcept { return 8 * n; }
 /// First widening of a shape whose inverse has too few digits, relative to the trace.
 [[nodiscard]] constexpr int inverse_widening(int n) noexcept { return 256 * n; }
@@ -64,7 +67,8 @@ inline constexpr int moments = 64;
 
 /// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)
 ///@{
-/// An entry of T P Tᵀ errs by at most 16 relative to √(mᵢmⱼ), m = (|T| √diag P)²; this much on the diagonal outweighs that.
+/// An entry of T P Tᵀ errs by at most 16 relative to √(mᵢmⱼ), m = (|T| √diag P)²; this much on the diagonal outweighs
+/// that.
 inline constexpr int image = 128;
 /// A sum of up to 64 shapes, relative to its diagonal.
 inline constexpr int many_terms = 128;
@@ -74,7 +78,8 @@ inline constexpr int small_sum = 16;
 [[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
 /// A number up to this many ε has less than three right digits.
 inline constexpr int three_digits = 1000;
-/// Loss of a quadric in coordinates of N numbers, relative to the sum of its terms without signs, and of `count` of them in a sum.
+/// Loss of a quadric in coordinates of N numbers, relative to the sum of its terms without signs, and of `count` of
+/// them in a sum.
 [[nodiscard]] constexpr int relaxation(int n, int count) noexcept { return 4 * (n + 4) + 2 * count; }
 /// What the inversion of a combination adds to its level, relative to ‖A‖ times the reach of its set.
 [[nodiscard]] constexpr int inversion(int n) noexcept { return 8 * (n + 2); }
@@ -94,13 +99,15 @@ inline constexpr int component = 4;
 inline constexpr int slab = 2;
 /// Differences this small in what the search for multipliers minimises are rounding.
 inline constexpr int objective = 64;
-/// Slopes of the logarithm of a size, relative to the number of coordinates, each of which adds at most one to the terms that cancel.
+/// Slopes of the logarithm of a size, relative to the number of coordinates, each of which adds at most one to the
+/// terms that cancel.
 inline constexpr int slope = 4;
 ///@}
 
 /// Directions, attitudes and their cones. (theory, sections 15.7 and 16.2)
 ///@{
-/// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative to the angle.
+/// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative
+/// to the angle.
 inline constexpr int direction = 16;
 /// Everything that follows from a sum of `count` cones, relative to the weights.
 [[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 160; }
@@ -126,7 +133,8 @@ inline constexpr int attitude_level = 64;
 ///@{
 /// A time that is as near to the end of a step, beside the times that it is counted from, is that step's.
 inline constexpr int steps = 16;
-/// Rate of the motion's series, relative to the largest rate, and to the sum of the terms of Euler's equations over a step.
+/// Rate of the motion's series, relative to the largest rate, and to the sum of the terms of Euler's equations over a
+/// step.
 inline constexpr int series_rate = 32;
 inline constexpr int series_change = 64;
 /// Angle of the attitude at the end of a step.
@@ -178,9 +186,10 @@ template <typename Scalar>
 
 namespace elliptude {
 
-/// T P Tᵀ for T = [[x, y], [0, I]], as a shape whose ellipsoid contains T E(0, P) whatever rounding does to it. With
-/// mᵢ = Σⱼ |Tᵢⱼ| √Pⱼⱼ an entry of the attitude's block errs by at most 4.5 ε mᵢ mⱼ, one of the mixed block by 2 ε mᵢ √Pⱼⱼ, and
-/// the vector's block is exact; |Σ Eᵢⱼ vᵢ vⱼ| is then at most 19.5 ε Σ mᵢ² vᵢ² + 6 ε Σ Pⱼⱼ vⱼ². (theory, section 17.8)
+/// T P Tᵀ for T = [[x, y], [0, I]], as a shape whose ellipsoid contains T E(0, P) whatever rounding does to it. With mᵢ
+/// = Σⱼ |Tᵢⱼ| √Pⱼⱼ an entry of the attitude's block errs by at most 4.5 ε mᵢ mⱼ, one of the mixed block by 2 ε mᵢ √Pⱼⱼ,
+/// and the vector's block is exact; |Σ Eᵢⱼ vᵢ vⱼ| is then at most 19.5 ε Σ mᵢ² vᵢ² + 6 ε Σ Pⱼⱼ vⱼ².
+/// (theory, section 17.8)
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> covered_congruence(const Matrix3<Scalar>& x, const Matrix3<Scalar>& y,
                                                  const Matrix6<Scalar>& shape) noexcept {

@@ -3,11 +3,11 @@
 /// \file
 /// What a scalar type must provide, and the matrix types of the library.
 ///
-/// `double` and `float` work as they are, with the functions of base/elementary.hpp; `long double` with those of the C library. Another type (a dual number for automatic differentiation, a
-/// pack of SIMD lanes) needs arithmetic, comparisons, construction from `double`, a specialisation of
-/// `Eigen::NumTraits`, and, in its own namespace, the functions below that the code it meets calls. A pack's
-/// comparisons return a mask, for which `select(mask, a, b)`, `all_of(mask)` and the logical operators must exist; a
-/// status for a pack is `ok` only if every lane is.
+/// `double` and `float` work as they are, with the functions of base/elementary.hpp; `long double` with those of the C
+/// library. Another type (a dual number for automatic differentiation, a pack of SIMD lanes) needs arithmetic,
+/// comparisons, construction from `double`, a specialisation of `Eigen::NumTraits`, and, in its own namespace, the
+/// functions below that the code it meets calls. A pack's comparisons return a mask, for which `select(mask, a, b)`,
+/// `all_of(mask)` and the logical operators must exist; a status for a pack is `ok` only if every lane is.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -26,7 +26,8 @@ using Vector = Eigen::Matrix<Scalar, Size, 1>;
 template <typename Scalar, int Rows, int Columns = Rows>
 using Matrix = Eigen::Matrix<Scalar, Rows, Columns>;
 
-/// Rows of columns that are worked with whole: with SIMD registers zeros fill them, which take no part where there are none.
+/// Rows of columns that are worked with whole: with SIMD registers zeros fill them, which take no part where there are
+/// none.
 [[nodiscard]] constexpr int padded(int rows) noexcept {
 #ifdef EIGEN_VECTORIZE
   return (rows + 3) / 4 * 4;
@@ -197,8 +198,8 @@ template <typename Scalar>
   return all(has_precise_square(square));
 }
 
-/// The length of a finite vector, however small or large its entries: Eigen's `stableNorm`, without the loop that makes it cost
-/// ten times as much as the length itself.
+/// The length of a finite vector, however small or large its entries: Eigen's `stableNorm`, without the loop that makes
+/// it cost ten times as much as the length itself.
 template <typename Scalar>
 [[nodiscard]] Scalar length(const Vector3<Scalar>& v) noexcept {
   const Scalar square = v.squaredNorm();
@@ -242,8 +243,8 @@ template <typename Scalar, int N>
   return scalar::constant<Scalar>(0.5L) * (m + m.transpose());
 }
 
-/// a b, column by column, each added up apart: a processor without SIMD keeps it in its registers, and needs half the instructions
-/// of `lazyProduct`.
+/// a b, column by column, each added up apart: a processor without SIMD keeps it in its registers, and needs half the
+/// instructions of `lazyProduct`.
 /// \param product neither a nor b.
 template <typename A, typename B>
 void put_product_by_columns(const A& a, const B& b,

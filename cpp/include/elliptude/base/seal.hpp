@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// A seal of a filter's bytes, by which flight software finds that memory was changed between two calls: by radiation, or by a
-/// pointer gone astray. (docs/flight.md)
+/// A seal of a filter's bytes, by which flight software finds that memory was changed between two calls: by radiation,
+/// or by a pointer gone astray. (docs/flight.md)
 
 #include <cstddef>
 #include <cstdint>
@@ -12,10 +12,11 @@
 
 namespace elliptude {
 
-/// Two sums of the words of 32 bits that an object consists of, Σ wᵢ and Σ i wᵢ (counted from its end), with numbers that words of zeros
-/// do not have. Whatever changes in one or two words is seen, so that every one or two flipped bits are, and the loss of all: if d₁ + d₂
-/// = 0 and i d₁ + j d₂ = 0 then d₁ = d₂ = 0, also modulo 2⁶⁴, as the d are less than 2³² in size, and so are the i of an object
-/// of less than 16 GiB. Of other changes one in 2³² may remain unseen, or fewer.
+/// Two sums of the words of 32 bits that an object consists of, Σ wᵢ and Σ i wᵢ (counted from its end), with numbers
+/// that words of zeros do not have. Whatever changes in one or two words is seen, so that every one or two flipped bits
+/// are, and the loss of all: if d₁ + d₂ = 0 and i d₁ + j d₂ = 0 then d₁ = d₂ = 0, also modulo 2⁶⁴, as the d are less
+/// than 2³² in size, and so are the i of an object of less than 16 GiB. Of other changes one in 2³² may remain unseen,
+/// or fewer.
 struct Seal {
   std::uint64_t sum = 0;
   std::uint64_t weighted = 0;
@@ -45,8 +46,9 @@ struct Seal {
   return seal;
 }
 
-/// An object, such as a filter, with the seal of its bytes. Only `call` changes it; it verifies the seal before, and renews it
-/// afterwards. Not copied as it is, because a copy need not have the bytes between an object's members: seal a copy of the object.
+/// An object, such as a filter, with the seal of its bytes. Only `call` changes it; it verifies the seal before, and
+/// renews it afterwards. Not copied as it is, because a copy need not have the bytes between an object's members: seal
+/// a copy of the object.
 template <typename Object>
 class Sealed {
  public:

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Time stamps as whole nanoseconds, for programs that run for long or calculate in `float`: seconds since a start lose a millisecond in
-/// `float` after 10,000 s, and a nanosecond in `double` after three months. (docs/flight.md)
+/// Time stamps as whole nanoseconds, for programs that run for long or calculate in `float`: seconds since a start lose
+/// a millisecond in `float` after 10,000 s, and a nanosecond in `double` after three months. (docs/flight.md)
 
 #include <cstdint>
 
@@ -11,8 +11,9 @@
 
 namespace elliptude {
 
-/// The seconds from one stamp (ns) to another, negative to an earlier one: for any two stamps right to ε of themselves, and the
-/// nearest number if the difference is known exactly as a `Scalar`, as it is up to 16.7 ms in `float` and 104 days in `double`.
+/// The seconds from one stamp (ns) to another, negative to an earlier one: for any two stamps right to ε of themselves,
+/// and the nearest number if the difference is known exactly as a `Scalar`, as it is up to 16.7 ms in `float` and 104
+/// days in `double`.
 template <typename Scalar>
 [[nodiscard]] Scalar seconds_between(std::int64_t from, std::int64_t to) noexcept {
   using Value = scalar::Value<Scalar>;
@@ -24,16 +25,18 @@ template <typename Scalar>
   return is_later ? seconds : Scalar(-seconds);
 }
 
-/// A filter that is predicted to stamps: `GuaranteedFilter` or `AttitudeFilter`. The interval of a prediction is the difference of two
-/// stamps, right to ε of itself however long after the start: a guaranteed set covers that (theory, section 17.8). For a free body and a
-/// gyro nothing else counts, so that sets have the same bits at all times.
+/// A filter that is predicted to stamps: `GuaranteedFilter` or `AttitudeFilter`. The interval of a prediction is the
+/// difference of two stamps, right to ε of itself however long after the start: a guaranteed set covers that
+/// (theory, section 17.8). For a free body and a gyro nothing else counts, so that sets have the same bits at all
+/// times.
 ///
-/// A potential that depends on time sees the seconds since the epoch, right to ε of themselves: in `float` to 0.01 s after a day. A guaranteed
-/// set covers that, too, as it does the rounding of the potential's angle, and grows with it: as by an unknown torque of 64 ε n t of the
-/// gravity gradient's at the orbital rate n, in `float` of 1 % of it after 200 orbits. A set of first order does not.
+/// A potential that depends on time sees the seconds since the epoch, right to ε of themselves: in `float` to 0.01 s
+/// after a day. A guaranteed set covers that, too, as it does the rounding of the potential's angle, and grows with it:
+/// as by an unknown torque of 64 ε n t of the gravity gradient's at the orbital rate n, in `float` of 1 % of it after
+/// 200 orbits. A set of first order does not.
 ///
-/// The stamps are taken at their word: what the clock is off by, its last nanosecond included, is an error of the measurements. Python has
-/// no such filter, as its numbers are `double`.
+/// The stamps are taken at their word: what the clock is off by, its last nanosecond included, is an error of the
+/// measurements. Python has no such filter, as its numbers are `double`.
 template <typename Filter>
 class StampedFilter {
  public:
@@ -57,8 +60,8 @@ class StampedFilter {
   [[nodiscard]] std::int64_t epoch() const noexcept { return epoch_; }
 
   /// Moves the filter to a later stamp, ns.
-  /// \return the status of the filter's `predict`, which is `out_of_range` of an earlier stamp; the same of a filter whose time is not that
-  /// of its stamp, because it was predicted by itself.
+  /// \return the status of the filter's `predict`, which is `out_of_range` of an earlier stamp; the same of a filter
+  /// whose time is not that of its stamp, because it was predicted by itself.
   [[nodiscard]] Status predict(std::int64_t stamp, const Input& input) noexcept {
     return moved(stamp, [&](const Scalar& time, const Scalar& duration) {
       return filter_.predict_interval(time, duration, input);

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// How one step of an integrator is put together from shorter ones: turns of the free body, and kicks of the torque between them
-/// (theory, sections 4 and 4.2).
+/// How one step of an integrator is put together from shorter ones: turns of the free body, and kicks of the torque
+/// between them (theory, sections 4 and 4.2).
 
 #include <array>
 
@@ -11,8 +11,8 @@
 
 namespace elliptude {
 
-/// How the step is composed of shorter ones: stage i has length weights[i] h; the weights sum to 1 and read the same from
-/// both ends, so that the composition is time-reversible like the step itself.
+/// How the step is composed of shorter ones: stage i has length weights[i] h; the weights sum to 1 and read the same
+/// from both ends, so that the composition is time-reversible like the step itself.
 template <typename Scalar>
 struct Composition {
   static constexpr int most_stages = 17;
@@ -29,10 +29,10 @@ struct Composition {
   [[nodiscard]] Scalar kick_after(int i) const noexcept { return kick_before(i); }
 };
 
-/// A step of the splitting with the exact free rotor: kicks of lengths kicks[0], …, kicks[stages] and, between them, turns of
-/// the free body of lengths turns[0], …, as shares of the step. Both read the same from both ends. The lengths are free of one
-/// another, which takes fewer stages, or smaller errors, than composing whole steps; only where the turns are exact does it
-/// have its order.
+/// A step of the splitting with the exact free rotor: kicks of lengths kicks[0], …, kicks[stages] and, between them,
+/// turns of the free body of lengths turns[0], …, as shares of the step. Both read the same from both ends. The lengths
+/// are free of one another, which takes fewer stages, or smaller errors, than composing whole steps; only where the
+/// turns are exact does it have its order.
 template <typename Scalar>
 struct Splitting {
   static constexpr int most_stages = 17;
@@ -49,7 +49,8 @@ struct Splitting {
 
 namespace detail {
 
-/// Fills in numbers that read the same from both ends, from their first half; a middle one, if there is one, is the last of it.
+/// Fills in numbers that read the same from both ends, from their first half; a middle one, if there is one, is the
+/// last of it.
 template <typename Numbers, std::size_t N>
 void fill_symmetric(const std::array<long double, N>& half, int count, Numbers& numbers) noexcept {
   using Scalar = typename Numbers::value_type;
@@ -62,7 +63,8 @@ void fill_symmetric(const std::array<long double, N>& half, int count, Numbers& 
 
 }  // namespace detail
 
-/// Order 2: the step itself. Order 4: Suzuki's five stages, 1/(4 − 4^⅓). Orders 6 and 8: Kahan and Li (1997), 9 and 17 stages.
+/// Order 2: the step itself. Order 4: Suzuki's five stages, 1/(4 − 4^⅓). Orders 6 and 8: Kahan and Li (1997), 9 and 17
+/// stages.
 /// \return `out_of_range` for any other order.
 template <typename Scalar>
 [[nodiscard]] Status composition_of_order(int order, Composition<Scalar>& composition) noexcept {
@@ -97,8 +99,9 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// Orders 4 and 6: the Runge–Kutta–Nyström splittings SRKN₆ᵇ and SRKN₁₁ᵇ of Blanes and Moan (2002), 6 and 11 stages, their
-/// coefficients to 32 digits from the order conditions. Orders 2 and 8: `composition_of_order`, with its kicks joined.
+/// Orders 4 and 6: the Runge–Kutta–Nyström splittings SRKN₆ᵇ and SRKN₁₁ᵇ of Blanes and Moan (2002), 6 and 11 stages,
+/// their coefficients to 32 digits from the order conditions. Orders 2 and 8: `composition_of_order`, with its kicks
+/// joined.
 /// \return `out_of_range` for any other order.
 template <typename Scalar>
 [[nodiscard]] Status splitting_of_order(int order, Splitting<Scalar>& splitting) noexcept {

@@ -1,18 +1,18 @@
 #pragma once
 
 /// \file
-/// The free rigid body's motion in closed form, by Jacobi's elliptic functions (theory, sections 4.1 and 6.1). An integrator that
-/// is given an `ExactRotor` in the place of a `RigidBody` is the splitting with the exact free rotor.
+/// The free rigid body's motion in closed form, by Jacobi's elliptic functions (theory, sections 4.1 and 6.1). An
+/// integrator that is given an `ExactRotor` in the place of a `RigidBody` is the splitting with the exact free rotor.
 
 #include "elliptude/dynamics/detail/rotor_step.hpp"
 #include "elliptude/dynamics/rigid_body.hpp"
 
 namespace elliptude {
 
-/// A rigid body whose free motion is exact, with the principal axes that this takes. Wherever an integrator's function takes a
-/// `RigidBody`, this makes it the symmetric splitting: half a kick of the torque, the exact motion of the free body, half a
-/// kick. It is symplectic and time-reversible as the variational step is, and without torque it errs by rounding only,
-/// however long the step.
+/// A rigid body whose free motion is exact, with the principal axes that this takes. Wherever an integrator's function
+/// takes a `RigidBody`, this makes it the symmetric splitting: half a kick of the torque, the exact motion of the free
+/// body, half a kick. It is symplectic and time-reversible as the variational step is, and without torque it errs by
+/// rounding only, however long the step.
 template <typename Scalar>
 class ExactRotor : public RigidBody<Scalar> {
  public:
@@ -83,7 +83,8 @@ class ExactRotor : public RigidBody<Scalar> {
 /// F, the rotation of the free body within the time h: C(h) = C F and, of the momentum in body axes, a(h) = Fᵀa.
 /// \param h in s, of either sign and any length.
 /// \param a Jω at the start, N m s, body axes.
-/// \return `step_too_long` of a turn so long, beyond 1/ε, that rounding leaves nothing of its angle, or that is not finite.
+/// \return `step_too_long` of a turn so long, beyond 1/ε, that rounding leaves nothing of its angle, or that is not
+/// finite.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude(const ExactRotor<Scalar>& rotor, const Scalar& h, const Vector3<Scalar>& a,
                                        Matrix3<Scalar>& f) noexcept {
@@ -95,7 +96,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The same, and Kᵀ, which turns a change of the momentum into one of the attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.6).
+/// The same, and Kᵀ, which turns a change of the momentum into one of the attitude at the end: ζ⁺ = Fᵀζ + K δa
+/// (theory, eq. 6.6).
 /// \return as `relative_attitude`.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude_linearized(const ExactRotor<Scalar>& rotor, const Scalar& h,

@@ -2,8 +2,8 @@
 
 /// \file
 /// The Lie group variational integrator of a rigid body in a potential (paper, eqs. findf0, updateR0, updatew0), and
-/// symmetric compositions of it of order 4, 6 and 8. It keeps the attitude a rotation and the momentum map of a symmetric
-/// potential to rounding, and its energy error does not grow.
+/// symmetric compositions of it of order 4, 6 and 8. It keeps the attitude a rotation and the momentum map of a
+/// symmetric potential to rounding, and its energy error does not grow.
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/dynamics/composition.hpp"
@@ -11,12 +11,13 @@
 
 namespace elliptude {
 
-/// F, the rotation within one step, from h S(a) = F J_d − J_d Fᵀ (paper, eq. findf0) with a = Jω + (h/2) M. As the Cayley map
-/// of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 4), solved by Newton's method
-/// from c = (h/2) J⁻¹a: no trigonometric function.
+/// F, the rotation within one step, from h S(a) = F J_d − J_d Fᵀ (paper, eq. findf0) with a = Jω + (h/2) M. As the
+/// Cayley map of c the equation is the quadratic h a + h a × c + h c (cᵀa) − 2Jc = 0 (theory, section 4), solved by
+/// Newton's method from c = (h/2) J⁻¹a: no trigonometric function.
 /// \param h the step in s; negative within compositions.
-/// \return `step_too_long` if there is no solution on the branch of small steps with a turn below a right angle: the matrix of
-/// Newton's method, −2J at rest, has then changed the sign of its determinant, or the iteration did not settle.
+/// \return `step_too_long` if there is no solution on the branch of small steps with a turn below a right angle: the
+/// matrix of Newton's method, −2J at rest, has then changed the sign of its determinant, or the iteration did not
+/// settle.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude(const RigidBody<Scalar>& body, const Scalar& h, const Vector3<Scalar>& a,
                                        Matrix3<Scalar>& f) noexcept {
@@ -28,7 +29,8 @@ template <typename Scalar>
   };
   // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
   const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::share<Scalar>(1);
-  // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's method.
+  // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's
+  // method.
   Vector3<Scalar> c = half_inverse * ha;
   c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
   constexpr int most_steps = 40;
@@ -139,8 +141,8 @@ struct Stage {
   Matrix3<Scalar> rotation;      ///< F
   RigidBodyState<Scalar> state;  ///< after the stage
   Vector3<Scalar> torque;        ///< of the potential after the stage
-  /// Jω after the stage, body axes. It is carried from stage to stage, and ω follows from it: to ω and back at every stage
-  /// would multiply it by J fl(J⁻¹), whose rounding errors are always the same ones and add up.
+  /// Jω after the stage, body axes. It is carried from stage to stage, and ω follows from it: to ω and back at every
+  /// stage would multiply it by J fl(J⁻¹), whose rounding errors are always the same ones and add up.
   Vector3<Scalar> body_momentum;
 };
 
@@ -155,8 +157,8 @@ template <typename Scalar, typename Potential>
   return scalar::all_finite(stage.torque) ? Status::ok : Status::callback_failed;
 }
 
-/// Eqs. findf0, updateR0, updatew0 over one stage from time t, from what the stage `before` left; `stage` may be the same. The
-/// control torque (body axes, constant over the step) acts beside the potential's.
+/// Eqs. findf0, updateR0, updatew0 over one stage from time t, from what the stage `before` left; `stage` may be the
+/// same. The control torque (body axes, constant over the step) acts beside the potential's.
 /// \param free_turn finds the F of the body without torque, as `relative_attitude(body, h, a, f)` does.
 /// \return `step_too_long`, `callback_failed`.
 template <typename Scalar, typename Potential, typename FreeTurn>
@@ -198,7 +200,8 @@ template <typename Scalar>
 }
 
 /// As `integrate`, with all that is known after a step.
-/// \param visit called as visit(k, stage) for k = 0, the start, and after step k = 1 … `steps`, with the step's last stage.
+/// \param visit called as visit(k, stage) for k = 0, the start, and after step k = 1 … `steps`, with the step's last
+/// stage.
 template <typename Body, typename Method, typename Scalar, typename Potential, typename Visit>
 [[nodiscard]] Status integrate_stages(const Body& body, const Potential& potential, const Method& method,
                                       const Scalar& time, const Scalar& h, long steps,
@@ -231,8 +234,8 @@ template <typename Body, typename Method, typename Scalar, typename Potential, t
   return Status::ok;
 }
 
-/// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of a
-/// step is that at the start of the next, so the potential is evaluated once for each stage.
+/// `steps` steps of length h from `time` on, under a constant control torque (N m, body axes). The torque at the end of
+/// a step is that at the start of the next, so the potential is evaluated once for each stage.
 /// \param body a `RigidBody` for the variational step; an `ExactRotor` for the splitting with the exact free body.
 /// \param method a `Composition`; a `Splitting` with an `ExactRotor`.
 /// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.

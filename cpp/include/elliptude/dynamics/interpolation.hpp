@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The motion between the steps of an integrator, so that a step need not be as short as the times at which one wants to know
-/// the state (theory, section 4.3).
+/// The motion between the steps of an integrator, so that a step need not be as short as the times at which one wants
+/// to know the state (theory, section 4.3).
 
 #include "elliptude/dynamics/integrator.hpp"
 
@@ -24,14 +24,14 @@ struct MovingState {
   }
 };
 
-/// The motion from one state to another: the polynomial of degree five in the Gibbs vector from the first attitude that has the
-/// attitude, angular velocity and acceleration of both (theory, eqs. 4.13 and 4.14).
+/// The motion from one state to another: the polynomial of degree five in the Gibbs vector from the first attitude that
+/// has the attitude, angular velocity and acceleration of both (theory, eqs. 4.13 and 4.14).
 template <typename Scalar>
 class MotionBetween {
  public:
   /// \param duration from the first to the last, s, positive.
-  /// \return `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more in that
-  /// time: the polynomial says nothing of such a motion.
+  /// \return `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more
+  /// in that time: the polynomial says nothing of such a motion.
   [[nodiscard]] static Status make(const MovingState<Scalar>& first, const MovingState<Scalar>& last,
                                    const Scalar& duration, MotionBetween& motion) noexcept {
     const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
@@ -99,12 +99,13 @@ class MotionBetween {
   Scalar duration_;
 };
 
-/// The states at any times within the steps of `integrate`: between two steps by `MotionBetween`, at a step that step's own.
+/// The states at any times within the steps of `integrate`: between two steps by `MotionBetween`, at a step that step's
+/// own.
 /// \param times in s, ascending, from `time` to `time` + `steps` h: any type with `size()` and `[]`.
 /// \param visit called as visit(row, state) for each of the times, in their order.
-/// \return as `integrate`; `out_of_range` of times that do not ascend or are not within the steps; `step_too_long` also where a
-/// time lies within a step in which the body turns by a right angle or more. `next`, the state after the last step, changes only
-/// on success.
+/// \return as `integrate`; `out_of_range` of times that do not ascend or are not within the steps; `step_too_long` also
+/// where a time lies within a step in which the body turns by a right angle or more. `next`, the state after the last
+/// step, changes only on success.
 template <typename Body, typename Method, typename Scalar, typename Potential, typename Times, typename Visit>
 [[nodiscard]] Status integrate_to_times(const Body& body, const Potential& potential, const Method& method,
                                         const Scalar& time, const Scalar& h, long steps,

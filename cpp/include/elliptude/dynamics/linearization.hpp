@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The linearization of the discrete flow (paper, §3.1: x⁺ = A x with x = [ζ; δω]; theory, section 6), for the step, its
-/// compositions and any number of steps, with respect to the state and to a constant control torque.
+/// The linearization of the discrete flow (paper, §3.1: x⁺ = A x with x = [ζ; δω]; theory, section 6), for the step,
+/// its compositions and any number of steps, with respect to the state and to a constant control torque.
 
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/dynamics/integrator.hpp"
@@ -20,8 +20,8 @@ struct FlowLinearization {
   }
 };
 
-/// F of `relative_attitude`, and Kᵀ with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, which turns a change of the momentum into one of the
-/// attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.1).
+/// F of `relative_attitude`, and Kᵀ with K = h Fᵀ [tr(F J_d) I − F J_d]⁻¹, which turns a change of the momentum into
+/// one of the attitude at the end: ζ⁺ = Fᵀζ + K δa (theory, eq. 6.1).
 /// \return `step_too_long`, also if tr(F J_d) I − F J_d is singular.
 template <typename Scalar>
 [[nodiscard]] Status relative_attitude_linearized(const RigidBody<Scalar>& body, const Scalar& h,
@@ -48,9 +48,9 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// The linearization as it grows stage by stage, in [ζ; δπ] with the momentum π = Jω, where a stage is a kick, a free rotor
-/// and a kick. Both matrices are transposed, so that a stage runs along columns: one row for each entry of ζ and δπ at the
-/// start and of the control torque, and three of zeros that make twelve, whole SIMD registers of any width.
+/// The linearization as it grows stage by stage, in [ζ; δπ] with the momentum π = Jω, where a stage is a kick, a free
+/// rotor and a kick. Both matrices are transposed, so that a stage runs along columns: one row for each entry of ζ and
+/// δπ at the start and of the control torque, and three of zeros that make twelve, whole SIMD registers of any width.
 template <typename Scalar>
 struct MomentumLinearization {
   Matrix<Scalar, 12, 3> zeta;
@@ -63,7 +63,8 @@ struct MomentumLinearization {
     return result;
   }
 
-  /// A kick of some length: δπ ← δπ + length (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the control.
+  /// A kick of some length: δπ ← δπ + length (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the
+  /// control.
   void kick(const Scalar& length, const Matrix3<Scalar>& jacobian) noexcept {
     const Matrix3<Scalar> transposed = length * jacobian.transpose();
     momentum += zeta.lazyProduct(transposed);

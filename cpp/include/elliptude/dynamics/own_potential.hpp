@@ -3,10 +3,10 @@
 /// \file
 /// Potentials of one's own that a guaranteed flow can use. (theory, sections 5 and 17.10)
 ///
-/// Every U that is a polynomial of at most second degree in the entries of C is a sum of a `LinearPotential` or more and of a
-/// `QuadraticPotential` or more: a dipole in a field, a spring, a weight; a gravity gradient, an induced dipole. Nothing has to
-/// be stated about them. Any other torque, with a potential or without, is used through a `StatedTorque`: functions, and a
-/// statement of how far they may be off.
+/// Every U that is a polynomial of at most second degree in the entries of C is a sum of a `LinearPotential` or more
+/// and of a `QuadraticPotential` or more: a dipole in a field, a spring, a weight; a gravity gradient, an induced
+/// dipole. Nothing has to be stated about them. Any other torque, with a potential or without, is used through a
+/// `StatedTorque`: functions, and a statement of how far they may be off.
 
 #include "elliptude/dynamics/potential.hpp"
 
@@ -20,7 +20,8 @@ class TurningDirection {
   TurningDirection() noexcept : start_(Vector3<Scalar>::UnitX()), along_(Vector3<Scalar>::Zero()), rate_(Scalar(0)) {}
 
   /// \param direction at time 0, reference axes; any length above zero.
-  /// \param turn the angular velocity of the direction, rad/s, reference axes: zero, or at right angles to the direction:
+  /// \param turn the angular velocity of the direction, rad/s, reference axes: zero, or at right angles to the
+  /// direction:
   ///        what is off by rounding is put right, so that the direction turns about the turn's axis.
   /// \return `not_finite`; `zero_direction`; `out_of_range` of a turn that is not at right angles.
   [[nodiscard]] static Status make(const Vector3<Scalar>& direction, const Vector3<Scalar>& turn,
@@ -125,8 +126,8 @@ class LinearPotential {
   TurningDirection<Scalar> direction_;
 };
 
-/// U = ½ bᵀKb with b = Cᵀr(t) and a symmetric K of the body: the gravity gradient of any mass, a dipole that a field induces.
-/// M = b × Kb, ∂M/∂ζ = (S(b)K − S(Kb)) S(b).
+/// U = ½ bᵀKb with b = Cᵀr(t) and a symmetric K of the body: the gravity gradient of any mass, a dipole that a field
+/// induces. M = b × Kb, ∂M/∂ζ = (S(b)K − S(Kb)) S(b).
 template <typename Scalar>
 class QuadraticPotential {
  public:
@@ -228,7 +229,8 @@ class StatedTorque {
  public:
   StatedTorque() = default;
 
-  /// \param torque any type with `torque` and `torque_jacobian` as in dynamics/potential.hpp. A torque that is not finite makes
+  /// \param torque any type with `torque` and `torque_jacobian` as in dynamics/potential.hpp. A torque that is not
+  /// finite makes
   ///        a prediction fail with `callback_failed`.
   /// \return `not_finite`; `out_of_range` of a negative number.
   [[nodiscard]] static Status make(const Torque& torque, const TorqueStatement<Scalar>& statement,
@@ -257,7 +259,8 @@ class StatedTorque {
   }
   [[nodiscard]] Scalar torque_curvature_bound() const noexcept { return statement_.curvature; }
   [[nodiscard]] const TorqueStatement<Scalar>& statement() const noexcept { return statement_; }
-  /// What is stated says the same of both directions of time. A torque that does not say what it is at −t is asked there.
+  /// What is stated says the same of both directions of time. A torque that does not say what it is at −t is asked
+  /// there.
   [[nodiscard]] auto backward() const noexcept {
     if constexpr (goes_backward<Torque>) {
       return backward_by(torque_.backward());

@@ -13,13 +13,14 @@
 ///
 ///     Scalar torque_curvature_bound() const;
 ///
-/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time; and, for smoothing, which goes backward in time,
+/// a κ with ‖M(Ĉ exp(S(ζ))) − M(Ĉ) − (∂M/∂ζ) ζ‖ ≤ κ ‖ζ‖² for every Ĉ, ζ and time; and, for smoothing, which goes
+/// backward in time,
 ///
 ///     Potential backward() const;  // the potential U(C, −t), of this type or of another
 ///
-/// (theory, section 20.1). A guaranteed flow needs more of a potential:
-/// a `TorqueExpansion` (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the
-/// integrator then returns `Status::callback_failed`.
+/// (theory, section 20.1). A guaranteed flow needs more of a potential: a `TorqueExpansion`
+/// (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the integrator then
+/// returns `Status::callback_failed`.
 
 #include <tuple>
 #include <utility>
@@ -151,8 +152,8 @@ class UniformGravity {
   Vector3<Scalar> moment_;  // m g ρ, N m
 };
 
-/// Gravity gradient on a circular orbit of rate n. With r(t) the unit vector from the attracting body, in reference axes, and
-/// b = Cᵀr: U = (3n²/2) bᵀJb, M = 3n² b × Jb, ∂M/∂ζ = 3n² (−S(Jb) + S(b)J) S(b). It depends on time.
+/// Gravity gradient on a circular orbit of rate n. With r(t) the unit vector from the attracting body, in reference
+/// axes, and b = Cᵀr: U = (3n²/2) bᵀJb, M = 3n² b × Jb, ∂M/∂ζ = 3n² (−S(Jb) + S(b)J) S(b). It depends on time.
 template <typename Scalar>
 class GravityGradient {
  public:
@@ -165,7 +166,8 @@ class GravityGradient {
 
   /// \param body whose inertia the torque acts on.
   /// \param orbit_rate n in rad/s, not negative.
-  /// \param orbit a rotation whose columns are, in reference axes, the radial direction at t = 0, the direction of motion and
+  /// \param orbit a rotation whose columns are, in reference axes, the radial direction at t = 0, the direction of
+  /// motion and
   ///        the orbit normal: r(t) = cos(nt) column 0 + sin(nt) column 1.
   /// \return `not_finite`, `out_of_range`, `not_a_rotation`.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Scalar& orbit_rate,

@@ -25,8 +25,8 @@ class RigidBody {
         principal_moments_(Vector3<Scalar>::Ones()) {}
 
   /// \param inertia J in kg m², about the point that the body turns about.
-  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `invalid_inertia` if a principal moment exceeds the sum
-  /// of the others (equality, a flat body, is allowed).
+  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `invalid_inertia` if a principal moment exceeds
+  /// the sum of the others (equality, a flat body, is allowed).
   [[nodiscard]] static Status make(const Matrix3<Scalar>& inertia, RigidBody& body) noexcept {
     if (!scalar::all_finite(inertia)) {
       return Status::not_finite;

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Many bodies that move alike, `Width` at a time in SIMD registers: the integrator and its linearization, with the results
-/// that each body would have alone.
+/// Many bodies that move alike, `Width` at a time in SIMD registers: the integrator and its linearization, with the
+/// results that each body would have alone.
 
 #include <algorithm>
 #include <cstddef>

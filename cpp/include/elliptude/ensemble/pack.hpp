@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Several numbers that move together in SIMD registers, a scalar for the library's templates: the same code as for one body
-/// moves `Width` bodies. For compilers with vector extensions (GCC, Clang).
+/// Several numbers that move together in SIMD registers, a scalar for the library's templates: the same code as for one
+/// body moves `Width` bodies. For compilers with vector extensions (GCC, Clang).
 
 #include <cmath>
 

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// Many of Wahba's problems, `Width` at a time in SIMD registers, by `WahbaMethod::foam`, with the solutions that each has alone.
+/// Many of Wahba's problems, `Width` at a time in SIMD registers, by `WahbaMethod::foam`, with the solutions that each
+/// has alone.
 
 #include <algorithm>
 #include <cstddef>
@@ -78,7 +79,8 @@ class PackedDirections {
 
 }  // namespace detail
 
-/// `solve_wahba` by `foam` for each of `count` problems. What is not as usual, as nearly collinear directions, is solved alone.
+/// `solve_wahba` by `foam` for each of `count` problems. What is not as usual, as nearly collinear directions, is
+/// solved alone.
 /// \param solutions as many; those of problems before the first that fails.
 template <int Width, typename Number>
 [[nodiscard]] EnsembleStatus solve_wahba_problems(const WahbaProblems<Number>& problems, std::size_t count,

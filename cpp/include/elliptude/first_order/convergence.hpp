@@ -1,8 +1,9 @@
 #pragma once
 
 /// \file
-/// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update from a
-/// poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6 (theory, section 11).
+/// Diagnostics of the convergence theorem (paper, §3.4, eq. sufcond). It is a sufficient condition that a first update
+/// from a poor prior can meet, but no filter at every update, because det A^f = 1 makes ‖A^f‖_F ≥ √6
+/// (theory, section 11).
 
 #include "elliptude/first_order/filter.hpp"
 #include "elliptude/linear/cholesky.hpp"
@@ -22,8 +23,8 @@ struct Convergence {
 };
 
 /// \param transition A^f since the update before, \param prior P₀ after it, \param predicted P^f, \param measured P^m,
-/// \param fused P, \param share 0 measurement alone … 1 prediction alone, so that q = share / (1 − share).
-/// The theorem is about P^f = A^f P₀ A^fᵀ, without an unknown torque or a gyro's noise, and about recentring by a shift.
+/// \param fused P, \param share 0 measurement alone … 1 prediction alone, so that q = share / (1 − share). The theorem
+/// is about P^f = A^f P₀ A^fᵀ, without an unknown torque or a gyro's noise, and about recentring by a shift.
 /// \return `not_positive_definite` of P^m, `not_finite`, `not_converged`.
 template <typename Scalar>
 [[nodiscard]] Status convergence(const Matrix<Scalar, 6>& transition, const Matrix<Scalar, 6>& prior,
@@ -60,7 +61,8 @@ template <typename Scalar>
 
 /// The same of an update of a filter with directions and an angular velocity.
 /// \param before the filter just before the update, \param after just after it, \param share what `Update` says.
-/// \return as above; `attitude_undetermined` of directions to which the theorem does not apply, as they determine no attitude.
+/// \return as above; `attitude_undetermined` of directions to which the theorem does not apply, as they determine no
+/// attitude.
 template <typename Filter, typename Scalar>
 [[nodiscard]] Status convergence(const Filter& before, const Direction<Scalar>* directions, std::size_t count,
                                  const AngularVelocity<Scalar>& angular_velocity, const Filter& after,

@@ -15,9 +15,9 @@ struct Update {
   Scalar margin;  ///< the least overlap of the sets fused, negative if and only if they do not meet
 };
 
-/// A filter is valid at all times: a function that does not return `ok` has changed nothing. If an update after a prediction
-/// fails, the prediction remains, as if there had been no measurement. A filter that `make` has not made has a set that is not
-/// finite, at time zero: it predicts and updates nothing.
+/// A filter is valid at all times: a function that does not return `ok` has changed nothing. If an update after a
+/// prediction fails, the prediction remains, as if there had been no measurement. A filter that `make` has not made has
+/// a set that is not finite, at time zero: it predicts and updates nothing.
 template <typename FlowType, typename Estimator>
 class AttitudeFilter {
  public:
@@ -74,9 +74,10 @@ class AttitudeFilter {
   [[nodiscard]] const Matrix6<Scalar>& transition() const noexcept { return transition_; }
   [[nodiscard]] const Matrix6<Scalar>& prior_shape() const noexcept { return prior_shape_; }
 
-  /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty tube.
-  /// \return the status of the flow; `out_of_range` for a time before the filter's; `unbounded` if the set has grown beyond
-  /// the domain (`is_in_domain`), or so far that rounding left none.
+  /// Moves the ellipsoid to a later time (paper, §3.1). Without updates in between this is the paper's uncertainty
+  /// tube.
+  /// \return the status of the flow; `out_of_range` for a time before the filter's; `unbounded` if the set has grown
+  /// beyond the domain (`is_in_domain`), or so far that rounding left none.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     return predict_interval(time, Scalar(time - time_), input);
   }
@@ -106,10 +107,11 @@ class AttitudeFilter {
     return Status::ok;
   }
 
-  /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of them,
-  /// fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says, then the
-  /// angular velocity.
-  /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is set.
+  /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of
+  /// them, fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says,
+  /// then the angular velocity.
+  /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is
+  /// set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
@@ -132,8 +134,8 @@ class AttitudeFilter {
     return report(status, share, margin, update);
   }
 
-  /// Directions without an angular velocity: two or more as one measured attitude, the sum of its terms by least trace; one
-  /// alone, or so nearly collinear ones that the measured attitude reaches beyond a radian, each as what it says.
+  /// Directions without an angular velocity: two or more as one measured attitude, the sum of its terms by least trace;
+  /// one alone, or so nearly collinear ones that the measured attitude reaches beyond a radian, each as what it says.
   /// \return as above; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count, Update<Scalar>& update) noexcept {
     if (count == 0) {

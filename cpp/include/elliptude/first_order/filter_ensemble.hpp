@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Many first-order filters that are alike, `Width` at a time in SIMD registers, with the results that each has alone. For compilers with
-/// vector extensions (GCC, Clang).
+/// Many first-order filters that are alike, `Width` at a time in SIMD registers, with the results that each has alone.
+/// For compilers with vector extensions (GCC, Clang).
 
 #include <algorithm>
 #include <cstddef>
@@ -28,9 +28,10 @@ struct FilterLanes {
   Matrix6<Scalar> prior_shape;
 };
 
-/// What filters have in common that differ in their sets, their inputs and their measurements. Lanes in which all is as usual go through a
-/// register together; a lane in which something is not goes alone, by `AttitudeFilter`: each filter ends where it would end alone, with the
-/// same bits if Eigen's own vectors are off (`EIGEN_DONT_VECTORIZE`), else within rounding.
+/// What filters have in common that differ in their sets, their inputs and their measurements. Lanes in which all is as
+/// usual go through a register together; a lane in which something is not goes alone, by `AttitudeFilter`: each filter
+/// ends where it would end alone, with the same bits if Eigen's own vectors are off (`EIGEN_DONT_VECTORIZE`), else
+/// within rounding.
 template <typename FilterType, int Width>
 class FilterEnsemble {
  public:

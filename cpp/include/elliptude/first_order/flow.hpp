@@ -23,8 +23,8 @@ struct Prediction {
   Matrix6<StateScalar<State>> transition;  ///< A^f (paper, eq. flow)
 };
 
-/// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid. One that `make` has not made
-/// has no step, and predicts nothing: `too_many_steps`.
+/// A rigid body in a potential, with a control torque as input and an unknown torque in an ellipsoid. One that `make`
+/// has not made has no step, and predicts nothing: `too_many_steps`.
 template <typename Scalar, typename Potential>
 class RigidBodyFlow : public PredictionLimits {
  public:
@@ -34,9 +34,11 @@ class RigidBodyFlow : public PredictionLimits {
   };
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
   /// \param order of the integrator: 2, 4, 6 or 8.
-  /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and anything
+  /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and
+  /// anything
   ///        in the ellipsoid from step to step. Zero for none.
-  /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the torque.
+  /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the
+  /// torque.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
                                    const Scalar& longest_step, int order, const Matrix3<Scalar>& unknown_torque,
                                    RigidBodyFlow& flow) noexcept {
@@ -73,7 +75,8 @@ class RigidBodyFlow : public PredictionLimits {
     return divide(duration, longest_step_, steps);
   }
 
-  /// The same flow of another scalar, for potentials that have `cast`; of a pack, with the limits of this one (`count_steps`).
+  /// The same flow of another scalar, for potentials that have `cast`; of a pack, with the limits of this one
+  /// (`count_steps`).
   template <typename Other>
   [[nodiscard]] auto cast() const noexcept {
     using OtherPotential = decltype(potential_.template cast<Other>());
@@ -178,7 +181,8 @@ class RigidBodyFlow : public PredictionLimits {
   Matrix3<Scalar> unknown_torque_ = Matrix3<Scalar>::Zero();
 };
 
-/// A motion that a gyro measured: the state at its end, A, and the shapes of the effects of the gyro's noise and of its bias's drift.
+/// A motion that a gyro measured: the state at its end, A, and the shapes of the effects of the gyro's noise and of its
+/// bias's drift.
 template <typename Scalar>
 struct GyroMotion {
   GyroState<Scalar> center;
@@ -199,8 +203,10 @@ class GyroFlow {
     Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
   };
 
-  /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the next.
-  /// \param drift shape of the ellipsoid of β' = dβ/dt, (rad/s²)², constant over an interval and anything in it from one to
+  /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the
+  /// next.
+  /// \param drift shape of the ellipsoid of β' = dβ/dt, (rad/s²)², constant over an interval and anything in it from
+  /// one to
   ///        the next.
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
   [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the measured set.
+/// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the
+/// measured set.
 
 #include "elliptude/measurement/quadrics.hpp"
 
@@ -15,8 +16,8 @@ struct Fusion {
   StateScalar<State> margin;  ///< of the overlap, `overlap_margin`; set also if the sets do not meet
 };
 
-/// How an ellipsoid's attitude errors are carried to another center. Both are of first order in the error; only the second
-/// is right to first order if the centers differ.
+/// How an ellipsoid's attitude errors are carried to another center. Both are of first order in the error; only the
+/// second is right to first order if the centers differ.
 enum class Recentring : std::uint8_t {
   shifted,      ///< the paper's: log(exp(S(a)) exp(S(ζ))) ≈ a + ζ
   first_order,  ///< a + J_r⁻¹(a) ζ, and J_r(ζ̂) (ζ − ζ̂) after the fusion
@@ -35,8 +36,8 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// The ellipsoid of errors x about a center, in coordinates where it is E(x̂, P), put about its own center (paper, eqs. nattes,
-/// nveles).
+/// The ellipsoid of errors x about a center, in coordinates where it is E(x̂, P), put about its own center (paper, eqs.
+/// nattes, nveles).
 template <typename State>
 [[nodiscard]] StateEllipsoid<State> recentred(const State& center, const Ellipsoid<StateScalar<State>, 6>& ellipsoid,
                                               Recentring recentring) noexcept {
@@ -147,9 +148,9 @@ template <typename State>
 
 namespace detail {
 
-/// The size of the combination of ‖y − Bu‖ ≤ 1, of a few rows, with the unit ball, in the coordinates where it costs little: with
-/// the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its eigenvectors, wᵢ the weights W' of the vectors of u that belong to
-/// them and w₀ that of all others,
+/// The size of the combination of ‖y − Bu‖ ≤ 1, of a few rows, with the unit ball, in the coordinates where it costs
+/// little: with the eigenvalues dᵢ of BBᵀ, yᵢ the coordinates of y along its eigenvectors, wᵢ the weights W' of the
+/// vectors of u that belong to them and w₀ that of all others,
 ///
 ///     N = 1 + q − Σ yᵢ² q/(dᵢ + q),   tr W'A⁻¹ = Σ wᵢ/(dᵢ + q) + w₀/q,   −log det A = −Σ log(dᵢ + q) − (6 − rows) log q.
 template <typename Scalar, int Rows, int N>
@@ -230,8 +231,8 @@ class SizeByRows {
   bool by_volume_ = false;
 };
 
-/// The q of least size for a few rows, by Newton's steps in log q. Only where the search of `minimal_intersection` is to start:
-/// every q gives a bound.
+/// The q of least size for a few rows, by Newton's steps in log q. Only where the search of `minimal_intersection` is
+/// to start: every q gives a bound.
 template <typename Scalar, int Rows, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar weight_of_rows(const Vector<Scalar, Rows>& y,
                                                           const Matrix<Scalar, Rows, N>& b,
@@ -310,8 +311,8 @@ template <typename Scalar, int Rows>
                                                        const SizeCriterion<Scalar, 6>& criterion,
                                                        Ellipsoid<Scalar, 6>& set, Scalar& share, Scalar& q,
                                                        bool& is_ill_conditioned) noexcept {
-  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the prediction
-  // the constants of the quadric would cancel.
+  // As a quadric (`to_quadric`), but its slack from the residual: where the measurement is much sharper than the
+  // prediction the constants of the quadric would cancel.
   const Matrix6<Scalar> m = b.transpose().lazyProduct(b);
   const Vector6<Scalar> v = -b.transpose().lazyProduct(y);
   const auto slack = [&](const Vector6<Scalar>& u) noexcept -> Scalar {
@@ -334,9 +335,10 @@ template <typename Scalar, int Rows>
 
 }  // namespace detail
 
-/// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one direction, an angular
-/// velocity or an attitude alone, about the predicted center.
-/// \return the status of `validate`, `whitened` and `minimal_intersection`; after `empty_intersection` the margin is set, and nothing else.
+/// Fuses a predicted ellipsoid with a linear measurement of some of its coordinates (theory, section 10): one
+/// direction, an angular velocity or an attitude alone, about the predicted center.
+/// \return the status of `validate`, `whitened` and `minimal_intersection`; after `empty_intersection` the margin is
+/// set, and nothing else.
 template <typename State, int Rows>
 [[nodiscard]] Status fuse(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                           const StateEllipsoid<State>& predicted, Recentring recentring,

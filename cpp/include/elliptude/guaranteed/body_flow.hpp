@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The guaranteed flow of a rigid body: the set that it predicts holds the state of the continuous motion, with nothing left out
-/// (theory, section 17). The errors are y = [γ; δω] in the Gibbs chart.
+/// The guaranteed flow of a rigid body: the set that it predicts holds the state of the continuous motion, with nothing
+/// left out (theory, section 17). The errors are y = [γ; δω] in the Gibbs chart.
 ///
 /// A guaranteed flow has a `State`, an `Input` and
 ///
@@ -20,9 +20,9 @@
 
 namespace elliptude {
 
-/// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a control
-/// torque and a wheel's momentum as input and a torque that is not known. The potential must have a `TorqueExpansion`. One that
-/// `make` has not made has no step, and predicts nothing: `too_many_steps`.
+/// A rigid body in a potential: Euler's equations in continuous time, Jω' = −ω × (Jω + h_w) + M(C, t) + u + τ, with a
+/// control torque and a wheel's momentum as input and a torque that is not known. The potential must have a
+/// `TorqueExpansion`. One that `make` has not made has no step, and predicts nothing: `too_many_steps`.
 template <typename Scalar, typename Potential>
 class GuaranteedRigidBodyFlow : public PredictionLimits {
   static_assert(has_expansion<Potential, Scalar>,
@@ -33,10 +33,11 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   using State = RigidBodyState<Scalar>;
   using Input = BodyInput<Scalar>;
 
-  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth. The set is valid for any
+  /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
+  /// The set is valid for any
   ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
-  /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia error
-  /// reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
+  /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia
+  /// error reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
                                    const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
                                    GuaranteedRigidBodyFlow& flow) noexcept {
@@ -74,10 +75,11 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   [[nodiscard]] const Scalar& longest_step() const noexcept { return longest_step_; }
   [[nodiscard]] const BodyUncertainty<Scalar>& uncertainty() const noexcept { return uncertainty_; }
 
-  /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the prediction fails.
-  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `too_many_steps`;
-  /// `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if the set is too large, or
-  /// the step too long for it, for the prediction to say anything; `interrupted`.
+  /// If the motion or the set has no bound with these steps, three and nine times as many are tried before the
+  /// prediction fails.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration;
+  /// `too_many_steps`; `callback_failed`; `step_too_long` if the motion itself turns too far even then; `unbounded` if
+  /// the set is too large, or the step too long for it, for the prediction to say anything; `interrupted`.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
@@ -180,9 +182,10 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   [[nodiscard]] Status divided(const Scalar& time, const Scalar& duration, long steps, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
-    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be better to
-    // begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it contains, and second-order
-    // terms that would have cancelled later no longer do. Both ways hold the truth, and the smaller set is taken.
+    // What is of third order grows with the square of how far a tube's errors have moved since it began, so it may be
+    // better to begin again with an ellipsoid about all of them; but each such ellipsoid is larger than what it
+    // contains, and second-order terms that would have cancelled later no longer do. Both ways hold the truth, and the
+    // smaller set is taken.
     Course course;
     Status status = follow(time, h, steps, input, ellipsoid, scalar::constant<Scalar>(0.1L), course);
     const Scalar shorter = scalar::constant<Scalar>(0.01L);
@@ -195,7 +198,8 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     return status;
   }
 
-  /// The same with shorter tubes. \param status of the course. \return that of the one with the smaller set, which it is now.
+  /// The same with shorter tubes. \param status of the course. \return that of the one with the smaller set, which it
+  /// is now.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_again(const Scalar& time, const Scalar& h, long steps,
                                                           const Input& input, const GibbsEllipsoid<State>& ellipsoid,
                                                           const Scalar& longest, Status status,
@@ -255,8 +259,8 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     return true;
   }
 
-  /// Of the steps that are left as many as a tube that has been started may have. The series of the motion is here, and not where
-  /// the tube is, as both are large.
+  /// Of the steps that are left as many as a tube that has been started may have. The series of the motion is here, and
+  /// not where the tube is, as both are large.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_tube(ErrorTube<Scalar, Potential>& tube, const Scalar& time,
                                                          const Scalar& h, long steps, const Input& input,
                                                          const Scalar& longest, Course& course) const noexcept {

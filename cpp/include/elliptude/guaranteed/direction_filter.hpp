@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// A filter that follows one direction alone, such as the vertical, as seen from the body: what is known of tilt needs no heading.
-/// (theory, section 18.9)
+/// A filter that follows one direction alone, such as the vertical, as seen from the body: what is known of tilt needs
+/// no heading. (theory, section 18.9)
 
 #include "elliptude/attitude/direction_cap.hpp"
 #include "elliptude/guaranteed/policy.hpp"
@@ -18,9 +18,10 @@ struct DirectionUpdate {
   bool dropped = false;          ///< whether the measurement was left out
 };
 
-/// Holds a direction that does not move in reference axes, in the body axes of a turning body: in a cap of the sphere, which contains
-/// it if all bounds that the filter was told hold. A turn of the body with an error of at most φ makes the cap's angle larger by φ,
-/// whatever else is known of the attitude. A function that does not return `ok` has changed nothing.
+/// Holds a direction that does not move in reference axes, in the body axes of a turning body: in a cap of the sphere,
+/// which contains it if all bounds that the filter was told hold. A turn of the body with an error of at most φ makes
+/// the cap's angle larger by φ, whatever else is known of the attitude. A function that does not return `ok` has
+/// changed nothing.
 template <typename Scalar_>
 class DirectionFilter {
  public:
@@ -28,13 +29,14 @@ class DirectionFilter {
 
   struct Settings {
     Policy policy = Policy::raise;
-    /// As for `GuaranteedFilter`: after a contradiction the cap is taken from a measurement alone as soon as this many have agreed,
-    /// or this many updates have passed. (theory, section 16.8)
+    /// As for `GuaranteedFilter`: after a contradiction the cap is taken from a measurement alone as soon as this many
+    /// have agreed, or this many updates have passed. (theory, section 16.8)
     int regain_after = 10;
   };
 
   /// A filter that knows nothing.
-  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, and of a `regain_after` below one.
+  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, and of a `regain_after`
+  /// below one.
   [[nodiscard]] static Status make(const Settings& settings, DirectionFilter& filter) noexcept {
     if (settings.policy == Policy::relaxed || settings.regain_after < 1) {
       return Status::out_of_range;

@@ -1,17 +1,17 @@
 #pragma once
 
 /// \file
-/// Carries the set of errors y = [γ; δω] about a moving center along the motion, with bounds of everything that is left out.
-/// (theory, section 17)
+/// Carries the set of errors y = [γ; δω] about a moving center along the motion, with bounds of everything that is left
+/// out. (theory, section 17)
 ///
 /// Exactly (theory, section 17.1),
 ///
 ///     γ'  = −ω̂ × γ + δω + ½ γ × δω + ¼ γ (γ·δω)
 ///     δω' = J⁻¹ (S(Jω̂ + h_w) − S(ω̂)J) δω + J⁻¹ (𝓜γ + ½ M''(γ, γ) − δω × Jδω + rest of the torque + τ − defect)
 ///
-/// With y = Y(s) u, where Y follows the linear part but for a known error, u moves by terms of second order and higher. Those of
-/// second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and fourth order push u
-/// within an ellipsoid, and what is left is bounded in the norm of u.
+/// With y = Y(s) u, where Y follows the linear part but for a known error, u moves by terms of second order and higher.
+/// Those of second order are integrated exactly as a quadratic map of u(0); the unknown torque and what is of third and
+/// fourth order push u within an ellipsoid, and what is left is bounded in the norm of u.
 
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/enlarged_ball.hpp"
@@ -33,8 +33,8 @@ class ErrorTube {
     // Stability, theorem 10.3): none is then smaller.
     Matrix6<Scalar> raised = shape;
     raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(6));
-    // Norms are taken about a set that is not too thin in any direction: what nonlinear terms do to a thin set is judged by
-    // the width of the whole, and over a step Y must not change by more than a part of itself.
+    // Norms are taken about a set that is not too thin in any direction: what nonlinear terms do to a thin set is
+    // judged by the width of the whole, and over a step Y must not change by more than a part of itself.
     const Scalar share = scalar::constant<Scalar>(0.01L);
     const Scalar attitude = shape.diagonal().template head<3>().sum();
     const Scalar rate = shape.diagonal().template tail<3>().sum();

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The guaranteed filter: its set holds the state of the continuous motion if all bounds that it was told hold. (theory,
-/// sections 16 to 18)
+/// The guaranteed filter: its set holds the state of the continuous motion if all bounds that it was told hold.
+/// (theory, sections 16 to 18)
 
 #include "elliptude/attitude/attitude_bounds.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -13,9 +13,10 @@
 
 namespace elliptude {
 
-/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or after a
-/// prediction has become too large to be useful. It then starts from the next measurements that determine one. A function
-/// that does not return `ok` has changed nothing. A filter that `make` has not made knows nothing at time zero, and cannot predict.
+/// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or
+/// after a prediction has become too large to be useful. It then starts from the next measurements that determine one.
+/// A function that does not return `ok` has changed nothing. A filter that `make` has not made knows nothing at time
+/// zero, and cannot predict.
 template <typename FlowType>
 class GuaranteedFilter {
  public:
@@ -51,8 +52,8 @@ class GuaranteedFilter {
   }
 
   /// Starts the filter: the state is in this set now.
-  /// \return the status of `validate`; `not_positive_definite` of a flat set; `unbounded` of a set that holds half turns;
-  /// `out_of_range` beyond the `FilterDomain`.
+  /// \return the status of `validate`; `not_positive_definite` of a flat set; `unbounded` of a set that holds half
+  /// turns; `out_of_range` beyond the `FilterDomain`.
   template <typename Chart>
   [[nodiscard]] Status start(const StateEllipsoid<State, Chart>& set) noexcept {
     if (const Status status = validate(set); status != Status::ok) {
@@ -106,8 +107,8 @@ class GuaranteedFilter {
   [[nodiscard]] bool has_vector_bound() const noexcept { return memory_.known.has_vector_bound; }
   [[nodiscard]] const Ellipsoid<Scalar, 3>& vector_bound() const noexcept { return memory_.known.vector_bound; }
 
-  /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it to go on
-  /// under `Policy::raise` if the past is wrong, or cannot be predicted.
+  /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it
+  /// to go on under `Policy::raise` if the past is wrong, or cannot be predicted.
   void forget() noexcept { memory_.forget(); }
 
   [[nodiscard]] const Scalar& time() const noexcept { return memory_.time; }
@@ -123,9 +124,9 @@ class GuaranteedFilter {
   /// Whether the set, of the attitude or of the vector, rests on what was dropped, and what updates have shown since.
   [[nodiscard]] const Trust& trust() const noexcept { return memory_.trust; }
 
-  /// How far the attitude of the set's center may be off: the tilt, the turn about the vertical, and in all. Each is a question of
-  /// its own to the set, and after an update with `keeps_constraints` to the measurements and the prediction that it came from; then
-  /// the answers are sharper than the set. (theory, section 16.11)
+  /// How far the attitude of the set's center may be off: the tilt, the turn about the vertical, and in all. Each is a
+  /// question of its own to the set, and after an update with `keeps_constraints` to the measurements and the
+  /// prediction that it came from; then the answers are sharper than the set. (theory, section 16.11)
   /// \param vertical in reference axes, of any length.
   /// \return `unbounded` without a set; `not_finite`; `zero_direction`.
   [[nodiscard]] Status bounds(const Vector3<Scalar>& vertical, AttitudeBounds<Scalar>& result) const noexcept {
@@ -174,11 +175,11 @@ class GuaranteedFilter {
     return Status::ok;
   }
 
-  /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is known of
-  /// the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another can be: a wrong rate
-  /// may be one that no step is short enough for.
-  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under `Policy::raise` of a
-  /// gyro's turn beyond the `FilterDomain`, which is else unbounded.
+  /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is
+  /// known of the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another
+  /// can be: a wrong rate may be one that no step is short enough for.
+  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under
+  /// `Policy::raise` of a gyro's turn beyond the `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
     return predict_interval(time, Scalar(time - memory_.time), input);
   }
@@ -194,9 +195,9 @@ class GuaranteedFilter {
     return detail::FilterPrediction<Flow>(memory_).by_motion(time, duration, input);
   }
 
-  /// Moves the set of a gyro's filter over a turn that is known but for an angle, however it was measured: rates that were added
-  /// up, of which the errors partly cancel, or a turntable. One filter may be copied and predicted to many times, so that each
-  /// row of a log is predicted from one before it in one piece. (theory, section 18.6)
+  /// Moves the set of a gyro's filter over a turn that is known but for an angle, however it was measured: rates that
+  /// were added up, of which the errors partly cancel, or a turntable. One filter may be copied and predicted to many
+  /// times, so that each row of a log is predicted from one before it in one piece. (theory, section 18.6)
   /// \param turn rotation vector in the body axes at the filter's time, rad.
   /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
   /// \return the status of `predict`, and `out_of_range` of a negative angle.
@@ -220,11 +221,12 @@ class GuaranteedFilter {
     return detail::FilterPrediction<Flow>(memory_).by_turn(time, duration, turn, angle);
   }
 
-  /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start it.
-  /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity given to a
-  /// gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the `FilterDomain`, or of more than
-  /// eight measurements of which some may be wrong; `empty_intersection` if they contradict the prediction, or each other, and
-  /// the policy is to say so.
+  /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start
+  /// it.
+  /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity
+  /// given to a gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the
+  /// `FilterDomain`, or of more than eight measurements of which some may be wrong; `empty_intersection` if they
+  /// contradict the prediction, or each other, and the policy is to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
     return detail::FilterUpdate<Flow>(memory_).run(measurements, update);
   }
@@ -243,8 +245,8 @@ class GuaranteedFilter {
   }
 
   /// One linear measurement of the error [ζ; δ] about the present center.
-  /// \return the status of `to_quadric` and `minimal_intersection`; `unbounded` if the attitude is not known, or the set is not in
-  /// the `FilterDomain` afterwards.
+  /// \return the status of `to_quadric` and `minimal_intersection`; `unbounded` if the attitude is not known, or the
+  /// set is not in the `FilterDomain` afterwards.
   template <int Rows>
   [[nodiscard]] Status update(const LinearMeasurement<Scalar, Rows>& measurement,
                               GuaranteedUpdate<Scalar>& update) noexcept {

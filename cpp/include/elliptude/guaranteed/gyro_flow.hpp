@@ -1,9 +1,9 @@
 #pragma once
 
 /// \file
-/// The guaranteed flow of a body of which nothing is known but what its gyro says: the set that it predicts holds the state of the
-/// continuous motion (theory, section 17.6). The errors are y = [γ; δβ] in the Gibbs chart. What a guaranteed flow is:
-/// guaranteed/body_flow.hpp.
+/// The guaranteed flow of a body of which nothing is known but what its gyro says: the set that it predicts holds the
+/// state of the continuous motion (theory, section 17.6). The errors are y = [γ; δβ] in the Gibbs chart. What a
+/// guaranteed flow is: guaranteed/body_flow.hpp.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/guaranteed/detail/prediction_sums.hpp"
@@ -16,18 +16,18 @@ template <typename Scalar>
 struct GyroUncertainty {
   Matrix3<Scalar> noise = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of v, (rad/s)²
   Matrix3<Scalar> drift = Matrix3<Scalar>::Zero();  ///< shape of the ellipsoid of dβ/dt at every time, (rad/s²)²
-  /// Largest relative error: v may be larger by this times ‖ω̃‖ of the rate that is given for an interval. Of a mean that is right
-  /// for an error which is one linear map of the rate throughout the interval.
+  /// Largest relative error: v may be larger by this times ‖ω̃‖ of the rate that is given for an interval. Of a mean
+  /// that is right for an error which is one linear map of the rate throughout the interval.
   Scalar scale = Scalar(0);
   Scalar angular_acceleration = Scalar(0);  ///< largest ‖dω/dt‖, rad/s²: how ω may move between samples
-  /// The longest interval, s, that a rate and all of the above cover; negative for any. About a longer one, such as after lost
-  /// samples, only the next number is known.
+  /// The longest interval, s, that a rate and all of the above cover; negative for any. About a longer one, such as
+  /// after lost samples, only the next number is known.
   Scalar longest_interval = Scalar(-1);
   Scalar largest_rate = Scalar(-1);  ///< largest ‖ω‖ at any time, rad/s; negative if unknown
 };
 
-/// A body about which only its gyro says something, at every time between its samples. One that `make` has not made has no
-/// rate for any interval: `unbounded`.
+/// A body about which only its gyro says something, at every time between its samples. One that `make` has not made has
+/// no rate for any interval: `unbounded`.
 template <typename Scalar>
 class GuaranteedGyroFlow {
  public:
@@ -41,8 +41,8 @@ class GuaranteedGyroFlow {
   };
   struct Input {
     Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
-    /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than the
-    /// duration times the noise; negative for none.
+    /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than
+    /// the duration times the noise; negative for none.
     Scalar increment = Scalar(-1);
     bool is_measured = true;  ///< false: there is no rate for this interval, as if it were longer than the longest
   };
@@ -72,8 +72,8 @@ class GuaranteedGyroFlow {
   [[nodiscard]] IntervalRate interval_rate() const noexcept { return interval_rate_; }
 
   /// With ω̂ = ω̃ − β̂ and F = exp(S(hω̂)) the linear part is γ⁺ = Fᵀγ − h J_r(hω̂) δβ (theory, section 17.6).
-  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if the set
-  /// may reach half turns within the interval.
+  /// \return `not_finite`; `not_positive_definite` of a flat set; `out_of_range` of a negative duration; `unbounded` if
+  /// the set may reach half turns within the interval.
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration) ||
@@ -91,12 +91,12 @@ class GuaranteedGyroFlow {
                                       : predict_unmeasured(duration, ellipsoid, result);
   }
 
-  /// Over an interval in which the body turned by `turn`, and before, after or within that by a turn of at most `angle` about any
-  /// axis: what rates add up to, and how far that may be off. The bias has drifted. (theory, section 18.6)
+  /// Over an interval in which the body turned by `turn`, and before, after or within that by a turn of at most `angle`
+  /// about any axis: what rates add up to, and how far that may be off. The bias has drifted. (theory, section 18.6)
   /// \param turn rotation vector in the body axes at the beginning, rad.
   /// \param angle rad; anything from π on says nothing of the attitude.
-  /// \return `not_finite`, but an infinite angle is none; `out_of_range` of a negative duration or angle; `not_positive_definite` of
-  /// a flat set; `unbounded` if the set may reach half turns.
+  /// \return `not_finite`, but an infinite angle is none; `out_of_range` of a negative duration or angle;
+  /// `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
   [[nodiscard]] Status predict_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
                                     const GibbsEllipsoid<State>& ellipsoid,
                                     GibbsEllipsoid<State>& result) const noexcept {
@@ -107,8 +107,8 @@ class GuaranteedGyroFlow {
       return Status::out_of_range;
     }
     const Matrix3<Scalar> f = exp(turn);
-    // What F and the center are off by rounding is one more turn of the body, and a little of the errors themselves (theory,
-    // section 17.8).
+    // What F and the center are off by rounding is one more turn of the body, and a little of the errors themselves
+    // (theory, section 17.8).
     const Scalar slip = rounding::share<Scalar>(rounding::turn) +
                         rounding::share<Scalar>(rounding::turn_by_angle) * scalar::sqrt(Scalar(turn.squaredNorm()));
     const GibbsEllipsoid<State> turned{
@@ -117,8 +117,8 @@ class GuaranteedGyroFlow {
     return predict_any_turn(duration, Scalar(angle + slip), slip, turned, result);
   }
 
-  /// Predicts the attitude alone, for a bias that may be anywhere in its bound at every time: its effect on the rate is bounded
-  /// like the noise, and nothing is said about the bias afterwards. (theory, section 16.7)
+  /// Predicts the attitude alone, for a bias that may be anywhere in its bound at every time: its effect on the rate is
+  /// bounded like the noise, and nothing is said about the bias afterwards. (theory, section 16.7)
   /// \param ellipsoid whose attitude counts; its vector is taken to be `bias`.
   /// \return the status of `predict`.
   [[nodiscard]] Status predict_attitude(const Scalar& time, const Scalar& duration, const Input& input,
@@ -159,8 +159,8 @@ class GuaranteedGyroFlow {
   }
 
   /// The bias without the attitude: it drifts.
-  /// \return `not_finite`; `out_of_range` of a negative duration; `not_positive_definite`; `beyond_domain` if it drifts beyond all
-  /// numbers.
+  /// \return `not_finite`; `out_of_range` of a negative duration; `not_positive_definite`; `beyond_domain` if it drifts
+  /// beyond all numbers.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
@@ -231,8 +231,8 @@ class GuaranteedGyroFlow {
     if (is_mean) {
       ball += half * half * h * h * drift;
     }
-    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and a little
-    // more as a is not nothing (theory, section 17.8).
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and
+    // a little more as a is not nothing (theory, section 17.8).
     const Scalar slip =
         rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
     ball +=
@@ -246,7 +246,8 @@ class GuaranteedGyroFlow {
       ball += h * scale;
       others[0].template topLeftCorner<3, 3>() = turned_by_noise(h, turn);
     }
-    // The bias at the end has moved by r in h E(0, drift); the rate that is given is of a bias that had moved by its share of r.
+    // The bias at the end has moved by r in h E(0, drift); the rate that is given is of a bias that had moved by its
+    // share of r.
     if (drift > Scalar(0)) {
       Matrix6<Scalar> moved = Matrix6<Scalar>::Zero();
       moved.template bottomRightCorner<3, 3>() = (h * h) * uncertainty_.drift;
@@ -328,8 +329,8 @@ class GuaranteedGyroFlow {
     return predict_any_turn(duration, Scalar(uncertainty_.largest_rate * duration), Scalar(0), ellipsoid, result);
   }
 
-  /// Over a turn about any axis by no more than an angle: the center stays, and the errors move by at most what (17.10) says.
-  /// (theory, section 17.6)
+  /// Over a turn about any axis by no more than an angle: the center stays, and the errors move by at most what (17.10)
+  /// says. (theory, section 17.6)
   /// \param slip what each error is off by besides, of itself.
   /// \return `not_positive_definite` of a flat set; `unbounded` if the set may reach half turns.
   [[nodiscard]] Status predict_any_turn(const Scalar& duration, const Scalar& angle, const Scalar& slip,

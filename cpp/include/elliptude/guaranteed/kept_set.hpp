@@ -1,15 +1,16 @@
 #pragma once
 
 /// \file
-/// Which sets a guaranteed filter keeps: the domain in which everything computed from them stays finite. (theory, section 16.9)
+/// Which sets a guaranteed filter keeps: the domain in which everything computed from them stays finite.
+/// (theory, section 16.9)
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/rounding.hpp"
 
 namespace elliptude {
 
-/// The filter's domain. An angular velocity or gyro bias beyond it is refused, or left out as a contradiction is; a set that
-/// grows beyond it is forgotten.
+/// The filter's domain. An angular velocity or gyro bias beyond it is refused, or left out as a contradiction is; a set
+/// that grows beyond it is forgotten.
 template <typename Scalar>
 struct FilterDomain {
   static constexpr bool is_single = rounding::is_single<Scalar>;

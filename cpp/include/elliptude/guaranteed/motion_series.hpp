@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The motion of a rigid body over one step as a power series in time, with a bound of how far it is from the exact solution
-/// of Euler's equations. (theory, section 17)
+/// The motion of a rigid body over one step as a power series in time, with a bound of how far it is from the exact
+/// solution of Euler's equations. (theory, section 17)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/torque_expansion.hpp"
@@ -19,15 +19,16 @@ struct BodyInput {
 /// The uncertainty of a rigid body: unknown torque and inertia error.
 template <typename Scalar>
 struct BodyUncertainty {
-  /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it changes.
+  /// Shape of an ellipsoid about zero, (N m)², body axes, that holds the unknown torque at every time, however it
+  /// changes.
   Matrix3<Scalar> torque = Matrix3<Scalar>::Zero();
   /// Largest error of the inertia matrix in the spectral norm, kg m². It affects the gravity gradient too.
   Scalar inertia = Scalar(0);
 };
 
-/// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to an angular
-/// acceleration whose integral over the step is at most `rate_defect`.
-/// Rates are known to some ε times the ratio of the largest moment to the least: for a needle with a ratio of 1e5, to 1e-11.
+/// ω̂(s) = Σ ω_k sᵏ for 0 ≤ s ≤ h, and the attitude that has exactly this rate. It obeys the equations of motion up to
+/// an angular acceleration whose integral over the step is at most `rate_defect`. Rates are known to some ε times the
+/// ratio of the largest moment to the least: for a needle with a ratio of 1e5, to 1e-11.
 template <typename Scalar, typename Potential>
 struct MotionSeries {
   /// Order of ω̂. The truncation error is then that of a method of this order.
@@ -45,7 +46,8 @@ struct MotionSeries {
   Scalar largest_rate;    ///< Σ ‖ω_k‖ hᵏ ≥ sup ‖ω̂‖
   Scalar attitude_error;  ///< angle between `end.attitude` and the attitude with rate ω̂, rad
   Scalar rate_defect;     ///< rad/s
-  // The products that J⁻¹ is applied to, divided by the least moment: their rounding is not less, though they may cancel.
+  // The products that J⁻¹ is applied to, divided by the least moment: their rounding is not less, though they may
+  // cancel.
   Scalar gyroscopic_size;  ///< of ω × and × (Jω + h_w), 1/s
   Scalar stiffness_size;   ///< of the torque, 1/s²
 
@@ -61,9 +63,9 @@ struct MotionSeries {
                const TorqueBounds<Scalar>& bounds_of_acceleration) noexcept
       : torque(potential), torque_bounds(bounds_of_torque), acceleration(bounds_of_acceleration) {}
 
-  /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|), by Cauchy's
-  /// estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one, found by halving from
-  /// at most 64 to not less than 2, is near the best. (theory, eq. 17.3)
+  /// Bound of Σ_{k ≥ first} |a_k| sᵏ over 0 ≤ s ≤ h for an analytic a with |a(z)| ≤ exp(growth (ω̄(|z|) + turn) |z|),
+  /// by Cauchy's estimate on the circle of radius κh: exp(…) κ^−first / (1 − 1/κ). Any κ > 1 gives a bound; this one,
+  /// found by halving from at most 64 to not less than 2, is near the best. (theory, eq. 17.3)
   [[nodiscard]] Scalar tail(int first, const Scalar& growth, const Scalar& turn, const Scalar& h) const noexcept {
     const Scalar speed = growth * (largest_rate + turn) * h;
     const Scalar least(2);
@@ -96,8 +98,8 @@ struct MotionSeries {
   }
 
   /// The series from `state` at `time` over a step h > 0.
-  /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says nothing
-  /// at this step, or its terms overflow.
+  /// \return `not_finite` of the state; `callback_failed` if a torque is not finite; `step_too_long` if the series says
+  /// nothing at this step, or its terms overflow.
   [[nodiscard]] Status expand(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h,
                               const BodyInput<Scalar>& body_input, const RigidBodyState<Scalar>& state) noexcept {
     input = body_input;
@@ -123,7 +125,8 @@ struct MotionSeries {
       const Vector3<Scalar> change =
           (torque_coefficient - expansion::cross_coefficient(k - 1, rate, momentum)) / Scalar(k);
       rate[index] = body.inertia_inverse() * change;
-      // From the rate, not the change itself: what J⁻¹ has lost of it would come back multiplied by the ratio of the moments.
+      // From the rate, not the change itself: what J⁻¹ has lost of it would come back multiplied by the ratio of the
+      // moments.
       momentum[index] = body.inertia() * rate[index];
       if (k < order) {
         torque_coefficient = torque.extend(k, rate);
@@ -146,8 +149,8 @@ struct MotionSeries {
   }
 
  private:
-  /// The coefficients of ω̂' + J⁻¹ (ω̂ × (Jω̂ + h_w) − M − u) vanish up to order − 1; the rest, integrated over the step, and the
-  /// rounding of all. (theory, section 17.2)
+  /// The coefficients of ω̂' + J⁻¹ (ω̂ × (Jω̂ + h_w) − M − u) vanish up to order − 1; the rest, integrated over the
+  /// step, and the rounding of all. (theory, section 17.2)
   void bound_defect(const RigidBody<Scalar>& body, const Scalar& time, const Scalar& h) noexcept {
     Scalar sum(0);
     Scalar momentum_sum(0);  // Σ ‖(Jω + h_w)_j‖ hʲ over j ≥ order − i

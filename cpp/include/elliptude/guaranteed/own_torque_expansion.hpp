@@ -85,9 +85,9 @@ class TorqueExpansion<QuadraticPotential<Scalar>, Scalar, Terms> : public expans
   Scalar products_;  // ‖K‖: of a nearly isotropic K little is left of b × Kb
 };
 
-/// Of a stated torque the part M* + 𝓜* a, with the value M* and the derivative 𝓜* at the attitude C* and the time in the middle of
-/// a step, and a = sin θ n for C = C* exp(θ S(n)). In C it is a polynomial of first degree: a = ½ Σ sᵢ × eᵢ, sᵢ = CᵀC*eᵢ. What it
-/// lacks of the torque is `remainder`. (theory, eqs. 17.12 and 17.13)
+/// Of a stated torque the part M* + 𝓜* a, with the value M* and the derivative 𝓜* at the attitude C* and the time in
+/// the middle of a step, and a = sin θ n for C = C* exp(θ S(n)). In C it is a polynomial of first degree: a = ½ Σ sᵢ ×
+/// eᵢ, sᵢ = CᵀC*eᵢ. What it lacks of the torque is `remainder`. (theory, eqs. 17.12 and 17.13)
 template <typename Scalar, typename Torque, int Terms>
 class TorqueExpansion<StatedTorque<Scalar, Torque>, Scalar, Terms> {
  public:
@@ -139,7 +139,8 @@ class TorqueExpansion<StatedTorque<Scalar, Torque>, Scalar, Terms> {
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
     return derivative_.lazyProduct(turn_jacobian(axes_[static_cast<std::size_t>(k)]));
   }
-  /// Row t of `transform` 𝓜*: t·a has the second order Σ nᵢ·(that of sᵢ), nᵢ = ½ eᵢ × t, and Σ nᵢ sᵢᵀ = −½ S(t) Σ eᵢ sᵢᵀ.
+  /// Row t of `transform` 𝓜*: t·a has the second order Σ nᵢ·(that of sᵢ), nᵢ = ½ eᵢ × t, and Σ nᵢ sᵢᵀ = −½ S(t) Σ eᵢ
+  /// sᵢᵀ.
   void add_curvature(const Scalar& s, const Matrix3<Scalar>& transform,
                      expansion::Forms<Scalar>& forms) const noexcept {
     const Matrix3<Scalar> axes = expansion::value(axes_, count_, s);

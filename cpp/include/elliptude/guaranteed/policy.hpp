@@ -28,14 +28,16 @@ struct GuaranteedUpdate {
   Claim claim = Claim::none;
   bool prediction_used = false;  ///< whether the prediction made the set smaller than the measurements alone
   Sensors dropped = 0;           ///< which measurements were left out, or are proved wrong
-  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1 if that
-  /// cannot be measured, as for an angular velocity beyond the `FilterDomain`.
+  /// How far the constraints are from having no common point; negative if they had none (`QuadricFusion::margin`), −1
+  /// if that cannot be measured, as for an angular velocity beyond the `FilterDomain`.
   Scalar margin = Scalar(1);
   Sensors contradicting = 0;  ///< if the margin is negative: the measurement that weighs most against the rest
-  /// How many choices of measurements were tried: all of them, and others after a contradiction or where some may be wrong.
+  /// How many choices of measurements were tried: all of them, and others after a contradiction or where some may be
+  /// wrong.
   int fusions = 0;
   int steps = 0;  ///< of the searches for all these
-  /// Whether one of these searches ended because it had taken as many steps as it may: the set holds, and may be larger than it need be.
+  /// Whether one of these searches ended because it had taken as many steps as it may: the set holds, and may be larger
+  /// than it need be.
   bool ended_by_limit = false;
 };
 

@@ -46,7 +46,8 @@ class Trust {
     return rests_on_drops_ && (agreeing_updates_ >= regain_after || disputed_updates_ >= regain_after);
   }
 
-  /// The set is now taken from them. It rests on nothing that was left out, but is called unconditional only when updates agree.
+  /// The set is now taken from them. It rests on nothing that was left out, but is called unconditional only when
+  /// updates agree.
   void give_up_past(int regain_after) noexcept {
     disputed_updates_ = 0;
     rests_on_drops_ = agreeing_updates_ < regain_after;

@@ -17,15 +17,16 @@ struct GuaranteedSettings {
   int most_wrong = 0;
   /// A conditional claim ends after this many updates in a row without contradiction: the set is then taken from the
   /// measurements of that moment alone, if they bound one. If contradictions go on, the past is given up for such a set
-  /// this many updates after the first one; the claim stays conditional until as many have agreed. (theory, section 16.8)
+  /// this many updates after the first one; the claim stays conditional until as many have agreed.
+  /// (theory, section 16.8)
   int regain_after = 10;
-  /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`, which is all
-  /// that is ever known of it, and the attitude is predicted and fused by itself: its sets are smaller, as no part of a sum
-  /// has to bound the bias. The shape is then of two sets, one of the attitude and the bound of the bias, with zeros between,
-  /// and the state is in their product. (theory, section 16.7)
+  /// Whether the gyro's bias is part of what is estimated. If it is not, it is in the ellipsoid of `bound_vector`,
+  /// which is all that is ever known of it, and the attitude is predicted and fused by itself: its sets are smaller, as
+  /// no part of a sum has to bound the bias. The shape is then of two sets, one of the attitude and the bound of the
+  /// bias, with zeros between, and the state is in their product. (theory, section 16.7)
   bool estimates_vector = true;
-  /// Whether what an update has used is kept beside the set until the next prediction, so that `bounds` says as much as all of it
-  /// does, and not only as much as the set does.
+  /// Whether what an update has used is kept beside the set until the next prediction, so that `bounds` says as much as
+  /// all of it does, and not only as much as the set does.
   bool keeps_constraints = false;
 };
 

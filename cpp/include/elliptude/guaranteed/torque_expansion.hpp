@@ -1,12 +1,12 @@
 #pragma once
 
 /// \file
-/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must provide for
-/// guaranteed bounds. (theory, section 17)
+/// Power series in time of the torque of a potential along a motion, and bounds of the torque: what a potential must
+/// provide for guaranteed bounds. (theory, section 17)
 ///
-/// A torque here is a polynomial in vectors that are fixed in the reference frame, or turn in it at a known rate, as they are
-/// seen from the body: s = Cᵀr(t), which obeys s' = −ω × s + Cᵀr'(t). `TorqueExpansion<Potential, Scalar, Terms>` is
-/// specialised for each potential that can be used in a guaranteed flow:
+/// A torque here is a polynomial in vectors that are fixed in the reference frame, or turn in it at a known rate, as
+/// they are seen from the body: s = Cᵀr(t), which obeys s' = −ω × s + Cᵀr'(t). `TorqueExpansion<Potential, Scalar,
+/// Terms>` is specialised for each potential that can be used in a guaranteed flow:
 ///
 ///     explicit TorqueExpansion(const Potential&);
 ///     Vector3<Scalar> start(attitude, time);               // coefficient 0 of M(s)
@@ -31,11 +31,12 @@
 
 namespace elliptude {
 
-/// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree, of at
-/// most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a motion that
-/// is continued to complex times z, its length is at most `largest` exp(degree (Σ‖ω_k‖|z|ᵏ + turn_rate) |z|), and that of its
-/// Jacobian at most `degree` times as much. In γ the terms of second order are at most ½ degree² ‖γ‖² times `largest`, those of
-/// third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖) (theory, section 17.3).
+/// Along a turn by an angle θ about any fixed axis the torque is a trigonometric polynomial in θ of the given degree,
+/// of at most the given length. By Bernstein's inequality its k-th derivative is then at most degreeᵏ as long. Along a
+/// motion that is continued to complex times z, its length is at most `largest` exp(degree (Σ‖ω_k‖|z|ᵏ + turn_rate)
+/// |z|), and that of its Jacobian at most `degree` times as much. In γ the terms of second order are at most ½ degree²
+/// ‖γ‖² times `largest`, those of third order ⅜ degree² ‖γ‖³, and all the rest ⅛ degree³ ‖γ‖⁴ (1 + ⅝‖γ‖)
+/// (theory, section 17.3).
 template <typename Scalar>
 struct TorqueBounds {
   Scalar largest = Scalar(0);    ///< of the transformed torque; N m for the torque itself
@@ -43,15 +44,16 @@ struct TorqueBounds {
   Scalar turn_rate = Scalar(0);  ///< rad/s, at which the potential turns in the reference frame
   /// 1/s²: an error ΔJ of the inertia, in the spectral norm, changes the torque itself by at most this times ‖ΔJ‖.
   Scalar by_inertia = Scalar(0);
-  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. The statements about lengths
-  /// above hold in each direction, with the ellipsoid's width there instead of `largest`.
+  /// Shape of an ellipsoid about zero that holds the transformed torque at every attitude and time. The statements
+  /// about lengths above hold in each direction, with the ellipsoid's width there instead of `largest`.
   Matrix3<Scalar> shape = Matrix3<Scalar>::Zero();
   /// Length of a part that is the same at every attitude, seen from the body. `largest` and the shape leave it out.
   Scalar fixed = Scalar(0);
   /// Length of the products that the torque is made of, where they may cancel: their rounding does not.
   Scalar products = Scalar(0);
 
-  /// Adds the torque of a second potential: bounds grow with the degree and the rate, so the larger ones hold for the sum.
+  /// Adds the torque of a second potential: bounds grow with the degree and the rate, so the larger ones hold for the
+  /// sum.
   void add(const TorqueBounds& other) noexcept {
     largest += other.largest;
     degree = other.degree > degree ? other.degree : degree;
@@ -148,8 +150,8 @@ class TorqueExpansion<UniformGravity<Scalar>, Scalar, Terms> {
 
 namespace expansion {
 
-/// M = f b × Jb with a symmetric J and b = Cᵀr, r a unit vector that turns by n in a plane, where v is a quarter turn ahead of it:
-/// r' = n v, v' = −n r. For the gravity gradient f = 3n², and J is the body's inertia.
+/// M = f b × Jb with a symmetric J and b = Cᵀr, r a unit vector that turns by n in a plane, where v is a quarter turn
+/// ahead of it: r' = n v, v' = −n r. For the gravity gradient f = 3n², and J is the body's inertia.
 template <typename Scalar, int Terms>
 class QuadraticTorque {
  public:
@@ -176,8 +178,8 @@ class QuadraticTorque {
         factor * (-rate_ * radial_[last].template head<3>() - cross_coefficient(k - 1, rate, along_)));
     return torque(k);
   }
-  /// f (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I − J)x) it is
-  /// f (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
+  /// f (−S(Jb) + S(b)J) S(b), which is linear in B = bbᵀ: as S(x)S(y) = yxᵀ − (x·y)I and S(x)J + JS(x) = S((tr J I −
+  /// J)x) it is f (tr J B + tr B J − 2BJ − JB + (2 tr BJ − tr J tr B) I).
   [[nodiscard]] Matrix3<Scalar> jacobian(int k) const noexcept {
     const Matrix3<Scalar> square = squares_[static_cast<std::size_t>(k)].template topRows<3>();
     const Matrix3<Scalar> product = square.lazyProduct(inertia_);
@@ -205,8 +207,8 @@ class QuadraticTorque {
       form += transform(i, 0) * cross[0] + transform(i, 1) * cross[1] + transform(i, 2) * cross[2];
     }
   }
-  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is f (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives −½‖γ‖² N b₁
-  /// more: f (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
+  /// With b₁ = S(b)γ and b₂ = ½ (γ(γ·b) − b‖γ‖²) it is f (−¼‖γ‖² N b₁ + b₁ × Jb₂ + b₂ × Jb₁), in which −½ b‖γ‖² gives
+  /// −½‖γ‖² N b₁ more: f (−¾‖γ‖² N b₁ + ½ (γ·b) (b₁ × Jγ + γ × Jb₁)).
   void add_cubic(const Scalar& s, const Matrix3<Scalar>& transform, const Matrix3<Scalar>& axes,
                  CubicForms<Scalar>& forms) const noexcept {
     const Vector3<Scalar> b = value(radial_, count_, s).template head<3>();
@@ -229,8 +231,8 @@ class QuadraticTorque {
     }
     forms += torque.lazyProduct(Matrix3<Scalar>(strength_ * transform.transpose()));
   }
-  /// The components of b × Jb are forms without a trace, so they act on bbᵀ − I/3 alone, of length √(2/3), which a turn, of complex
-  /// rates too, changes as it does the spherical harmonics of degree two.
+  /// The components of b × Jb are forms without a trace, so they act on bbᵀ − I/3 alone, of length √(2/3), which a
+  /// turn, of complex rates too, changes as it does the spherical harmonics of degree two.
   [[nodiscard]] TorqueBounds<Scalar> bounds(const Matrix3<Scalar>& transform) const noexcept {
     const Matrix<Scalar, 3, 6> map = transform.lazyProduct(gyroscopic_forms(inertia_));
     const Matrix3<Scalar> shape =

@@ -46,8 +46,8 @@ template <typename Scalar, typename Term, std::size_t Terms>
   return sum;
 }
 
-/// What a turn by γ = 2 tan(θ/2) n does to s = Cᵀr to second order: s + s × γ + ½ (γ(γ·s) − s‖γ‖²). Component i of N times the
-/// second-order part, as the matrix of a quadratic form of γ.
+/// What a turn by γ = 2 tan(θ/2) n does to s = Cᵀr to second order: s + s × γ + ½ (γ(γ·s) − s‖γ‖²). Component i of N
+/// times the second-order part, as the matrix of a quadratic form of γ.
 template <typename Scalar>
 [[nodiscard]] Matrix3<Scalar> second_order_form(const Vector3<Scalar>& row_of_n, const Vector3<Scalar>& s) noexcept {
   const Scalar quarter = scalar::constant<Scalar>(0.25L);
@@ -60,8 +60,8 @@ template <typename Scalar>
 template <typename Scalar>
 using Forms = std::array<Matrix3<Scalar>, 3>;
 
-/// Symmetric forms of three numbers, one a row, by the coefficients of b₁², b₂², b₃², √2 b₂b₃, √2 b₃b₁, √2 b₁b₂, which together have
-/// the length ‖b‖².
+/// Symmetric forms of three numbers, one a row, by the coefficients of b₁², b₂², b₃², √2 b₂b₃, √2 b₃b₁, √2 b₁b₂, which
+/// together have the length ‖b‖².
 template <typename Scalar>
 using RowForms = Matrix<Scalar, 3, 6>;
 
@@ -98,9 +98,9 @@ template <typename Scalar>
   return forms;
 }
 
-/// Three cubic forms of γ, one a column, by the coefficients of their ten monomials: γᵢ³, γᵢ²γⱼ, γ₁γ₂γ₃, each divided by the root
-/// of how often the monomial stands in γ ⊗ γ ⊗ γ (1, 3, 6), so that a form's value is an inner product with a vector of length
-/// ‖γ‖³.
+/// Three cubic forms of γ, one a column, by the coefficients of their ten monomials: γᵢ³, γᵢ²γⱼ, γ₁γ₂γ₃, each divided
+/// by the root of how often the monomial stands in γ ⊗ γ ⊗ γ (1, 3, 6), so that a form's value is an inner product with
+/// a vector of length ‖γ‖³.
 template <typename Scalar>
 using CubicForms = Matrix<Scalar, 10, 3>;
 
@@ -121,8 +121,8 @@ template <typename Scalar>
   return form;
 }
 
-/// Adds the terms of third order of `transform` times a torque of first degree in vectors that turn with the body: −¼‖γ‖² times
-/// its derivative's.
+/// Adds the terms of third order of `transform` times a torque of first degree in vectors that turn with the body:
+/// −¼‖γ‖² times its derivative's.
 template <typename Scalar>
 void add_cubic_of_first_degree(const Matrix3<Scalar>& jacobian, const Matrix3<Scalar>& transform,
                                const Matrix3<Scalar>& axes, CubicForms<Scalar>& forms) noexcept {

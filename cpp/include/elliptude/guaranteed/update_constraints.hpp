@@ -1,8 +1,9 @@
 #pragma once
 
 /// \file
-/// What one update leaves possible, for questions of one's own: each is answered with multipliers of its own, so that the answer is
-/// sharper than what the filter's set says, which has to answer all questions at once. (theory, section 16.12)
+/// What one update leaves possible, for questions of one's own: each is answered with multipliers of its own, so that
+/// the answer is sharper than what the filter's set says, which has to answer all questions at once.
+/// (theory, section 16.12)
 
 #include "elliptude/attitude/attitude_bounds.hpp"
 #include "elliptude/guaranteed/detail/solution.hpp"
@@ -17,8 +18,8 @@ struct AttitudeSet {
   Matrix3<Scalar> shape;
 };
 
-/// The constraints of one update of a guaranteed filter, which `GuaranteedFilter::update` fills. What is asked of them holds at the
-/// time of that update, on the same claim as the filter's set. They are about 5 kB in `double`.
+/// The constraints of one update of a guaranteed filter, which `GuaranteedFilter::update` fills. What is asked of them
+/// holds at the time of that update, on the same claim as the filter's set. They are about 5 kB in `double`.
 template <typename State>
 class UpdateConstraints {
  public:
@@ -36,9 +37,9 @@ class UpdateConstraints {
   /// Whether the attitude is known; there is no answer otherwise.
   [[nodiscard]] bool knows_attitude() const noexcept { return knows_attitude_; }
 
-  /// Where the turn about an axis may be from the center of the filter's set to the attitude, when what turns the axis is taken away
-  /// by the shortest turn, rad, in the sense of a right-handed screw. A component of the error's rotation vector along the axis has
-  /// the same bounds where these have zero between them.
+  /// Where the turn about an axis may be from the center of the filter's set to the attitude, when what turns the axis
+  /// is taken away by the shortest turn, rad, in the sense of a right-handed screw. A component of the error's rotation
+  /// vector along the axis has the same bounds where these have zero between them.
   /// \param axis in the body axes at the center, of any length.
   /// \return `unbounded` without a set, or if rounding leaves no bound; `not_finite`; `zero_direction`.
   [[nodiscard]] Status turn_about(const Vector3<Scalar>& axis, Interval<Scalar>& angle) const noexcept {
@@ -82,10 +83,10 @@ class UpdateConstraints {
     return Status::ok;
   }
 
-  /// A small set of the attitude alone, from all constraints, and from slabs about where the turns about its own axes may be: never
-  /// larger by the criterion than the attitude's part of what the filter fused.
-  /// \return `unbounded` without a set, or of one that may hold half turns about its own center; the status of `validate` for the
-  /// criterion.
+  /// A small set of the attitude alone, from all constraints, and from slabs about where the turns about its own axes
+  /// may be: never larger by the criterion than the attitude's part of what the filter fused.
+  /// \return `unbounded` without a set, or of one that may hold half turns about its own center; the status of
+  /// `validate` for the criterion.
   [[nodiscard]] Status attitude_set(const SizeCriterion<Scalar, 3>& criterion,
                                     AttitudeSet<Scalar>& result) const noexcept {
     if (!knows_attitude_) {
@@ -171,8 +172,8 @@ class UpdateConstraints {
     }
   }
 
-  /// \param answer of constraints; if they prove that nothing satisfies all, though fusion found no contradiction, of the set alone:
-  /// no more than that is claimed then.
+  /// \param answer of constraints; if they prove that nothing satisfies all, though fusion found no contradiction, of
+  /// the set alone: no more than that is claimed then.
   template <int N, typename Answer>
   [[nodiscard]] Status answered(const Answer& answer) const noexcept {
     Asked<N> asked;
@@ -196,9 +197,9 @@ class UpdateConstraints {
     return answer(asked);
   }
 
-  /// With ĝ the set's center as it is seen from the origin, (16.3) is n·g⁺ = v/w, v = n·(g − ĝ − ĝ×g) and w = 1 + ĝ·g: how large may
-  /// wv/w² be? The center, the axis, and the entries of both forms are right to a few roundings of one, which are a turn of the
-  /// center by 1 + ‖g⁺‖² as many at most.
+  /// With ĝ the set's center as it is seen from the origin, (16.3) is n·g⁺ = v/w, v = n·(g − ĝ − ĝ×g) and w = 1 + ĝ·g:
+  /// how large may wv/w² be? The center, the axis, and the entries of both forms are right to a few roundings of one,
+  /// which are a turn of the center by 1 + ‖g⁺‖² as many at most.
   template <int N>
   [[nodiscard]] Status turn_of(const Asked<N>& asked, const Vector3<Scalar>& n,
                                Interval<Scalar>& angle) const noexcept {

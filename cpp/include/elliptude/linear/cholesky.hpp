@@ -1,16 +1,17 @@
 #pragma once
 
 /// \file
-/// Cholesky's factorisation of small matrices of fixed size, with roots and without, as plain loops: no blocked path that would link
-/// `malloc`, a bounded number of operations, and any scalar type. Acceptance tests are written so that NaN fails them.
+/// Cholesky's factorisation of small matrices of fixed size, with roots and without, as plain loops: no blocked path
+/// that would link `malloc`, a bounded number of operations, and any scalar type. Acceptance tests are written so that
+/// NaN fails them.
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude {
 
-/// Whether entries (i, j) and (j, i) differ by at most √ε of the largest entry: input may have been stored with half the digits.
-/// NaN off the diagonal is refused; NaN on the diagonal may pass.
+/// Whether entries (i, j) and (j, i) differ by at most √ε of the largest entry: input may have been stored with half
+/// the digits. NaN off the diagonal is refused; NaN on the diagonal may pass.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
   const Scalar tolerance = rounding::root<Scalar>() * a.cwiseAbs().maxCoeff();
@@ -34,8 +35,8 @@ struct IsPivot {
   }
 };
 
-/// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled: half the
-/// instructions.
+/// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled:
+/// half the instructions.
 /// \param accepts is given each pivot, and says whether to go on, as `IsPivot` does.
 template <int Column, typename Scalar, int N, typename Accepts>
 [[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor, Accepts accepts) noexcept {
@@ -101,12 +102,13 @@ template <typename Scalar, int N>
 }  // namespace detail
 
 /// `cholesky` for a positive semidefinite matrix such as the shape of a flat ellipsoid. A row and column of zeros gives
-/// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised diagonal: by
-/// 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7), and if that is not
-/// enough by as much of the largest, as the entries of I − nnᵀ, for example, err relative to one and not to themselves. So l lᵀ is
-/// a or a little more, and an ellipsoid factored in this way does not shrink by it. Raising the small pivot alone would not
-/// do: the errors of the entries below it would be divided by its root.
-/// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is negative.
+/// a column of zeros in l. Where a pivot is of the size of rounding, the matrix is factored again with a raised
+/// diagonal: by 2N(N+1)ε of each aⱼⱼ, more than the factorization loses (Higham, Accuracy and Stability, theorem 10.7),
+/// and if that is not enough by as much of the largest, as the entries of I − nnᵀ, for example, err relative to one and
+/// not to themselves. So l lᵀ is a or a little more, and an ellipsoid factored in this way does not shrink by it.
+/// Raising the small pivot alone would not do: the errors of the entries below it would be divided by its root.
+/// \return `not_positive_definite` if a is more negative than rounding explains, or an entry of its diagonal is
+/// negative.
 template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
@@ -150,8 +152,8 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its roots, each
-/// of which would have to wait for the one before.
+/// A symmetric positive definite matrix as l diag(1/p) lᵀ with a unit lower triangle l: Cholesky's factor without its
+/// roots, each of which would have to wait for the one before.
 template <typename Scalar, int N>
 struct RootFreeFactor {
   Matrix<Scalar, N> l;  ///< below the diagonal; the rest is undefined
@@ -243,7 +245,8 @@ template <typename Scalar, int N>
 
 namespace detail {
 
-/// Whether each pivot of a factor is more than rounding, a share of the matrix's own diagonal. No branch depends on a number.
+/// Whether each pivot of a factor is more than rounding, a share of the matrix's own diagonal. No branch depends on a
+/// number.
 template <typename Scalar, int N>
 [[nodiscard]] auto has_accurate_pivots(const Matrix<Scalar, N>& a, const RootFreeFactor<Scalar, N>& factor) noexcept {
   const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));

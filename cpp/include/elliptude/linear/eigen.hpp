@@ -19,7 +19,8 @@ struct SymmetricEigen {
 };
 
 /// Jacobi's cyclic method: small eigenvalues of graded matrices come out with nearly full digits.
-/// \return `not_finite`, or `not_converged` after a bounded number of sweeps (not seen; quadratic convergence takes 4 to 7).
+/// \return `not_finite`, or `not_converged` after a bounded number of sweeps (not seen; quadratic convergence takes 4
+/// to 7).
 template <typename Scalar, int N>
 [[nodiscard]] Status symmetric_eigen(const Matrix<Scalar, N>& symmetric, SymmetricEigen<Scalar, N>& eigen) noexcept {
   if (!scalar::all_finite(symmetric)) {

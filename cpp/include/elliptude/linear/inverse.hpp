@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// Inverses of small matrices: of any regular one, of a positive definite one, and of a shape whose ellipsoid must lose no point.
+/// Inverses of small matrices: of any regular one, of a positive definite one, and of a shape whose ellipsoid must lose
+/// no point.
 
 #include <utility>
 
@@ -53,11 +54,11 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// The inverse of a symmetric positive definite matrix or less, so that yᵀ inverse y ≤ yᵀa⁻¹y for all y whatever rounding does: a
-/// set {yᵀa⁻¹y ≤ 1} loses no point, however thin. The diagonal is raised by more than a Cholesky factor loses; with L that factor,
-/// its computed inverse is (I + E) L⁻¹, ‖E‖ ≤ ½Nε κ², κ = ‖|L⁻¹||L|‖ (Higham, Accuracy and Stability, section 14.2), and the square
-/// of that errs by as much again: 8Nε κ² of it is subtracted. If that would be much of it, a is enlarged a little first,
-/// and the set becomes a little less thin.
+/// The inverse of a symmetric positive definite matrix or less, so that yᵀ inverse y ≤ yᵀa⁻¹y for all y whatever
+/// rounding does: a set {yᵀa⁻¹y ≤ 1} loses no point, however thin. The diagonal is raised by more than a Cholesky
+/// factor loses; with L that factor, its computed inverse is (I + E) L⁻¹, ‖E‖ ≤ ½Nε κ², κ = ‖|L⁻¹||L|‖ (Higham,
+/// Accuracy and Stability, section 14.2), and the square of that errs by as much again: 8Nε κ² of it is subtracted. If
+/// that would be much of it, a is enlarged a little first, and the set becomes a little less thin.
 /// \return `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {

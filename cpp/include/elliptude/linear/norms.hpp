@@ -20,10 +20,10 @@ template <typename Scalar, int Rows, int Columns>
   return gram;
 }
 
-/// An upper bound of the largest singular value of B with BᵀB = gram: the largest eigenvalue is within √(N − 1) standard deviations
-/// of the mean of all (Samuelson's inequality), and the traces of the gram matrix and of its square give both. Too large by at most
-/// √((1 + √N)/2), or √N where the fourth power of the result is beyond the numbers' range; only by rounding where all singular
-/// values are alike, or all but one are zero.
+/// An upper bound of the largest singular value of B with BᵀB = gram: the largest eigenvalue is within √(N − 1)
+/// standard deviations of the mean of all (Samuelson's inequality), and the traces of the gram matrix and of its square
+/// give both. Too large by at most √((1 + √N)/2), or √N where the fourth power of the result is beyond the numbers'
+/// range; only by rounding where all singular values are alike, or all but one are zero.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar norm_of_gram(const Matrix<Scalar, N>& gram) noexcept {
   static_assert(N <= 6);  // rounding is counted for that

@@ -83,7 +83,8 @@ template <typename Scalar, int N>
   return inverse;
 }
 
-/// lᵀl of a lower triangle, exactly symmetric: for the inverse of a Cholesky factor it is the inverse of the factored matrix.
+/// lᵀl of a lower triangle, exactly symmetric: for the inverse of a Cholesky factor it is the inverse of the factored
+/// matrix.
 /// \param square not l.
 template <typename Scalar, int N>
 void put_square_of_lower(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& square) noexcept {

@@ -28,8 +28,8 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq. zetakpm):
-/// 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
+/// The attitude that minimises Wahba's cost for the directions, and 𝒜ⁱ with ζ = Σ 𝒜ⁱ νⁱ to first order (paper, eq.
+/// zetakpm): 𝒜ⁱ = −(tr(A) I − A)⁻¹ wᵢ (tr(Aᵢ) I − Aᵢ), A = Ĉᵀ Σ wᵢ eᵢ b̃ᵢᵀ, Aᵢ = b̃ᵢ eᵢᵀ Ĉ.
 template <typename Scalar>
 class MeasuredDirections {
  public:
@@ -102,9 +102,11 @@ class MeasuredDirections {
   std::size_t count_ = 0;
 };
 
-/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat ellipsoids
-/// that each error makes in [ζ; δω]. Those of the directions have an ellipsoid of ζ alone as their sum, for the criterion's part.
-/// \return the status of `validate` for the angular velocity and the criterion, of `minimal_sum`, and of `product_of_shapes`.
+/// E^m, the measured ellipsoid of directions and angular velocity together (paper, eqs. Pmkl, mea): the sum of the flat
+/// ellipsoids that each error makes in [ζ; δω]. Those of the directions have an ellipsoid of ζ alone as their sum, for
+/// the criterion's part.
+/// \return the status of `validate` for the angular velocity and the criterion, of `minimal_sum`, and of
+/// `product_of_shapes`.
 template <typename Scalar>
 [[nodiscard]] Status measured_state(const MeasuredDirections<Scalar>& directions,
                                     const AngularVelocity<Scalar>& angular_velocity,
@@ -130,8 +132,9 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// One direction alone as two linear rows of ζ about a center. With b̂ = Ĉᵀe and a the shortest turn to where it was measured,
-/// exp(S(a))ᵀ b̂ = b̃, it is linearized about Ĉ exp(S(a)), where the error J_r(a) (ζ − a) turns b̃ as −ν does: at any distance,
+/// One direction alone as two linear rows of ζ about a center. With b̂ = Ĉᵀe and a the shortest turn to where it was
+/// measured, exp(S(a))ᵀ b̂ = b̃, it is linearized about Ĉ exp(S(a)), where the error J_r(a) (ζ − a) turns b̃ as −ν
+/// does: at any distance,
 ///
 ///     Uᵀ S(b̃) a = Uᵀ S(b̃) J_r(a) ζ + Uᵀ S(b̃) ν,   J_r(a) a = a,
 ///
@@ -186,7 +189,8 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ + J_r⁻¹(ζ̃) ν.
+/// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ +
+/// J_r⁻¹(ζ̃) ν.
 template <typename Scalar>
 [[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
                                      LinearMeasurement<Scalar, 3>& linear) noexcept {

@@ -25,8 +25,8 @@ template <typename Scalar, int Rows>
   return Status::ok;
 }
 
-/// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for every ν.
-/// (theory, section 16)
+/// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for
+/// every ν. (theory, section 16)
 /// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status angle_bound(const Direction<Scalar>& direction, Scalar& angle) noexcept {
@@ -90,8 +90,8 @@ template <typename Scalar>
 ///
 ///     ¼ γᵀ[(cos r + c) I − b̂b̃ᵀ − b̃b̂ᵀ]γ − d·γ ≤ 2 sin²(r/2) − ½‖b̂ − b̃‖²,
 ///
-/// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little wider, for
-/// rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
+/// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little
+/// wider, for rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
 /// \param center a rotation to rounding.
 /// \param reference e, and \param measured b̃, of any length.
 /// \param bound r, rad: the direction is known to this angle.
@@ -139,9 +139,10 @@ template <typename Scalar>
 
 namespace detail {
 
-/// (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ): the set γ̃ᵀMγ̃ ≤ 1 about a center that is γ̂ = 2ĝ from that of γ, a little wider
-/// for rounding. (theory, section 16.2)
-/// \param shortest, longest semi-axes of the set. Its center rounds by a few ε, which moves γ̃ by 1 + ¼‖γ̃‖² times as much.
+/// (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ): the set γ̃ᵀMγ̃ ≤ 1 about a center that is γ̂ = 2ĝ from that of
+/// γ, a little wider for rounding. (theory, section 16.2)
+/// \param shortest, longest semi-axes of the set. Its center rounds by a few ε, which moves γ̃ by 1 + ¼‖γ̃‖² times as
+/// much.
 template <typename Scalar>
 [[nodiscard]] Quadric<Scalar, 3> seen_from(const Vector3<Scalar>& gamma, const Matrix3<Scalar>& form,
                                            const Scalar& shortest, const Scalar& longest) noexcept {
@@ -164,13 +165,13 @@ template <typename Scalar>
 
 }  // namespace detail
 
-/// A measured attitude as a quadric of γ about any center. About C̃ it is in γ̃ᵀM γ̃ ≤ 1, M⁻¹ = τ² bound with τ at the largest angle,
-/// and with γ̂ = 2ĝ the error of C̃ that is, in γ about Ĉ, exactly (projectively)
+/// A measured attitude as a quadric of γ about any center. About C̃ it is in γ̃ᵀM γ̃ ≤ 1, M⁻¹ = τ² bound with τ at the
+/// largest angle, and with γ̂ = 2ĝ the error of C̃ that is, in γ about Ĉ, exactly (projectively)
 ///
 ///     (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ).
 ///
-/// With a bound that reaches half turns, or about a center from which C̃ is, to half the digits, a half turn, it says nothing:
-/// A = 0, g = 0, c = 1.
+/// With a bound that reaches half turns, or about a center from which C̃ is, to half the digits, a half turn, it says
+/// nothing: A = 0, g = 0, c = 1.
 /// \return `not_finite`, `not_a_rotation`, `not_symmetric`, `not_positive_definite` of the measurement.
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
@@ -197,7 +198,8 @@ template <typename Scalar>
                            ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
                                     (Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle)))
                            : Scalar(4);
-  // A rotation to half the digits, as it may have been stored, is off by more than the widening below: use the nearest rotation.
+  // A rotation to half the digits, as it may have been stored, is off by more than the widening below: use the nearest
+  // rotation.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
   const Scalar farthest = Scalar(1) / rounding::root<Scalar>();
   if (!(angle < scalar::pi<Scalar>()) || !(gamma.norm() < farthest)) {
@@ -211,8 +213,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// A set of attitudes in γ about its own center as a quadric of γ about another, exactly but for rounding. About a center from which
-/// its own is, to half the digits, a half turn, it says nothing: A = 0, g = 0, c = 1.
+/// A set of attitudes in γ about its own center as a quadric of γ about another, exactly but for rounding. About a
+/// center from which its own is, to half the digits, a half turn, it says nothing: A = 0, g = 0, c = 1.
 /// \param center a rotation to rounding.
 /// \param own of the set, likewise.
 /// \param shape of the set.
@@ -246,8 +248,8 @@ template <typename Scalar>
   return to_quadric(Ellipsoid<Scalar, 3>{measured.value - center, measured.bound}, quadric);
 }
 
-/// A linear measurement y = H [ζ; δ] + v as a quadric of [γ; δ]: γ is in the prediction, so ζ − γ is in E(0, (1 − 1/τ)² P_γγ), and
-/// H's image of that is added to the bound of v.
+/// A linear measurement y = H [ζ; δ] + v as a quadric of [γ; δ]: γ is in the prediction, so ζ − γ is in E(0, (1 − 1/τ)²
+/// P_γγ), and H's image of that is added to the bound of v.
 /// \return the status of `whitened`.
 template <typename State, int Rows>
 [[nodiscard]] Status to_quadric(const LinearMeasurement<StateScalar<State>, Rows>& measurement,

@@ -8,8 +8,8 @@
 
 namespace elliptude {
 
-/// A direction e, known in reference axes, measured as b̃ in body axes: Cᵀe = exp(S(ν)) b̃ with ν in E(0, bound) (paper, eqs.
-/// bi, Sk).
+/// A direction e, known in reference axes, measured as b̃ in body axes: Cᵀe = exp(S(ν)) b̃ with ν in E(0, bound)
+/// (paper, eqs. bi, Sk).
 template <typename Scalar>
 struct Direction {
   Vector3<Scalar> reference;  ///< e, need not be of unit length
@@ -46,8 +46,8 @@ struct LinearMeasurement {
   Matrix<Scalar, Rows> bound;
 };
 
-/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `beyond_domain`, `not_symmetric`,
-/// `not_positive_definite` of the bound, which must have no zero width.
+/// \return `not_finite`, `zero_direction`; `out_of_range` of a weight that is not positive; `beyond_domain`,
+/// `not_symmetric`, `not_positive_definite` of the bound, which must have no zero width.
 template <typename Scalar>
 [[nodiscard]] Status validate(const Direction<Scalar>& direction) noexcept {
   if (!scalar::all_finite(direction.reference) || !scalar::all_finite(direction.body) ||

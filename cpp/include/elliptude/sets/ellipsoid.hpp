@@ -18,8 +18,8 @@ struct Ellipsoid {
   Matrix<Scalar, N> shape;  ///< P, symmetric positive semidefinite
 };
 
-/// How large an ellipsoid is: tr(W P), the weighted sum of its squared semi-axes, or its volume. The trace depends on the
-/// units of the coordinates (W carries them), the volume does not.
+/// How large an ellipsoid is: tr(W P), the weighted sum of its squared semi-axes, or its volume. The trace depends on
+/// the units of the coordinates (W carries them), the volume does not.
 template <typename Scalar, int N>
 struct SizeCriterion {
   enum class Kind : std::uint8_t { trace, weighted_trace, volume };
@@ -52,9 +52,9 @@ template <typename Scalar, int N>
   return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
 }
 
-/// Whether each squared half-width is zero, or between the least normal number over ε² and the largest times ε²: in double
-/// semi-axes from 1e-138 to 1e137, in float from 1e-12 to 1e12. Products of a few entries then neither overflow nor lose digits
-/// to underflow. (docs/domain.md)
+/// Whether each squared half-width is zero, or between the least normal number over ε² and the largest times ε²: in
+/// double semi-axes from 1e-138 to 1e137, in float from 1e-12 to 1e12. Products of a few entries then neither overflow
+/// nor lose digits to underflow. (docs/domain.md)
 template <typename Scalar, int N>
 [[nodiscard]] bool is_in_domain(const Matrix<Scalar, N>& shape) noexcept {
   using Limits = std::numeric_limits<scalar::Value<Scalar>>;
@@ -96,8 +96,8 @@ template <typename Scalar, int N>
   return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::ok : cholesky_semidefinite(ellipsoid.shape, factor);
 }
 
-/// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where that makes the
-/// image of a positive definite shape indefinite, the diagonal is raised by what outweighs it.
+/// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where
+/// that makes the image of a positive definite shape indefinite, the diagonal is raised by what outweighs it.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
                                                   const Matrix<Scalar, N>& shape) noexcept {
@@ -110,8 +110,8 @@ template <typename Scalar, int N>
   return result;
 }
 
-/// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection of rows
-/// it is the projection of E on these coordinates.
+/// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection
+/// of rows it is the projection of E on these coordinates.
 template <typename Scalar, int M, int N>
 [[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid,
                                                 const Matrix<Scalar, M, N>& transform,

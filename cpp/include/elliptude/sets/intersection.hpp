@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The intersection of two ellipsoids, or of an ellipsoid with a quadric: whether it is empty, and the smallest ellipsoid of a
-/// one-parameter family that contains it (paper, eqs. xhatP-LP; theory, section 7).
+/// The intersection of two ellipsoids, or of an ellipsoid with a quadric: whether it is empty, and the smallest
+/// ellipsoid of a one-parameter family that contains it (paper, eqs. xhatP-LP; theory, section 7).
 
 #include "elliptude/sets/detail/recombine.hpp"
 #include "elliptude/sets/detail/reduced_search.hpp"
@@ -29,8 +29,8 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// After a search that has found no common point: if M is ill-conditioned, a negative N may come from rounding; the overlap margin, found
-/// without M, decides.
+/// After a search that has found no common point: if M is ill-conditioned, a negative N may come from rounding; the
+/// overlap margin, found without M, decides.
 /// \param share after `ok`: of the smaller of both sets, which is then the result.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status choose_one(const Ellipsoid<Scalar, N>& first,
@@ -128,11 +128,11 @@ template <typename Scalar, int N>
 
 }  // namespace detail
 
-/// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of the
-/// family that two multipliers give, never larger than either set. One of the two may be flat.
-/// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if it is proved that they
-/// have no common point (of sets that differ far in size `overlap_margin` tells more; docs/domain.md); `beyond_domain` also of what
-/// they have in common.
+/// A small ellipsoid that contains the intersection of two (paper, eqs. xhatP-LP, in information form): the smallest of
+/// the family that two multipliers give, never larger than either set. One of the two may be flat.
+/// \return the status of `validate`; `not_positive_definite` also if both are flat; `empty_intersection` if it is
+/// proved that they have no common point (of sets that differ far in size `overlap_margin` tells more; docs/domain.md);
+/// `beyond_domain` also of what they have in common.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
                                           const SizeCriterion<Scalar, N>& criterion,

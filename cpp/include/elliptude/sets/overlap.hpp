@@ -19,8 +19,9 @@ struct OverlapAt {
   Scalar step;
 };
 
-/// The step is Newton's for the logarithm of x = λ √p₁ / ((1−λ) √p₂), pᵢ = yᵀPᵢy, in log t, t = λ/(1−λ): in one dimension it arrives at once,
-/// however much the sets differ in size. Without a logarithm, 2 (x−1)/(x+1) for log x and (2−l)/(2+l) for exp(−l).
+/// The step is Newton's for the logarithm of x = λ √p₁ / ((1−λ) √p₂), pᵢ = yᵀPᵢy, in log t, t = λ/(1−λ): in one
+/// dimension it arrives at once, however much the sets differ in size. Without a logarithm, 2 (x−1)/(x+1) for log x and
+/// (2−l)/(2+l) for exp(−l).
 /// \param factor of λP₁ + (1−λ)P₂. No branch depends on a number.
 template <typename Scalar, int N>
 [[nodiscard]] OverlapAt<Scalar> overlap_with_factor(const Scalar& lambda, const Matrix<Scalar, N>& first,
@@ -56,8 +57,8 @@ template <typename Scalar, int N>
   return lambda * (Scalar(1) - lambda) * x.cwiseAbs2().dot(factor.p);
 }
 
-/// How long a step from λ leaves an error of less than a tenth of √ε of λ and of 1−λ. After a step s it is some s²/δ, where the nearest pole is
-/// at a distance δ, and there is none between 0 and 1.
+/// How long a step from λ leaves an error of less than a tenth of √ε of λ and of 1−λ. After a step s it is some s²/δ,
+/// where the nearest pole is at a distance δ, and there is none between 0 and 1.
 template <typename Scalar>
 [[nodiscard]] Scalar last_overlap_step(const Scalar& lambda, const Scalar& tenth) noexcept {
   const Scalar rest = Scalar(1) - lambda;
@@ -148,8 +149,8 @@ template <typename Scalar, int N>
   return detail::overlap_of_valid(first, second, margin);
 }
 
-/// An ellipsoid that contains an intersection, with the share of the second set: 0 is the first set alone, 1 the second; in the
-/// paper's notation (eq. LP) q = share / (1 − share).
+/// An ellipsoid that contains an intersection, with the share of the second set: 0 is the first set alone, 1 the
+/// second; in the paper's notation (eq. LP) q = share / (1 − share).
 template <typename Scalar, int N>
 struct Intersection {
   Ellipsoid<Scalar, N> set;

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Guaranteed fusion for the first three of six coordinates alone: a small ellipsoid about the shadow of everything that satisfies a
-/// predicted ellipsoid and any number of quadrics at once. (theory, section 16.12)
+/// Guaranteed fusion for the first three of six coordinates alone: a small ellipsoid about the shadow of everything
+/// that satisfies a predicted ellipsoid and any number of quadrics at once. (theory, section 16.12)
 
 #include "elliptude/sets/quadric_fusion.hpp"
 
@@ -20,10 +20,11 @@ template <int N, typename Scalar>
 
 }  // namespace detail
 
-/// A small ellipsoid that contains the first three coordinates of every point in a predicted ellipsoid and in `count` quadrics: the
-/// shadow of an ellipsoid of the family of `minimal_intersection`, with the multipliers for which the shadow is smallest. For the
-/// trace they are found in one search. For the volume it is the trace weighted by the inverse of the shape found before, as often as
-/// it gains: each time the volume falls, and every shape on the way is a bound.
+/// A small ellipsoid that contains the first three coordinates of every point in a predicted ellipsoid and in `count`
+/// quadrics: the shadow of an ellipsoid of the family of `minimal_intersection`, with the multipliers for which the
+/// shadow is smallest. For the trace they are found in one search. For the volume it is the trace weighted by the
+/// inverse of the shape found before, as often as it gains: each time the volume falls, and every shape on the way is a
+/// bound.
 /// \param predicted positive definite; or null.
 /// \param criterion of the three coordinates.
 /// \param first a shape to begin with, near what is looked for; positive definite. It only decides about the size.

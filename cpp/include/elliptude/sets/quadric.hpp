@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's interior are
-/// quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
+/// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's
+/// interior are quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/intersection.hpp"
@@ -66,8 +66,9 @@ template <typename Scalar, int N>
   return slack(quadric, y) >= Scalar(0);
 }
 
-/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. A is a little less and c a little more, so that no point of the
-/// ellipsoid is lost by rounding: for |yᵢ| ≤ |x̂ᵢ| + √Pᵢᵢ, as it is in there, g and c err by less than 4Nε |x̂|ᵀ|A||y|.
+/// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. A is a little less and c a little more, so that no
+/// point of the ellipsoid is lost by rounding: for |yᵢ| ≤ |x̂ᵢ| + √Pᵢᵢ, as it is in there, g and c err by less than 4Nε
+/// |x̂|ᵀ|A||y|.
 /// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
@@ -113,8 +114,8 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// {z : T z + s in the quadric}: the quadric seen in coordinates y = T z + s, of any dimension. With T a selection of columns
-/// it turns a measurement of some coordinates into a quadric of all.
+/// {z : T z + s in the quadric}: the quadric seen in coordinates y = T z + s, of any dimension. With T a selection of
+/// columns it turns a measurement of some coordinates into a quadric of all.
 template <typename Scalar, int M, int N>
 [[nodiscard]] Quadric<Scalar, M> pullback(const Quadric<Scalar, N>& quadric, const Matrix<Scalar, N, M>& transform,
                                           const Vector<Scalar, N>& shift) noexcept {
@@ -125,8 +126,8 @@ template <typename Scalar, int M, int N>
 }
 
 /// The ellipsoid that a quadric with A ≻ 0 is: center −A⁻¹g, shape (c + gᵀA⁻¹g) A⁻¹.
-/// \return the status of `validate`; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it; `beyond_domain` if A is so
-/// nearly singular that rounding leaves the inverse indefinite, or of its size.
+/// \return the status of `validate`; `unbounded` unless A ≻ 0; `empty_intersection` if no y satisfies it;
+/// `beyond_domain` if A is so nearly singular that rounding leaves the inverse indefinite, or of its size.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_ellipsoid(const Quadric<Scalar, N>& quadric, Ellipsoid<Scalar, N>& ellipsoid) noexcept {
   if (const Status status = validate(quadric); status != Status::ok) {
@@ -190,8 +191,8 @@ template <typename Scalar, int N>
   if (intersection.share == Scalar(1)) {
     intersection.set = ellipsoid;
   } else {
-    // Where the quadric is far sharper than the ellipsoid, A at the best q has too few right digits for a bound; with more of the
-    // ellipsoid it has half of them, and any q gives one.
+    // Where the quadric is far sharper than the ellipsoid, A at the best q has too few right digits for a bound; with
+    // more of the ellipsoid it has half of them, and any q gives one.
     const Scalar sure = rounding::root<Scalar>() * seen.a.norm();
     const Scalar q = intersection.share / (Scalar(1) - intersection.share);
     if (q < sure && problem.is_ill_conditioned(q, best)) {

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of quadrics at once
-/// (theory, section 16).
+/// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of
+/// quadrics at once (theory, section 16).
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
@@ -21,13 +21,14 @@ struct QuadricFusion {
   Ellipsoid<Scalar, N> set;
   std::array<Scalar, most_quadrics> multipliers;  ///< μ of the quadrics as given, with Σμ = 1 over all constraints
   Scalar predicted_multiplier;                    ///< of (y − ŷ)ᵀP⁻¹(y − ŷ) ≤ 1
-  /// The least N(μ) with Σμ = 1 on the way. No state satisfies all constraints with more slack than this; if negative, it proves
-  /// that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
+  /// The least N(μ) with Σμ = 1 on the way. No state satisfies all constraints with more slack than this; if negative,
+  /// it proves that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
   Scalar margin;
   bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
   std::size_t contradiction;  ///< after `empty_intersection`: which quadric weighs most against the rest at the proof
   int steps = 0;              ///< of the search for the multipliers
-  /// Whether the search ended because it had taken as many steps as it may: the set holds, and may be larger than it need be.
+  /// Whether the search ended because it had taken as many steps as it may: the set holds, and may be larger than it
+  /// need be.
   bool ended_by_limit = false;
 };
 
@@ -117,8 +118,8 @@ template <typename Scalar, int N>
   return set;
 }
 
-/// Which quadric weighs most against the rest. The prediction contradicts as much as what it contradicts, but what a caller wants
-/// to know is the measurement.
+/// Which quadric weighs most against the rest. The prediction contradicts as much as what it contradicts, but what a
+/// caller wants to know is the measurement.
 template <typename Scalar, int N>
 [[nodiscard]] std::size_t contradiction_of(const ManyQuadrics<Scalar, N>& problem,
                                            const typename ManyQuadrics<Scalar, N>::Iterate& best) noexcept {
@@ -169,7 +170,8 @@ void report_set(const Ellipsoid<Scalar, N>& set, const Gathered<Scalar, N>& gath
   result.contradiction = QuadricFusion<Scalar, N>::none;
 }
 
-/// The set of the best multipliers, or the prediction where that is smaller, or where the set's widths cannot be represented.
+/// The set of the best multipliers, or the prediction where that is smaller, or where the set's widths cannot be
+/// represented.
 /// \return without a prediction: `not_finite`, and `beyond_domain` of a width.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status report_best(const Gathered<Scalar, N>& gathered,
@@ -226,8 +228,8 @@ template <typename Scalar, int N>
   return status;
 }
 
-/// `minimal_intersection` of at most `most_quadrics` symmetric quadrics with a valid criterion. It checks the prediction,
-/// and that all numbers are finite.
+/// `minimal_intersection` of at most `most_quadrics` symmetric quadrics with a valid criterion. It checks the
+/// prediction, and that all numbers are finite.
 template <typename Scalar, int N, typename Given>
 [[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
                           const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
@@ -277,16 +279,17 @@ template <typename Scalar, int N, typename Given>
 
 }  // namespace detail
 
-/// A small ellipsoid that contains every point in a predicted ellipsoid and in `count` quadrics: the smallest of the family
-/// E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the prediction, which is
-/// returned unchanged if nothing helps. A bounded number of steps, each a valid bound; rounding is on the safe side: a
-/// quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times sharper. (theory, section 16)
+/// A small ellipsoid that contains every point in a predicted ellipsoid and in `count` quadrics: the smallest of the
+/// family E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the
+/// prediction, which is returned unchanged if nothing helps. A bounded number of steps, each a valid bound; rounding is
+/// on the safe side: a quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times
+/// sharper. (theory, section 16)
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
-/// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to a slack of one
-/// within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction); `not_positive_definite` of a flat one;
-/// `unbounded` if no A ≻ 0 was found; `beyond_domain` of what quadrics alone leave; `empty_intersection` with N < 0 and A ≻ 0 as proof,
-/// after which `margin`, `contradiction`,
-/// `steps` and `ended_by_limit` are set, and nothing else.
+/// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to
+/// a slack of one within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction);
+/// `not_positive_definite` of a flat one; `unbounded` if no A ≻ 0 was found; `beyond_domain` of what quadrics alone
+/// leave; `empty_intersection` with N < 0 and A ≻ 0 as proof, after which `margin`, `contradiction`, `steps` and
+/// `ended_by_limit` are set, and nothing else.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_intersection(const Ellipsoid<Scalar, N>* predicted, const Quadric<Scalar, N>* quadrics,
                                           std::size_t count, const SizeCriterion<Scalar, N>& criterion,

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// How large a quotient of two quadratic forms may be on a set: the answer to one question about it, as sharp as its constraints
-/// allow, where an ellipsoid about the set has to answer all questions at once. (theory, section 16.11)
+/// How large a quotient of two quadratic forms may be on a set: the answer to one question about it, as sharp as its
+/// constraints allow, where an ellipsoid about the set has to answer all questions at once. (theory, section 16.11)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/quadric_coordinates.hpp"
@@ -10,8 +10,8 @@
 
 namespace elliptude {
 
-/// An ellipsoid and quadrics, of which any number of questions may be asked: they are brought once into the coordinates in which the
-/// ellipsoid is the unit ball.
+/// An ellipsoid and quadrics, of which any number of questions may be asked: they are brought once into the coordinates
+/// in which the ellipsoid is the unit ball.
 template <typename Scalar, int N>
 class QuestionedSet {
  public:
@@ -38,11 +38,12 @@ class QuestionedSet {
     return Status::ok;
   }
 
-  /// A bound of zᵀFz/zᵀGz over all z = [1; y] with y in the ellipsoid and in the quadrics: the least s for which multipliers μ ≥ 0
-  /// with sG − F − ΣμₖMₖ ⪰ 0 were found, where zᵀMₖz is the slack of constraint k. Every such s is a bound, because no slack is
-  /// negative in the set; the least of all is the best that the S-procedure gives, exact for the ellipsoid alone. The search ends
-  /// where about 1 % is left on the path that it follows. Off that path, in some sets that are thin to 1e-8 or have indefinite quadrics,
-  /// far more may be left: the bound holds and says less. Rounding is on the safe side.
+  /// A bound of zᵀFz/zᵀGz over all z = [1; y] with y in the ellipsoid and in the quadrics: the least s for which
+  /// multipliers μ ≥ 0 with sG − F − ΣμₖMₖ ⪰ 0 were found, where zᵀMₖz is the slack of constraint k. Every such s is a
+  /// bound, because no slack is negative in the set; the least of all is the best that the S-procedure gives, exact for
+  /// the ellipsoid alone. The search ends where about 1 % is left on the path that it follows. Off that path, in some
+  /// sets that are thin to 1e-8 or have indefinite quadrics, far more may be left: the bound holds and says less.
+  /// Rounding is on the safe side.
   /// \param f, g symmetric, with G ⪰ 0.
   /// \param largest the bound s, which may be negative.
   /// \return `not_finite`; `unbounded` if no s was found.
@@ -70,11 +71,12 @@ struct Interval {
   Scalar most;
 };
 
-/// Where dᵀy may be for all y in an ellipsoid and in `count` quadrics: two questions, each with multipliers of its own, about the
-/// ellipsoid's center, so that nothing is lost where that is far from zero. For convex quadrics they are exact but for where the
-/// search ends. (theory, section 16.12)
+/// Where dᵀy may be for all y in an ellipsoid and in `count` quadrics: two questions, each with multipliers of its own,
+/// about the ellipsoid's center, so that nothing is lost where that is far from zero. For convex quadrics they are
+/// exact but for where the search ends. (theory, section 16.12)
 /// \param direction d, of any length.
-/// \return the status of `see` and of `largest_quotient`; `empty_intersection` if the bounds prove that nothing satisfies all.
+/// \return the status of `see` and of `largest_quotient`; `empty_intersection` if the bounds prove that nothing
+/// satisfies all.
 template <typename Scalar, int N>
 [[nodiscard]] Status extent_along(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
                                   std::size_t count, const Vector<Scalar, N>& direction,

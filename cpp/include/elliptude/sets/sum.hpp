@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// What bounds the sum {Σ xᵢ : xᵢ in Eᵢ} of ellipsoids: of two about zero, small by the trace or by the volume, and of many.
+/// What bounds the sum {Σ xᵢ : xᵢ in Eᵢ} of ellipsoids: of two about zero, small by the trace or by the volume, and of
+/// many.
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/inverse.hpp"
@@ -23,8 +24,8 @@ template <typename Scalar, int N>
   return (Scalar(1) + width_b / width_a) * a + (Scalar(1) + width_a / width_b) * b;
 }
 
-/// A shape whose ellipsoid contains the sum of E(0, P) and E(0, R): (1 + p) P + (1 + 1/p) R for any p > 0. This p is the best
-/// for the volume to first order in R.
+/// A shape whose ellipsoid contains the sum of E(0, P) and E(0, R): (1 + p) P + (1 + 1/p) R for any p > 0. This p is
+/// the best for the volume to first order in R.
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> enlarged(const Matrix<Scalar, N>& shape, const Matrix<Scalar, N>& added) noexcept {
   Matrix<Scalar, N> inverse;
@@ -67,7 +68,8 @@ struct SharedSum {
   }
 
   /// αᵢ ∝ √tr(W Pᵢ), the best for the trace.
-  /// \return the status of `validate` for a term; `not_positive_definite` of one that is flat to rounding in the metric W.
+  /// \return the status of `validate` for a term; `not_positive_definite` of one that is flat to rounding in the metric
+  /// W.
   [[nodiscard]] Status share_by_trace(const Matrix<Scalar, N>& weight) noexcept {
     for (std::size_t i = 0; i < count; ++i) {
       if (const Status status = validate(terms[i]); status != Status::ok) {
@@ -117,13 +119,14 @@ struct SharedSum {
 
 }  // namespace detail
 
-/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the trace
-/// αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the fixed point
-/// of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises it). It ends when no
-/// share changes by more than 1e-4: log det P is then within 1e-6 of its least. Terms with a shape of zeros only move the center.
-/// \return `out_of_range` for no terms or more than 64; the status of `validate` for a term or for the criterion; for the
-/// volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the metric W;
-/// `beyond_domain` if the sum overflows.
+/// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the
+/// trace αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the
+/// fixed point of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises
+/// it). It ends when no share changes by more than 1e-4: log det P is then within 1e-6 of its least. Terms with a shape
+/// of zeros only move the center.
+/// \return `out_of_range` for no terms or more than 64; the status of `validate` for a term or for the criterion; for
+/// the volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the
+/// metric W; `beyond_domain` if the sum overflows.
 template <typename Scalar, int N>
 [[nodiscard]] Status minimal_sum(const Ellipsoid<Scalar, N>* terms, std::size_t count,
                                  const SizeCriterion<Scalar, N>& criterion, Ellipsoid<Scalar, N>& sum) noexcept {
@@ -161,8 +164,8 @@ template <typename Scalar, int N>
   }
   Matrix<Scalar, N> factor;
   if (cholesky(shape, factor) != Status::ok) {
-    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of its own
-    // terms, each at most √(Pᵢᵢ Pⱼⱼ).
+    // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of
+    // its own terms, each at most √(Pᵢᵢ Pⱼⱼ).
     for (std::size_t i = 0; i < count; ++i) {
       if (cholesky(terms[i].shape, factor) == Status::ok) {
         shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::many_terms);
@@ -175,10 +178,11 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// A shape whose ellipsoid contains all [x; y] with x in E(0, A) and y in E(0, B): diag(A/α, B/(1 − α)). The best α is, for the
-/// volume, the share of numbers that x has; for the trace, of √tr(W₁₁A) and √tr(W₂₂B). Either may be flat, or a point.
-/// \return `not_positive_definite` for the volume if A or B is flat to rounding, for the weighted trace if one is so in the metric W;
-/// `beyond_domain` if the product overflows.
+/// A shape whose ellipsoid contains all [x; y] with x in E(0, A) and y in E(0, B): diag(A/α, B/(1 − α)). The best α is,
+/// for the volume, the share of numbers that x has; for the trace, of √tr(W₁₁A) and √tr(W₂₂B). Either may be flat, or a
+/// point.
+/// \return `not_positive_definite` for the volume if A or B is flat to rounding, for the weighted trace if one is so in
+/// the metric W; `beyond_domain` if the product overflows.
 template <typename Scalar, int M, int N>
 [[nodiscard]] Status product_of_shapes(const Matrix<Scalar, M>& a, const Matrix<Scalar, N>& b,
                                        const SizeCriterion<Scalar, M + N>& criterion,

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// From the last moment of a guaranteed filter to its first: what was possible at each, by all that was measured. (theory, section 20.5)
+/// From the last moment of a guaranteed filter to its first: what was possible at each, by all that was measured.
+/// (theory, section 20.5)
 
 #include "elliptude/guaranteed/filter.hpp"
 #include "elliptude/smoothing/both_directions.hpp"
@@ -21,8 +22,8 @@ struct PredictedInterval {
   Scalar angle{0};
 };
 
-/// A moment of a guaranteed filter: what it knew after its last update there, before the next prediction. Nothing of the measurements is
-/// kept, as the set has them in it. In `double` a moment is about half a kilobyte.
+/// A moment of a guaranteed filter: what it knew after its last update there, before the next prediction. Nothing of
+/// the measurements is kept, as the set has them in it. In `double` a moment is about half a kilobyte.
 template <typename Filter>
 struct FilterMoment {
   typename Filter::Scalar time{0};
@@ -49,19 +50,21 @@ template <typename State>
 struct SmoothedSet {
   StateScalar<State> time{0};
   GibbsEllipsoid<State> set;  ///< meaningless without a claim, as is the vector
-  /// The vector by itself. Where the claim is the same it is never wider than the filter's was then, though the set may be in its vector.
+  /// The vector by itself. Where the claim is the same it is never wider than the filter's was then, though the set may
+  /// be in its vector.
   Ellipsoid<StateScalar<State>, 3> vector;
   Claim claim = Claim::none;  ///< what the set rests on
   bool uses_future = false;   ///< whether it is another than the filter had then
 };
 
-/// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow carries the set to
-/// the beginning of an interval, where it is combined with what the filter knew then, and goes on. Where the claim is that of the filter
-/// then, the smoothed set is no larger by the criterion and no wider in its largest angle, and the vector is no wider; where the claim is
-/// stronger, they may be.
+/// A pass from the last moment of a filter backward, moment by moment, however a program keeps them. The mirrored flow
+/// carries the set to the beginning of an interval, where it is combined with what the filter knew then, and goes on.
+/// Where the claim is that of the filter then, the smoothed set is no larger by the criterion and no wider in its
+/// largest angle, and the vector is no wider; where the claim is stronger, they may be.
 ///
-/// Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong already without showing
-/// it. So nothing of them is carried to earlier moments: only what was known after the dispute is.
+/// Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong
+/// already without showing it. So nothing of them is carried to earlier moments: only what was known after the dispute
+/// is.
 template <typename FilterType>
 class BackwardPass {
  public:
@@ -70,7 +73,8 @@ class BackwardPass {
   using State = typename Filter::State;
   using Scalar = typename Filter::Scalar;
 
-  /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it is.
+  /// \param filter whose flow, settings and bound of the vector count; it must live as long as the pass, and stay as it
+  /// is.
   /// \param has_contradicted whether a statement is known to be wrong already: no set is then unconditional.
   BackwardPass(const Filter& filter, const FilterMoment<Filter>& last, bool has_contradicted = false) noexcept
       : filter_(filter),
@@ -85,8 +89,8 @@ class BackwardPass {
   BackwardPass(const Filter&&, const FilterMoment<Filter>&, bool = false) = delete;
 
   /// Goes to the moment before, from which `interval` of the present one led here: none is left out.
-  /// \return `empty_intersection` if it is proved under `Policy::raise` that a statement is wrong; `interrupted`; `callback_failed`; the
-  /// status of `Mirror<Flow>::flow`. The pass is then where it was.
+  /// \return `empty_intersection` if it is proved under `Policy::raise` that a statement is wrong; `interrupted`;
+  /// `callback_failed`; the status of `Mirror<Flow>::flow`. The pass is then where it was.
   [[nodiscard]] Status to(const FilterMoment<Filter>& earlier) noexcept {
     ClaimedSet<State> future;
     if (const Status status = backward(future); status != Status::ok) {
@@ -116,8 +120,9 @@ class BackwardPass {
     return {time_, both_.smoothed.set, both_.vector, both_.smoothed.claim, both_.uses_future};
   }
 
-  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: no set is unconditional
-  /// from then on, and those of later moments, which the pass has shown before, should not have been.
+  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: no
+  /// set is unconditional from then on, and those of later moments, which the pass has shown before, should not have
+  /// been.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
 
  private:

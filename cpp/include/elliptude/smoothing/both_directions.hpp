@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What is known at one moment from its past and from its future: two sets with what they rest on, and the set that answers for both.
-/// (theory, section 20.4)
+/// What is known at one moment from its past and from its future: two sets with what they rest on, and the set that
+/// answers for both. (theory, section 20.4)
 
 #include "elliptude/guaranteed/policy.hpp"
 #include "elliptude/smoothing/common_set.hpp"
@@ -21,14 +21,16 @@ struct ClaimedSet {
 /// What both directions of time leave possible at one moment.
 template <typename State>
 struct BothDirections {
-  /// The smoothed set: where the claim is that of the past's, no larger by the criterion, and no wider in its largest angle.
+  /// The smoothed set: where the claim is that of the past's, no larger by the criterion, and no wider in its largest
+  /// angle.
   ClaimedSet<State> smoothed;
   /// The vector by itself, on the same claim: of the past's set and `smallest`, by the one that is narrower in it.
   Ellipsoid<StateScalar<State>, 3> vector{Vector3<StateScalar<State>>::Zero(), Matrix3<StateScalar<State>>::Zero()};
   /// The smallest by the criterion, which may be wider in its largest angle: what a pass backward goes on with.
   ClaimedSet<State> smallest;
   bool uses_future = false;  ///< whether the smoothed set is another than the past's
-  /// Whether both hold on the stated bounds alone, and have nothing in common: a statement is wrong. Both sets are then the past's.
+  /// Whether both hold on the stated bounds alone, and have nothing in common: a statement is wrong. Both sets are then
+  /// the past's.
   bool contradict = false;
 };
 
@@ -46,8 +48,8 @@ template <int First, typename Scalar>
 
 }  // namespace detail
 
-/// Combines two sets that hold the state of one moment. Of equal claims it is the set about both; of unequal ones the stronger alone,
-/// which may be wider; of one set that one.
+/// Combines two sets that hold the state of one moment. Of equal claims it is the set about both; of unequal ones the
+/// stronger alone, which may be wider; of one set that one.
 /// \param past, future in the same direction of time: a set of a mirrored flow has to be `mirrored` back.
 /// \return the status of `common_set`, but for `empty_intersection`.
 template <typename State>

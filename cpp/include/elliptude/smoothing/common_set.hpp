@@ -8,11 +8,11 @@
 
 namespace elliptude {
 
-/// A set in the coordinates [γ; δ] about another center, in which it is an ellipsoid but for a stretch: with ĝ the Gibbs vector of the
-/// turn to that center γ⁺ = −2ĝ + σ B γ, B = I − S(ĝ) + ĝĝᵀ and |1/σ − 1| ≤ e = ½ √(ĝᵀPĝ). The result contains the set without
-/// remainder. (theory, eq. 20.4)
-/// \return `unbounded` if e is above 0.9, as about that center the set may be near half turns, or if it is so wide that rounding does that;
-/// `not_finite`.
+/// A set in the coordinates [γ; δ] about another center, in which it is an ellipsoid but for a stretch: with ĝ the
+/// Gibbs vector of the turn to that center γ⁺ = −2ĝ + σ B γ, B = I − S(ĝ) + ĝĝᵀ and |1/σ − 1| ≤ e = ½ √(ĝᵀPĝ). The
+/// result contains the set without remainder. (theory, eq. 20.4)
+/// \return `unbounded` if e is above 0.9, as about that center the set may be near half turns, or if it is so wide that
+/// rounding does that; `not_finite`.
 template <typename State>
 [[nodiscard]] Status seen_from(const State& center, const GibbsEllipsoid<State>& set,
                                Ellipsoid<StateScalar<State>, 6>& seen) noexcept {
@@ -34,8 +34,8 @@ template <typename State>
   }
   const Matrix3<Scalar> b = Matrix3<Scalar>::Identity() - hat(g) + g.lazyProduct(g.transpose());
   const Matrix6<Scalar> shape = covered_congruence(b, set.shape);
-  // The computed ĝ is that of a center near the one that is meant, which moves γ⁺ by that turn times 1 + ¼‖γ⁺‖², and a little more while
-  // the turn times ‖γ⁺‖ is small; rounding of B acts on γ.
+  // The computed ĝ is that of a center near the one that is meant, which moves γ⁺ by that turn times 1 + ¼‖γ⁺‖², and a
+  // little more while the turn times ‖γ⁺‖ is small; rounding of B acts on γ.
   const Scalar stretch = Scalar(1) / (Scalar(1) - e);
   const Scalar square_reach =
       Scalar(4) * g.squaredNorm() + stretch * stretch * shape.template topLeftCorner<3, 3>().trace();
@@ -87,13 +87,16 @@ template <int N, typename Scalar>
 template <typename Scalar>
 struct CommonSetSettings {
   SizeCriterion<Scalar, 6> criterion = SizeCriterion<Scalar, 6>::volume();
-  /// Whether the vector is left to its bound: shapes are of two sets, with zeros between, and the first's vector is kept.
+  /// Whether the vector is left to its bound: shapes are of two sets, with zeros between, and the first's vector is
+  /// kept.
   bool is_product = false;
 };
 
-/// A small set about what two sets have in common, about its own center; the first, bit for bit, if none smaller is found.
+/// A small set about what two sets have in common, about its own center; the first, bit for bit, if none smaller is
+/// found.
 /// \param first, second positive definite, about rotations to rounding, as filters have them.
-/// \return `empty_intersection` with a proof that they have nothing in common; the status of `validate` for the criterion; `not_finite`.
+/// \return `empty_intersection` with a proof that they have nothing in common; the status of `validate` for the
+/// criterion; `not_finite`.
 template <typename State>
 [[nodiscard]] Status common_set(const GibbsEllipsoid<State>& first, const GibbsEllipsoid<State>& second,
                                 const CommonSetSettings<StateScalar<State>>& settings,

@@ -1,15 +1,16 @@
 #pragma once
 
 /// \file
-/// Fixed lag, for streams: a guaranteed filter that remembers its last moments, and says of one of them what was possible then, with what
-/// was measured since. (theory, section 20.5)
+/// Fixed lag, for streams: a guaranteed filter that remembers its last moments, and says of one of them what was
+/// possible then, with what was measured since. (theory, section 20.5)
 
 #include "elliptude/smoothing/backward_pass.hpp"
 
 namespace elliptude {
 
-/// A guaranteed filter and its last moments, the present one and at most `Lag` before it, in an array. `GuaranteedFilter` says how to start,
-/// bound or restore a filter; `make` then copies it. `StampedFilter<FixedLag<...>>` is predicted to stamps.
+/// A guaranteed filter and its last moments, the present one and at most `Lag` before it, in an array.
+/// `GuaranteedFilter` says how to start, bound or restore a filter; `make` then copies it.
+/// `StampedFilter<FixedLag<...>>` is predicted to stamps.
 template <typename FilterType, std::size_t Lag>
 class FixedLag {
   static_assert(Lag >= 1, "without a lag there is nothing to remember");
@@ -38,8 +39,8 @@ class FixedLag {
   [[nodiscard]] const Scalar& time() const noexcept { return filter_.time(); }
   /// How many moments there are, with the present one: 1 to Lag + 1.
   [[nodiscard]] std::size_t moments() const noexcept { return count_; }
-  /// Whether a past and its future were found to contradict one another, in what `smoothed` was asked for since the beginning, or since
-  /// the filter forgot; not under `Policy::raise`, which keeps nothing of it.
+  /// Whether a past and its future were found to contradict one another, in what `smoothed` was asked for since the
+  /// beginning, or since the filter forgot; not under `Policy::raise`, which keeps nothing of it.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
 
   /// `GuaranteedFilter::forget`; the moments are forgotten, too.
@@ -84,11 +85,11 @@ class FixedLag {
     return status;
   }
 
-  /// What was possible so many moments ago, by all that was measured until now: a `BackwardPass` from the present. Once past and future
-  /// have proved that a statement is wrong, no smoothed set is unconditional, until the filter forgets.
+  /// What was possible so many moments ago, by all that was measured until now: a `BackwardPass` from the present. Once
+  /// past and future have proved that a statement is wrong, no smoothed set is unconditional, until the filter forgets.
   /// \param age 0 for the present.
-  /// \return `out_of_range` of an age that is not less than `moments`; the status of `BackwardPass::to`. After any of these the same may
-  /// be asked again.
+  /// \return `out_of_range` of an age that is not less than `moments`; the status of `BackwardPass::to`. After any of
+  /// these the same may be asked again.
   [[nodiscard]] Status smoothed(std::size_t age, SmoothedSet<State>& result) noexcept {
     if (age >= count_) {
       return Status::out_of_range;

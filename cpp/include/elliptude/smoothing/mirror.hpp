@@ -1,8 +1,9 @@
 #pragma once
 
 /// \file
-/// Backward in time: with s = −t attitudes stay as they are, and angular velocities change their sign. What else changes is said here:
-/// a guaranteed flow of what is mirrored goes from a set at the end of an interval to one at its beginning. (theory, section 20.1)
+/// Backward in time: with s = −t attitudes stay as they are, and angular velocities change their sign. What else
+/// changes is said here: a guaranteed flow of what is mirrored goes from a set at the end of an interval to one at its
+/// beginning. (theory, section 20.1)
 
 #include "elliptude/guaranteed/body_flow.hpp"
 #include "elliptude/guaranteed/gyro_flow.hpp"
@@ -18,7 +19,8 @@ template <typename Scalar>
   return {state.attitude, -state.gyro_bias};
 }
 
-/// A set in the other direction of time, without rounding: the attitude's error is the same, that of the vector has the other sign.
+/// A set in the other direction of time, without rounding: the attitude's error is the same, that of the vector has the
+/// other sign.
 template <typename State>
 [[nodiscard]] GibbsEllipsoid<State> mirrored(const GibbsEllipsoid<State>& set) noexcept {
   using Scalar = StateScalar<State>;
@@ -38,8 +40,8 @@ template <typename Scalar>
 template <typename Flow>
 struct Mirror;
 
-/// Jω̄' = −ω̄ × (Jω̄ − h_w) + M(C, −s) + u + τ: inertia, torques and their bounds stay, a wheel's momentum changes its sign.
-/// (theory, eq. 20.2)
+/// Jω̄' = −ω̄ × (Jω̄ − h_w) + M(C, −s) + u + τ: inertia, torques and their bounds stay, a wheel's momentum changes its
+/// sign. (theory, eq. 20.2)
 template <typename Scalar, typename Potential>
 struct Mirror<GuaranteedRigidBodyFlow<Scalar, Potential>> {
   static_assert(
@@ -67,8 +69,8 @@ struct Mirror<GuaranteedRigidBodyFlow<Scalar, Potential>> {
   }
 };
 
-/// −ω̃ = (I + K)ω̄ + b̄ + v̄: the gyro shows the opposite, of a bias with the other sign, within the same bounds. A rate of the interval's
-/// beginning is then one of its end, and one of the end is one of the beginning.
+/// −ω̃ = (I + K)ω̄ + b̄ + v̄: the gyro shows the opposite, of a bias with the other sign, within the same bounds. A
+/// rate of the interval's beginning is then one of its end, and one of the end is one of the beginning.
 template <typename Scalar>
 struct Mirror<GuaranteedGyroFlow<Scalar>> {
   using Flow = GuaranteedGyroFlow<Scalar>;

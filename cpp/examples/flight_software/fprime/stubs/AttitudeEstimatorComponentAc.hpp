@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// A stub of what F´ makes of AttitudeEstimator.fpp, and of the types that it would include: declarations of the same form, as far as
-/// AttitudeEstimator.cpp uses them. Not F´, and no part of a flight build.
+/// A stub of what F´ makes of AttitudeEstimator.fpp, and of the types that it would include: declarations of the same
+/// form, as far as AttitudeEstimator.cpp uses them. Not F´, and no part of a flight build.
 
 #include <array>
 #include <cstdint>

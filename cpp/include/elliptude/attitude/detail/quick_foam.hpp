@@ -1,9 +1,9 @@
 #pragma once
 
 /// \file
-/// Wahba's problem by Markley's FOAM where all is as usual: without a decomposition, and without a branch that depends on a number,
-/// so that a pack solves as many problems as it has lanes. It says where its answer holds; `solve_wahba` goes another way elsewhere.
-/// (theory, section 8)
+/// Wahba's problem by Markley's FOAM where all is as usual: without a decomposition, and without a branch that depends
+/// on a number, so that a pack solves as many problems as it has lanes. It says where its answer holds; `solve_wahba`
+/// goes another way elsewhere. (theory, section 8)
 
 #include "elliptude/attitude/detail/column.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -112,8 +112,8 @@ struct QuickRoot {
   Truth<Scalar> settled;  ///< and simple by far
 };
 
-/// The largest root λ of (8.5) by Halley's steps (8.7) from one, which it is not above. What has settled stays as it is, whatever the
-/// other lanes of a pack do.
+/// The largest root λ of (8.5) by Halley's steps (8.7) from one, which it is not above. What has settled stays as it
+/// is, whatever the other lanes of a pack do.
 template <typename Scalar>
 [[nodiscard]] EIGEN_ALWAYS_INLINE QuickRoot<Scalar> quick_root(const Scalar& square, const Scalar& determinant,
                                                                const Scalar& adjugate_square) noexcept {
@@ -141,7 +141,8 @@ template <typename Scalar>
   return root;
 }
 
-/// The rotation next to (cof(λL + cof L) + ζL)/λζ by one of Newton's steps for the polar factor. (theory, eqs. 8.8 and 8.9)
+/// The rotation next to (cof(λL + cof L) + ζL)/λζ by one of Newton's steps for the polar factor.
+/// (theory, eqs. 8.8 and 8.9)
 template <typename Scalar>
 [[nodiscard]] EIGEN_ALWAYS_INLINE Columns<Scalar> quick_attitude(const Columns<Scalar>& l, const Columns<Scalar>& k,
                                                                  const QuickRoot<Scalar>& root) noexcept {
@@ -175,8 +176,8 @@ template <typename Scalar>
   return low + c4 * (middle + c4 * high);
 }
 
-/// The largest over the smallest of λ − σ, with the eigenvalues σ of A = CᵀL in closed form: those of CᵀL − ⅓λI have the same squares
-/// and the same product as L − ⅓λC. (theory, eq. 8.10)
+/// The largest over the smallest of λ − σ, with the eigenvalues σ of A = CᵀL in closed form: those of CᵀL − ⅓λI have
+/// the same squares and the same product as L − ⅓λC. (theory, eq. 8.10)
 template <typename Scalar>
 [[nodiscard]] EIGEN_ALWAYS_INLINE Scalar quick_condition(const Columns<Scalar>& c, const Columns<Scalar>& l,
                                                          const Scalar& lambda) noexcept {
@@ -217,8 +218,8 @@ template <typename Scalar, typename Directions>
 }
 
 /// Solves Wahba's problem.
-/// \param solution a `WahbaSolution`; one of numbers changes only if the answer holds, and of packs those lanes have no meaning where it does
-/// not.
+/// \param solution a `WahbaSolution`; one of numbers changes only if the answer holds, and of packs those lanes have no
+/// meaning where it does not.
 /// \return where the answer holds: the numbers have usual sizes, and the condition is moderate.
 template <typename Scalar, typename Directions, typename Solution>
 [[nodiscard]] Truth<Scalar> quick_foam(const Directions& directions, Eigen::Index count, Solution& solution) noexcept {

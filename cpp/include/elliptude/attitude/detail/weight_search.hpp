@@ -14,9 +14,9 @@ enum class WahbaCriterion : std::uint8_t { trace, volume };
 
 namespace detail {
 
-/// The cones as quadrics in γ about a fixed attitude, and their combinations A, g, c with weights μ: as in fusion, centre −A⁻¹g and
-/// shape N A⁻¹. The search minimises N + τ, where τ is tr A⁻¹ or 3 det(A)^(−1/3): convex in μ, and at the best scale of μ twice the
-/// root of the size N τ, which does not depend on the scale. (theory, 15.6)
+/// The cones as quadrics in γ about a fixed attitude, and their combinations A, g, c with weights μ: as in fusion,
+/// centre −A⁻¹g and shape N A⁻¹. The search minimises N + τ, where τ is tr A⁻¹ or 3 det(A)^(−1/3): convex in μ, and at
+/// the best scale of μ twice the root of the size N τ, which does not depend on the scale. (theory, 15.6)
 template <typename Scalar, std::size_t most>
 class WeightSearch {
  public:
@@ -122,8 +122,8 @@ class WeightSearch {
   /// Of J, where the Hessian in μ is J Jᵀ.
   using Rows = std::array<Vector<Scalar, 13>, most>;
 
-  /// The Newton step in log μ, with the weights and the point brought to the best scale; where N + τ falls with μₖ its gradient is
-  /// left out of the Hessian, which so stays positive.
+  /// The Newton step in log μ, with the weights and the point brought to the best scale; where N + τ falls with μₖ its
+  /// gradient is left out of the Hessian, which so stays positive.
   /// \param decrease what the step promises, as a share of N + τ.
   [[nodiscard]] bool newton_step(Weights& weights, const Scalar& shift, Point& point, Weights& move,
                                  Scalar& decrease) const noexcept {

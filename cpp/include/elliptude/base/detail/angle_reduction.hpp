@@ -101,8 +101,8 @@ template <typename Real, std::size_t Count>
   return sum;
 }
 
-/// x = quadrant π/2 + high + low but for whole turns, |high + low| ≤ π/4 or hardly more, and |low| at most half a unit of high's last
-/// place.
+/// x = quadrant π/2 + high + low but for whole turns, |high + low| ≤ π/4 or hardly more, and |low| at most half a unit
+/// of high's last place.
 template <typename Real>
 struct ReducedAngle {
   Real high;
@@ -117,8 +117,8 @@ template <typename Real>
   return {sum, (high - sum) + low, quadrant};
 }
 
-/// Payne and Hanek's reduction, for finite |x| above a few turns: of the product with 2/π only the digits are calculated that are not
-/// whole turns, as an integer.
+/// Payne and Hanek's reduction, for finite |x| above a few turns: of the product with 2/π only the digits are
+/// calculated that are not whole turns, as an integer.
 template <typename Real>
 [[nodiscard]] ReducedAngle<Real> reduced_by_integers(Real x) noexcept {
   using C = Constants<Real>;
@@ -176,7 +176,8 @@ template <typename Real>
   return result;
 }
 
-/// An angle without its quarter turns: by Cody and Waite up to 2^13 of them (float: 2^5), then by integers. NaN if it is not finite.
+/// An angle without its quarter turns: by Cody and Waite up to 2^13 of them (float: 2^5), then by integers. NaN if it
+/// is not finite.
 template <typename Real>
 [[nodiscard]] ReducedAngle<Real> reduced(Real x) noexcept {
   using C = Constants<Real>;

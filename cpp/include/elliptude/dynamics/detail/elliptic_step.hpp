@@ -2,16 +2,16 @@
 
 /// \file
 /// Jacobi's elliptic functions of a step of the free rotor, the part of its phase that depends on the step and the two
-/// invariants alone, and their derivatives (theory, section 4.1). Everything is regular for symmetric and spherical bodies, for
-/// spins about each axis and at the separatrix.
+/// invariants alone, and their derivatives (theory, section 4.1). Everything is regular for symmetric and spherical
+/// bodies, for spins about each axis and at the separatrix.
 
 #include "elliptude/base/scalar.hpp"
 #include "elliptude/base/status.hpp"
 
 namespace elliptude::detail {
 
-/// What the functions of a step depend on besides its length: κ = (b₃ − b₂)/(b₃ − b₁) of the inverse moments bᵢ, and q, the
-/// largest z² of the motion of the unit vector of the momentum.
+/// What the functions of a step depend on besides its length: κ = (b₃ − b₂)/(b₃ − b₁) of the inverse moments bᵢ, and q,
+/// the largest z² of the motion of the unit vector of the momentum.
 template <typename Scalar>
 struct EllipticInvariants {
   Scalar kappa;
@@ -22,8 +22,8 @@ struct EllipticInvariants {
   [[nodiscard]] Scalar b() const noexcept { return (Scalar(1) - kappa) * rest; }  ///< B = (1 − κ)(1 − q)
 };
 
-/// s = sn, c and d = cn and dn, whichever comes first, with c² = 1 − Bs², d² = 1 − As², and the phase e^{iθ}, all at the
-/// step's length T; or their derivatives with respect to q at the same T.
+/// s = sn, c and d = cn and dn, whichever comes first, with c² = 1 − Bs², d² = 1 − As², and the phase e^{iθ}, all at
+/// the step's length T; or their derivatives with respect to q at the same T.
 template <typename Scalar>
 struct EllipticStep {
   Scalar s;

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// A step of the free rotor in closed form, and its derivative with respect to the momentum (theory, sections 4.1 and 6.1).
+/// A step of the free rotor in closed form, and its derivative with respect to the momentum
+/// (theory, sections 4.1 and 6.1).
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
@@ -9,7 +10,8 @@
 
 namespace elliptude::detail {
 
-/// The triad (m, p, m × p) of the unit vector m of the momentum, with p towards the third axis, which m keeps away from.
+/// The triad (m, p, m × p) of the unit vector m of the momentum, with p towards the third axis, which m keeps away
+/// from.
 template <typename Scalar>
 struct MomentumTriad {
   Scalar radius;            ///< of m about the third axis: √(x² + y²), at least √½
@@ -28,8 +30,8 @@ struct MomentumTriad {
   }
 };
 
-/// A step of the free rotor. Its axes are the principal ones, the first and the third exchanged where that keeps the momentum
-/// farther from the third. x, y, z are those of the unit vector m of the momentum.
+/// A step of the free rotor. Its axes are the principal ones, the first and the third exchanged where that keeps the
+/// momentum farther from the third. x, y, z are those of the unit vector m of the momentum.
 template <typename Scalar>
 class RotorStep {
  public:
@@ -48,8 +50,8 @@ class RotorStep {
     return Status::ok;
   }
 
-  /// F, which takes body axes at the end to those at the start: the product of the triads, a rotation but for rounding, made one so
-  /// that many steps together are one, too.
+  /// F, which takes body axes at the end to those at the start: the product of the triads, a rotation but for rounding,
+  /// made one so that many steps together are one, too.
   [[nodiscard]] Matrix3<Scalar> rotation() const noexcept {
     Matrix3<Scalar> turned;
     turned.col(0) = start_.columns.col(0);
@@ -174,7 +176,8 @@ class RotorStep {
     sine_ = sine * turned_cosine + cosine * turned_sine;
   }
 
-  /// ξ along the triad at the end when m changes, eq. (6.5). Every term has the factor s or sin ψ: nothing cancels in a short step.
+  /// ξ along the triad at the end when m changes, eq. (6.5). Every term has the factor s or sin ψ: nothing cancels in a
+  /// short step.
   [[nodiscard]] Vector3<Scalar> turn_along(const Direction& change) const noexcept;
 
   /// Eq. (6.5) of z' − z and of the changes of it, of γ and of ψ.

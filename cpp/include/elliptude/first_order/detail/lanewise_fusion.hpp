@@ -76,7 +76,8 @@ void try_first_set(const Problem<Scalar, N, Slack>& problem, const RelativeSize<
   Scalar curvature;
   size.derivatives(trial, slope, curvature);
   const Truth<Scalar> best = ask && bounded && !(slope < Scalar(0));
-  // A negative level asks for a better center. The last test of `minimal_intersection`: only a set smaller than the second is taken.
+  // A negative level asks for a better center. The last test of `minimal_intersection`: only a set smaller than the
+  // second is taken.
   found.usual = found.usual && (!ask || !(trial.level < Scalar(0))) &&
                 (!best || (trial.level > Scalar(0) && size.is_below_second(trial)));
   found.common_point = found.common_point || (best && lanewise::is_common_point(trial));
@@ -188,8 +189,8 @@ template <typename Scalar, int N>
   return finite(center) && finite(shape) && in_domain(shape) && lanewise::cholesky(lowered, factor);
 }
 
-/// `minimal_intersection` of ellipsoids about zero and about another center, with factors that `cholesky` and `definite_cholesky` found.
-/// Where the second set is to be taken as it is, there is no other.
+/// `minimal_intersection` of ellipsoids about zero and about another center, with factors that `cholesky` and
+/// `definite_cholesky` found. Where the second set is to be taken as it is, there is no other.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> minimal_intersection(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& l1,
                                                  const Vector<Scalar, N>& center, const Matrix<Scalar, N>& l2,

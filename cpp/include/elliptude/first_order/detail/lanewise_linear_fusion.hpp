@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// `fuse` of many predictions with as many linear measurements (theory, section 10), lane by lane where all is as usual; see lanewise_sets.hpp.
+/// `fuse` of many predictions with as many linear measurements (theory, section 10), lane by lane where all is as
+/// usual; see lanewise_sets.hpp.
 
 #include "elliptude/first_order/detail/lanewise_fusion.hpp"
 

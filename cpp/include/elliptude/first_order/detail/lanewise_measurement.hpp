@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The ellipsoid that directions and an angular velocity measure (paper, eqs. zetakpm, Pmkl, mea), lane by lane where all is as usual; see
-/// lanewise_sets.hpp.
+/// The ellipsoid that directions and an angular velocity measure (paper, eqs. zetakpm, Pmkl, mea), lane by lane where
+/// all is as usual; see lanewise_sets.hpp.
 
 #include "elliptude/first_order/detail/lanewise_sets.hpp"
 #include "elliptude/measurement/linearization.hpp"
@@ -97,7 +97,8 @@ template <typename Scalar>
   return usual;
 }
 
-/// `MeasuredDirections::measured_attitude` by least trace, of at least two directions. \return where it reaches less than a radian.
+/// `MeasuredDirections::measured_attitude` by least trace, of at least two directions. \return where it reaches less
+/// than a radian.
 template <typename Scalar>
 [[nodiscard]] Truth<Scalar> measured_attitude(const Direction<Scalar>* directions, std::size_t count,
                                               MeasuredAttitude<Scalar>& measured) noexcept {

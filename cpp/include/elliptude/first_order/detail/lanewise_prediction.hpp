@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// Predictions of flows of packs, lane by lane where all is as usual, for durations that are not zero; see lanewise_sets.hpp.
+/// Predictions of flows of packs, lane by lane where all is as usual, for durations that are not zero; see
+/// lanewise_sets.hpp.
 
 #include "elliptude/first_order/detail/lanewise_sets.hpp"
 #include "elliptude/first_order/flow.hpp"

@@ -1,8 +1,9 @@
 #pragma once
 
 /// \file
-/// Factors, sums and overlaps of ellipsoids, lane by lane: what the functions of the same names in linear/ and sets/ calculate where all is as
-/// usual, without a branch that depends on a lane. Each says in which lanes that holds; there a lane has the bits that it has alone.
+/// Factors, sums and overlaps of ellipsoids, lane by lane: what the functions of the same names in linear/ and sets/
+/// calculate where all is as usual, without a branch that depends on a lane. Each says in which lanes that holds; there
+/// a lane has the bits that it has alone.
 
 #include "elliptude/attitude/detail/quick_foam.hpp"
 #include "elliptude/linear/triangular.hpp"
@@ -89,8 +90,8 @@ template <typename Scalar, int N>
   return usual;
 }
 
-/// Whether `validate` accepts a shape that may be flat: whichever way `cholesky_semidefinite` goes, it succeeds if a factor is left
-/// after the diagonal was raised.
+/// Whether `validate` accepts a shape that may be flat: whichever way `cholesky_semidefinite` goes, it succeeds if a
+/// factor is left after the diagonal was raised.
 template <typename Scalar, int N>
 [[nodiscard]] Truth<Scalar> semidefinite(const Matrix<Scalar, N>& shape) noexcept {
   using Limits = std::numeric_limits<scalar::Value<Scalar>>;

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What a guaranteed filter does if measurements contradict its set, or may be wrong: which to leave out, and the union over all
-/// choices. (theory, sections 16.8 and 16.10)
+/// What a guaranteed filter does if measurements contradict its set, or may be wrong: which to leave out, and the union
+/// over all choices. (theory, sections 16.8 and 16.10)
 
 #include "elliptude/guaranteed/detail/solution.hpp"
 #include "elliptude/guaranteed/detail/union_set.hpp"
@@ -70,14 +70,14 @@ template <typename State>
   if (result.dropped != 0) {
     return Status::ok;
   }
-  // Without any of them, because nothing shows which ones are right. Without a prediction the angular velocity does not need
-  // them.
+  // Without any of them, because nothing shows which ones are right. Without a prediction the angular velocity does not
+  // need them.
   result.dropped = known.has_attitude ? all : all & ~angular_velocity_bit;
   return result.dropped != 0 ? Status::unbounded : Status::empty_intersection;
 }
 
-/// All states that the prediction allows and that at most `wrong` measurements exclude: the union over what may be left out, in
-/// one ellipsoid, and that within the prediction, which holds them all. (theory, section 16.10)
+/// All states that the prediction allows and that at most `wrong` measurements exclude: the union over what may be left
+/// out, in one ellipsoid, and that within the prediction, which holds them all. (theory, section 16.10)
 template <typename State>
 class UnionOfChoices {
  public:
@@ -88,12 +88,14 @@ class UnionOfChoices {
       : solver_(solver), known_(solver.known), all_(all), wrong_(wrong) {}
 
   /// Measurements that every consistent choice leaves out are proved wrong, and are in `result.dropped`.
-  /// \return `unbounded` without a set; `empty_intersection` if no choice is consistent; the status of `validate` for the measurements.
+  /// \return `unbounded` without a set; `empty_intersection` if no choice is consistent; the status of `validate` for
+  /// the measurements.
   [[nodiscard]] Status find(Solution<State>& solution, GuaranteedUpdate<Scalar>& result) noexcept {
     if (const Status status = sensors::checked(solver_.measurements, Status::ok); status != Status::ok) {
       return status;
     }
-    // All choices use the same coordinates. An angular velocity or an attitude that may be wrong should not determine them.
+    // All choices use the same coordinates. An angular velocity or an attitude that may be wrong should not determine
+    // them.
     center_ = known_.set.center;
     if (!known_.has_attitude &&
         solver_.measured_center(all_ & ~angular_velocity_bit & ~attitude_bit, Past::used, center_) != Status::ok &&

@@ -23,7 +23,8 @@ template <typename Scalar>
   for (int j = 0; j < 6; ++j) {
     columns(j) = Vector<Scalar, packed::Slices<Scalar>::RowsAtCompileTime>(forms.col(j) - part.col(j)).squaredNorm();
   }
-  // σ is no less than the length of any column. With it the trace is at least six times the square of `least`, whatever λ.
+  // σ is no less than the length of any column. With it the trace is at least six times the square of `least`, whatever
+  // λ.
   const Scalar column = columns.maxCoeff();
   const Scalar least = scalar::sqrt(Scalar(one + column + mean)) + scalar::sqrt(mean);
   if (!(Scalar(6) * least * least < most)) {
@@ -37,8 +38,8 @@ template <typename Scalar>
 
 /// Shape of an ellipsoid that holds x = v + q(v) for all ‖v‖ ≤ 1.
 ///
-/// With q = r + s, where vᵀs(v) = 0 and r(v) = K vvᵀ, packed, comes from a symmetric tensor, and with ‖s(v)‖ ≤ σ, for any λ > 0
-/// (theory, eq. 17.19),
+/// With q = r + s, where vᵀs(v) = 0 and r(v) = K vvᵀ, packed, comes from a symmetric tensor, and with ‖s(v)‖ ≤ σ, for
+/// any λ > 0 (theory, eq. 17.19),
 ///
 ///     xᵀ(I − KKᵀ/λ)x ≤ 1 + λ + σ²
 ///
@@ -79,9 +80,9 @@ template <typename Scalar>
   return true;
 }
 
-/// Shape of an ellipsoid that holds v + q(v) for all ‖v‖ ≤ 1: the sum of the ball and of the ellipsoid of q(v); or, as v alone says where
-/// both are, (17.19), if that adds much less: in v, and in u, where the widest axes count. (17.19) is larger in all directions, and what
-/// is of second order later grows with it.
+/// Shape of an ellipsoid that holds v + q(v) for all ‖v‖ ≤ 1: the sum of the ball and of the ellipsoid of q(v); or, as
+/// v alone says where both are, (17.19), if that adds much less: in v, and in u, where the widest axes count. (17.19)
+/// is larger in all directions, and what is of second order later grows with it.
 /// \param widths of the set of u, squared, in the directions of v.
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> ball_and_image(const packed::Slices<Scalar>& forms,

@@ -41,7 +41,8 @@ struct FilterMemory {
     return settings.policy == Policy::relaxed && settings.most_wrong > 0;
   }
 
-  /// Whether the vector is left to its bound: the set is then a product of the attitude's and of that. (theory, section 16.7)
+  /// Whether the vector is left to its bound: the set is then a product of the attitude's and of that.
+  /// (theory, section 16.7)
   [[nodiscard]] bool leaves_vector() const noexcept { return !settings.estimates_vector && known.has_vector_bound; }
 
   [[nodiscard]] Claim present_claim() const noexcept {
@@ -52,7 +53,8 @@ struct FilterMemory {
     return {known, settings.criterion, settings.estimates_vector, measurements};
   }
 
-  /// \return the status of `validate` for an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond the domain.
+  /// \return the status of `validate` for an ellipsoid of the vector; `not_positive_definite`; `out_of_range` beyond
+  /// the domain.
   [[nodiscard]] static Status validated(const Ellipsoid<Scalar, 3>& vector) noexcept {
     if (const Status status = validate(vector); status != Status::ok) {
       return status;

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// A guaranteed filter's predictions: what it knows at a later time, and what it forgets. (theory, sections 16.8, 16.9 and 17)
+/// A guaranteed filter's predictions: what it knows at a later time, and what it forgets.
+/// (theory, sections 16.8, 16.9 and 17)
 
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/filter_memory.hpp"

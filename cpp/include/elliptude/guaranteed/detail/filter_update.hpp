@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// A guaranteed filter's update by the measurements of one moment: the fusion, what a contradiction leads to, and what is taken up.
-/// (theory, sections 16.5 to 16.11)
+/// A guaranteed filter's update by the measurements of one moment: the fusion, what a contradiction leads to, and what
+/// is taken up. (theory, sections 16.5 to 16.11)
 
 #include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/detail/filter_memory.hpp"
@@ -64,7 +64,8 @@ class FilterUpdate {
         if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
           return invalid;
         }
-        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not reported as one.
+        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not
+        // reported as one.
         const bool empty = status == Status::empty_intersection;
         result.margin = empty ? solution.fusion.margin : Scalar(-1);
         result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
@@ -88,8 +89,8 @@ class FilterUpdate {
     return accept(measurements, all, status == Status::ok, result, update);
   }
 
-  /// Leaves what the set comes from, after a `run` that was `ok`, about the center of the fusion, where all of it is quadrics of
-  /// attitude and vector together.
+  /// Leaves what the set comes from, after a `run` that was `ok`, about the center of the fusion, where all of it is
+  /// quadrics of attitude and vector together.
   /// \param before what the filter knew.
   void leave(const Knowledge<State>& before, const Measurements<Scalar>& measurements,
              UpdateConstraints<State>& constraints) const noexcept {
@@ -138,8 +139,8 @@ class FilterUpdate {
     return Status::ok;
   }
 
-  /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up that the
-  /// filter may not keep.
+  /// Takes up a solution, or, where the attitude remains unknown, what was measured of the vector. Nothing is taken up
+  /// that the filter may not keep.
   [[nodiscard]] Status accept(const Measurements<Scalar>& measurements, Sensors all, bool bounded,
                               GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
     const Solution& solution = solution_;
@@ -152,8 +153,8 @@ class FilterUpdate {
     }
     Trust trust = filter_.trust;
     if (all != 0 || result.dropped != 0) {
-      // Where nothing is taken up there is nothing that could rest on what was left out; but a vector that is known without an
-      // attitude may be what the measurements contradict.
+      // Where nothing is taken up there is nothing that could rest on what was left out; but a vector that is known
+      // without an attitude may be what the measurements contradict.
       const bool contradicted = result.margin < Scalar(0) || (!filter_.may_be_wrong() && result.dropped != 0);
       trust.count(contradicted, bounded || filter_.known.has_attitude || filter_.known.has_vector);
     }
@@ -223,7 +224,8 @@ class FilterUpdate {
     }
   }
 
-  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its place.
+  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its
+  /// place.
   /// \param vector what is known of it, if anything is.
   /// \return the status of `fused_vector`, where nothing may be left out.
   [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,

@@ -7,7 +7,8 @@
 
 namespace elliptude::detail {
 
-/// Quadrics of γ about the center of the filter's set, each of which holds the attitude as the set does. Any of them may be left out.
+/// Quadrics of γ about the center of the filter's set, each of which holds the attitude as the set does. Any of them
+/// may be left out.
 template <typename Scalar>
 struct KeptConstraints {
   std::array<Quadric<Scalar, 3>, most_questioned> quadrics;

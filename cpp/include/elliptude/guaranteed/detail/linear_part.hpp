@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The linear part of the errors of an error tube over a step, as a polynomial in time with a bound of its error. (theory, section
-/// 17.4)
+/// The linear part of the errors of an error tube over a step, as a polynomial in time with a bound of its error.
+/// (theory, section 17.4)
 
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -170,7 +170,8 @@ class LinearExpansion {
     return linear.change < half;
   }
 
-  /// Bound of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; with rounding.
+  /// Bound of the integral of Y' − A Y: its first coefficient exactly, the others by the norms of their blocks; with
+  /// rounding.
   ELLIPTUDE_OUT_OF_LINE void bound_error(LinearPart<Scalar>& linear) const noexcept {
     const auto& powers = series_.step_powers;
     const Scalar& h = powers[1];
@@ -191,7 +192,8 @@ class LinearExpansion {
     // Rounding of Y and of what is calculated from it.
     linear.error += rounding::share<Scalar>(rounding::linear_part) *
                     (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
-    // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large. ‖u‖ ≤ 2.
+    // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large.
+    // ‖u‖ ≤ 2.
     const Scalar ratio = body_.principal_moments()(0) / body_.principal_moments()(2);
     linear.error += rounding::share<Scalar>(rounding::linear_rate) * h * linear.from_rate_norm *
                     ((series_.gyroscopic_size + ratio * largest_difference) * largest_difference +

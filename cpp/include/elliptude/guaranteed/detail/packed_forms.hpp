@@ -1,12 +1,12 @@
 #pragma once
 
 /// \file
-/// Quadratic forms of six numbers as columns that can be added and multiplied by the matrices of linear maps. (theory, section
-/// 17.4)
+/// Quadratic forms of six numbers as columns that can be added and multiplied by the matrices of linear maps.
+/// (theory, section 17.4)
 ///
-/// A form uᵀHu is packed as the entries H(j, (j + d) mod 6), column after column for d = 0 … 3, those with d = 1 and 2 times √2;
-/// those with d = 3 stand there twice. Its value is then the inner product with u uᵀ packed in the same way, which has the
-/// length ‖u‖². There are 24 entries, whole SIMD registers of any width.
+/// A form uᵀHu is packed as the entries H(j, (j + d) mod 6), column after column for d = 0 … 3, those with d = 1 and 2
+/// times √2; those with d = 3 stand there twice. Its value is then the inner product with u uᵀ packed in the same way,
+/// which has the length ‖u‖². There are 24 entries, whole SIMD registers of any width.
 
 #include "elliptude/base/scalar.hpp"
 
@@ -65,7 +65,8 @@ template <typename Scalar>
   return a.first.cwiseProduct(b.second) + a.second.cwiseProduct(b.first);
 }
 
-/// The six products of three linear forms, as `expansion::RowForms` counts them, but those of two different ones not times √2.
+/// The six products of three linear forms, as `expansion::RowForms` counts them, but those of two different ones not
+/// times √2.
 template <typename Scalar>
 [[nodiscard]] Matrix<Scalar, part_size, 6> products(const Factors<Scalar>& factors) noexcept {
   Matrix<Scalar, part_size, 6> parts;
@@ -99,8 +100,8 @@ template <typename Scalar>
   return matrix;
 }
 
-/// Six forms as symmetric matrices, each a column. Unlike packed forms they are cheap to multiply by maps. The inner product of
-/// columns is that of packed forms.
+/// Six forms as symmetric matrices, each a column. Unlike packed forms they are cheap to multiply by maps. The inner
+/// product of columns is that of packed forms.
 template <typename Scalar>
 using Slices = Matrix<Scalar, 6 * padded(6), 6>;
 
@@ -113,7 +114,8 @@ template <typename Scalar>
   return Eigen::Map<const Slice<Scalar>>(slices.col(i).data());
 }
 
-/// The product of a and a lower triangle b; and of a and any b, in which of column j only what is from row j on is right.
+/// The product of a and a lower triangle b; and of a and any b, in which of column j only what is from row j on is
+/// right.
 template <typename Scalar, typename A, typename B, typename Product>
 void multiply_from_diagonal(const A& a, const B& b, Product&& product) noexcept {
   for (int j = 0; j < 6; ++j) {
@@ -126,7 +128,8 @@ void multiply_from_diagonal(const A& a, const B& b, Product&& product) noexcept 
   }
 }
 
-/// The quadratic map q in the coordinates of a set, u = map v: map⁻¹ q(map v). The map is a lower triangle, and so is its inverse.
+/// The quadratic map q in the coordinates of a set, u = map v: map⁻¹ q(map v). The map is a lower triangle, and so is
+/// its inverse.
 template <typename Scalar>
 [[nodiscard]] Slices<Scalar> seen_from(const Forms<Scalar>& forms, const Matrix6<Scalar>& map,
                                        const Matrix6<Scalar>& inverse) noexcept {
@@ -151,8 +154,8 @@ template <typename Scalar>
   return result;
 }
 
-/// The cubic form uᵀq(u) of a quadratic map q, as a symmetric tensor: slice i is a quadratic form again. Its norm can be much
-/// smaller than that of q: a part of q that only turns u is no growth.
+/// The cubic form uᵀq(u) of a quadratic map q, as a symmetric tensor: slice i is a quadratic form again. Its norm can
+/// be much smaller than that of q: a part of q that only turns u is no growth.
 template <typename Scalar>
 [[nodiscard]] Slices<Scalar> symmetric_part(const Slices<Scalar>& slices) noexcept {
   const Scalar third = scalar::constant<Scalar>(1.0L / 3.0L);

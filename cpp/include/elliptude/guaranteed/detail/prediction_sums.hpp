@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What a prediction adds to a set: sums of ellipsoids about zero, and by how much a set may become larger everywhere for what is
-/// added to it. (theory, section 17.9)
+/// What a prediction adds to a set: sums of ellipsoids about zero, and by how much a set may become larger everywhere
+/// for what is added to it. (theory, section 17.9)
 
 #include <array>
 
@@ -19,17 +19,18 @@ template <typename Scalar>
   return scalar::constant<Scalar>(0.01L);
 }
 
-/// The share of least volume in a sum with the unit ball of six numbers. A sum holds with any positive one; if rounding leaves none,
-/// it is one.
+/// The share of least volume in a sum with the unit ball of six numbers. A sum holds with any positive one; if rounding
+/// leaves none, it is one.
 /// \param trace of what is added.
 template <typename Scalar>
 [[nodiscard]] Scalar share_of(const Scalar& trace) noexcept {
   return trace > Scalar(0) ? scalar::sqrt(Scalar(trace / Scalar(6))) : Scalar(1);
 }
 
-/// By how much a set is made larger everywhere for what is added to it: by the share that makes the sum smallest in volume, unless
-/// that keeps a thin set thin by making it wider and wider, prediction after prediction. What is of second order grows with the
-/// square of the width. A hundredth, or five times what is added against the whole set, is moderate. (theory, section 17.9)
+/// By how much a set is made larger everywhere for what is added to it: by the share that makes the sum smallest in
+/// volume, unless that keeps a thin set thin by making it wider and wider, prediction after prediction. What is of
+/// second order grows with the square of the width. A hundredth, or five times what is added against the whole set, is
+/// moderate. (theory, section 17.9)
 /// \param share the one of least volume.
 /// \param added trace of what is added, in coordinates in which the set's widths are alike where it is not thin.
 /// \param whole that of the set.
@@ -44,7 +45,8 @@ template <typename Scalar>
   return share < most ? share : most;
 }
 
-/// What is added to a set against the whole of it, squared: of attitude and vector by themselves, as their units differ.
+/// What is added to a set against the whole of it, squared: of attitude and vector by themselves, as their units
+/// differ.
 template <typename Scalar, int N, std::size_t Count>
 [[nodiscard]] Scalar share_of_widest(const Matrix<Scalar, N>& shape,
                                      const std::array<Matrix<Scalar, N>, Count>& others) noexcept {
@@ -60,9 +62,10 @@ template <typename Scalar, int N, std::size_t Count>
   return widest;
 }
 
-/// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume: shares
-/// proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best (`minimal_sum`), as far as that
-/// is a `moderate_growth`. Entries of the shapes may be wrong by a rounding or two of themselves.
+/// An ellipsoid that contains the sum of one with a positive definite shape and of others about zero, small in volume:
+/// shares proportional to √tr(P⁻¹Pᵢ) about the sum P, by two steps of the iteration that finds the best
+/// (`minimal_sum`), as far as that is a `moderate_growth`. Entries of the shapes may be wrong by a rounding or two of
+/// themselves.
 template <typename Scalar, int N, std::size_t Count>
 [[nodiscard]] Status sum(const Matrix<Scalar, N>& shape, const std::array<Matrix<Scalar, N>, Count>& others,
                          Matrix<Scalar, N>& result) noexcept {

@@ -42,8 +42,8 @@ struct Solution {
   bool used_prediction;
 };
 
-/// Two blocks with zeros between: an attitude's, and that of a vector that is left to its bound. Each is a set of its own, and the
-/// state is in the product of both. (theory, section 16.7)
+/// Two blocks with zeros between: an attitude's, and that of a vector that is left to its bound. Each is a set of its
+/// own, and the state is in the product of both. (theory, section 16.7)
 template <typename Scalar>
 [[nodiscard]] Matrix6<Scalar> product_shape(const Matrix3<Scalar>& attitude, const Matrix3<Scalar>& vector) noexcept {
   Matrix6<Scalar> shape = Matrix6<Scalar>::Zero();
@@ -90,8 +90,8 @@ class SetSolver {
                             : solve_attitude(selected, with_prediction, solution);
   }
 
-  /// A center for coordinates where there is no prediction: any will do, one near the truth does best. Only what is selected may
-  /// choose it, and of the vector what is known best: seen from far away a sharp set is lost in rounding.
+  /// A center for coordinates where there is no prediction: any will do, one near the truth does best. Only what is
+  /// selected may choose it, and of the vector what is known best: seen from far away a sharp set is lost in rounding.
   [[nodiscard]] Status measured_center(Sensors selected, Past past, State& center) const noexcept {
     Vector3<Scalar> vector = Vector3<Scalar>::Zero();
     Scalar least_trace(std::numeric_limits<scalar::Value<Scalar>>::infinity());
@@ -128,8 +128,8 @@ class SetSolver {
         }
       }
       RotationSvd<Scalar> svd;
-      // Directions that are not collinear may still leave Wahba's problem undetermined, as a mirror image of them does: then they
-      // contradict each other, which any center shows.
+      // Directions that are not collinear may still leave Wahba's problem undetermined, as a mirror image of them does:
+      // then they contradict each other, which any center shows.
       if (rotation_svd(profile, svd) != Status::ok ||
           !(svd.values(1) * wahba_condition_limit<Scalar>() > svd.values(0))) {
         return Status::unbounded;

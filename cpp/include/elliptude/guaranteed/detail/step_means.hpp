@@ -3,8 +3,9 @@
 /// \file
 /// Bounds of the integrals of terms that change within a step of a tube: numbers only. (theory, section 17.4)
 ///
-/// x = |s − h/2|/(h/2) is how far a time is from the middle of the step, in parts of half of it. Y(s) = Y(h/2) (I + W(s)), and
-/// ‖W(s)‖ ≤ x times `odd` for its part that is linear in s − h/2, and x² times `all` − `odd` for what is left of it.
+/// x = |s − h/2|/(h/2) is how far a time is from the middle of the step, in parts of half of it. Y(s) = Y(h/2) (I +
+/// W(s)), and ‖W(s)‖ ≤ x times `odd` for its part that is linear in s − h/2, and x² times `all` − `odd` for what is
+/// left of it.
 
 #include "elliptude/base/scalar.hpp"
 
@@ -80,8 +81,8 @@ struct SecondOrder {
     return means;
   }
 
-  /// What they add up to at u₀ + e rather than at u₀, if ‖e‖ is at most a line from `mean` − 1 − `moved`/2 to `mean` − 1 +
-  /// `moved`/2 (theory, eq. 17.8).
+  /// What they add up to at u₀ + e rather than at u₀, if ‖e‖ is at most a line from `mean` − 1 − `moved`/2 to `mean` −
+  /// 1 + `moved`/2 (theory, eq. 17.8).
   [[nodiscard]] Scalar displaced(const Scalar& mean, const Scalar& moved, const Scalar& h) const noexcept {
     return integral * (mean * mean - Scalar(1)) + largest * h * moved * moved / Scalar(12);
   }
@@ -110,7 +111,8 @@ struct Line {
   }
 };
 
-/// What forms of third order that change add up to beyond h times those in the middle at u₀, in parts of h and their bound.
+/// What forms of third order that change add up to beyond h times those in the middle at u₀, in parts of h and their
+/// bound.
 template <typename Scalar>
 [[nodiscard]] Scalar changing_cubes(const FormChange<Scalar>& change, const LinearChange<Scalar>& linear,
                                     const Scalar& cube_at_ends) noexcept {

@@ -9,7 +9,8 @@
 
 namespace elliptude::detail {
 
-/// What pushes u within ellipsoids: the unknown torque, and what is of third and of fourth order for ‖u‖ = 1 in the middle.
+/// What pushes u within ellipsoids: the unknown torque, and what is of third and of fourth order for ‖u‖ = 1 in the
+/// middle.
 template <typename Scalar>
 struct Pushes {
   Matrix6<Scalar> unknown;

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// What moves the errors of an error tube beyond the linear part: forms of second order, the unknown torque, and pushes of third
-/// order. (theory, sections 17.4 and 17.5)
+/// What moves the errors of an error tube beyond the linear part: forms of second order, the unknown torque, and pushes
+/// of third order. (theory, sections 17.4 and 17.5)
 
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/guaranteed/detail/linear_part.hpp"
@@ -20,7 +20,8 @@ template <typename Scalar, typename Potential>
 }
 
 /// The terms of second order of u' in the middle of the step, as forms of u: their part from entry `begin` on.
-/// \param gyroscopic the forms of δω in δω', and `curvature` those of γ, null for none; of products of two components √2 times what
+/// \param gyroscopic the forms of δω in δω', and `curvature` those of γ, null for none; of products of two components
+/// √2 times what
 ///        `expansion::RowForms` has.
 template <typename Scalar>
 ELLIPTUDE_OUT_OF_LINE void put_forms(const LinearPart<Scalar>& linear, const expansion::RowForms<Scalar>& gyroscopic,
@@ -69,8 +70,8 @@ template <typename Scalar, typename Potential>
   return forms;
 }
 
-/// The unknown torque, what an expansion about one attitude lacks of the torque (theory, eq. 17.13), and the inertia error as a
-/// torque (theory, section 17.5).
+/// The unknown torque, what an expansion about one attitude lacks of the torque (theory, eq. 17.13), and the inertia
+/// error as a torque (theory, section 17.5).
 /// \param largest_angle of γ, and `largest_difference` half of that of δω, over the step.
 template <typename Scalar, typename Potential>
 [[nodiscard]] Status unknown_torque(const RigidBody<Scalar>& body, const MotionSeries<Scalar, Potential>& series,

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// An ellipsoid about two, and its intersection with a prediction, for measurements some of which may be wrong. (theory, section
-/// 16.10)
+/// An ellipsoid about two, and its intersection with a prediction, for measurements some of which may be wrong.
+/// (theory, section 16.10)
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/sets/quadric_fusion.hpp"
@@ -23,7 +23,8 @@ template <typename Scalar>
   if (const Status status = symmetric_eigen(congruence(inverse, second.shape), eigen); status != Status::ok) {
     return status;
   }
-  // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in `inverse_from_below`.
+  // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in
+  // `inverse_from_below`.
   const Scalar kappa_squared = inverse.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();
   const Scalar lost = rounding::share<Scalar>(48) * (Scalar(1) + kappa_squared) * (Scalar(1) + eigen.values(0));
   const Matrix6<Scalar> axes = l.lazyProduct(eigen.vectors);
@@ -38,8 +39,8 @@ template <typename Scalar>
   return Status::ok;
 }
 
-/// What is in the prediction and in another ellipsoid that holds the truth: never larger than the prediction, which is the
-/// answer where the other adds nothing, or cannot be used.
+/// What is in the prediction and in another ellipsoid that holds the truth: never larger than the prediction, which is
+/// the answer where the other adds nothing, or cannot be used.
 /// \param alone whether it is.
 template <typename Scalar, int N>
 [[nodiscard]] Ellipsoid<Scalar, N> within_prediction(const Ellipsoid<Scalar, N>& predicted,

@@ -1,8 +1,9 @@
 #pragma once
 
 /// \file
-/// The search for the multipliers of a question that is linear: how far a set reaches along a direction. With the largest point for
-/// given multipliers in closed form, a step works with N rows instead of N + 1 for each constraint. (theory, section 16.12)
+/// The search for the multipliers of a question that is linear: how far a set reaches along a direction. With the
+/// largest point for given multipliers in closed form, a step works with N rows instead of N + 1 for each constraint.
+/// (theory, section 16.12)
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/linear/cholesky.hpp"
@@ -10,9 +11,9 @@
 
 namespace elliptude::detail {
 
-/// Minimises D(μ) = max over u of 2wᵀu + Σ μₖsₖ(u) = Σ μₖcₖ + vᵀA⁻¹v over μ ≥ 0 with A = Σ μₖAₖ ≻ 0, v = w − Σ μₖgₖ, where
-/// sₖ(u) = cₖ − 2gₖᵀu − uᵀAₖu, by a primal-dual interior-point method. D is convex, ∂ₖD = sₖ(u*), ∂ⱼ∂ₖD = 2rⱼᵀA⁻¹rₖ with
-/// u* = A⁻¹v, rₖ = Aₖu* + gₖ. Every D on the way is a bound.
+/// Minimises D(μ) = max over u of 2wᵀu + Σ μₖsₖ(u) = Σ μₖcₖ + vᵀA⁻¹v over μ ≥ 0 with A = Σ μₖAₖ ≻ 0, v = w − Σ μₖgₖ,
+/// where sₖ(u) = cₖ − 2gₖᵀu − uᵀAₖu, by a primal-dual interior-point method. D is convex, ∂ₖD = sₖ(u*), ∂ⱼ∂ₖD =
+/// 2rⱼᵀA⁻¹rₖ with u* = A⁻¹v, rₖ = Aₖu* + gₖ. Every D on the way is a bound.
 template <typename Scalar, int N, std::size_t most>
 class AffineSearch {
  public:
@@ -23,7 +24,8 @@ class AffineSearch {
   AffineSearch(const Form* forms, std::size_t count, const Vector<Scalar, N>& w) noexcept
       : forms_(forms), count_(count), w_(w) {}
 
-  /// \return whether multipliers were found with about 1 % left to gain. Where A is nearly singular for the best, there may be none.
+  /// \return whether multipliers were found with about 1 % left to gain. Where A is nearly singular for the best, there
+  /// may be none.
   [[nodiscard]] bool run() noexcept {
     if (!start()) {
       return false;
@@ -77,7 +79,8 @@ class AffineSearch {
     return true;
   }
 
-  /// The multipliers, at the scale where D is least, and what belongs to them: D(tμ) = t(c + gᵀA⁻¹g) − 2wᵀA⁻¹g + wᵀA⁻¹w/t.
+  /// The multipliers, at the scale where D is least, and what belongs to them: D(tμ) = t(c + gᵀA⁻¹g) − 2wᵀA⁻¹g +
+  /// wᵀA⁻¹w/t.
   /// \return whether A ≻ 0.
   [[nodiscard]] bool evaluate(const Multipliers& mu, Iterate& it) const noexcept {
     Form sum = mu[0] * forms_[0];
@@ -108,8 +111,8 @@ class AffineSearch {
     return scalar::isfinite(it.value);
   }
 
-  /// What the second derivatives and the slope leave to gain: little in the end, for each multiplier alone and for exchanges of some
-  /// for others, which Σμₖsₖ = 0 makes as large as what falls.
+  /// What the second derivatives and the slope leave to gain: little in the end, for each multiplier alone and for
+  /// exchanges of some for others, which Σμₖsₖ = 0 makes as large as what falls.
   [[nodiscard]] bool is_close() const noexcept {
     const Scalar most_gain = tolerance_ * w_.norm();
     Scalar exchange(0);
@@ -189,7 +192,8 @@ class AffineSearch {
     return sum;
   }
 
-  /// What one multiplier alone would gain: in second order where it has to grow, all that it costs where it has to fall.
+  /// What one multiplier alone would gain: in second order where it has to grow, all that it costs where it has to
+  /// fall.
   [[nodiscard]] Scalar gain_of(std::size_t k, const Scalar& curvature) const noexcept {
     const Scalar& slope = now_.slack[k];
     const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
@@ -203,8 +207,8 @@ class AffineSearch {
     return slope > Scalar(0) && removal < least ? removal : least;
   }
 
-  /// The step that takes all μₖzₖ to their targets, linearized: (2RᵀA⁻¹R + E) Δμ = b with E = diag(z/μ), b = target/μ − s, by way of
-  /// the N rows of y = 2A⁻¹RΔμ, which is −2Δu*: (A/2 + RE⁻¹Rᵀ) y = RE⁻¹b, Δμ = E⁻¹(b − Rᵀy).
+  /// The step that takes all μₖzₖ to their targets, linearized: (2RᵀA⁻¹R + E) Δμ = b with E = diag(z/μ), b = target/μ −
+  /// s, by way of the N rows of y = 2A⁻¹RΔμ, which is −2Δu*: (A/2 + RE⁻¹Rᵀ) y = RE⁻¹b, Δμ = E⁻¹(b − Rᵀy).
   void aim_at(const Multipliers& target) noexcept {
     Vector<Scalar, N> sum = Vector<Scalar, N>::Zero();
     for (std::size_t k = 0; k < count_; ++k) {

@@ -1,7 +1,8 @@
 #pragma once
 
 /// \file
-/// A symmetric positive definite system of a few equations, how many is known at run time alone. (theory, section 16.11)
+/// A symmetric positive definite system of a few equations, how many is known at run time alone.
+/// (theory, section 16.11)
 
 #include <array>
 #include <cstddef>
@@ -10,8 +11,9 @@
 
 namespace elliptude::detail {
 
-/// H x = b with H = L diag(p)⁻¹ Lᵀ. The right side is one more column, so that eliminating the unknowns makes L⁻¹b of it too. Whole
-/// rows are added up, though of what is before the diagonal nothing is used: a sum of constant length is a few instructions.
+/// H x = b with H = L diag(p)⁻¹ Lᵀ. The right side is one more column, so that eliminating the unknowns makes L⁻¹b of
+/// it too. Whole rows are added up, though of what is before the diagonal nothing is used: a sum of constant length is
+/// a few instructions.
 template <typename Scalar, std::size_t Most>
 class BorderedSystem {
  public:

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The weighted sum of a quadric and the unit ball: the family of ellipsoids in which `minimal_intersection` searches. (theory,
-/// section 7)
+/// The weighted sum of a quadric and the unit ball: the family of ellipsoids in which `minimal_intersection` searches.
+/// (theory, section 7)
 
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -17,10 +17,10 @@ template <typename Scalar, int N>
   return factor.diagonal().unaryExpr([](const Scalar& entry) { return entry > Scalar(0) ? Scalar(1) : Scalar(0); });
 }
 
-/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and
-/// N = k + q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball
-/// stands for is flat in a coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A. This is what is kept of
-/// the best one; A⁻¹ follows from it.
+/// A quadric uᵀMu + 2vᵀu ≤ k and the unit ball ‖u‖ ≤ 1, combined with weights 1 and q: A = M + qI at one q, and N = k +
+/// q + vᵀA⁻¹v, whose sign shows whether the two meet. Where the ellipsoid that the ball stands for is flat in a
+/// coordinate, that coordinate of u does not exist; it keeps a one on the diagonal of A. This is what is kept of the
+/// best one; A⁻¹ follows from it.
 template <typename Scalar, int N>
 struct KeptCombination {
   Matrix<Scalar, N> root;    ///< lower triangle with A⁻¹ = rootᵀ root
@@ -69,8 +69,8 @@ struct Problem {
     return rounding::share<Scalar>(rounding::three_digits * N) * m.norm();
   }
 
-  /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε, and ε^⅔ is
-  /// not worth another way.
+  /// Whether forming M may have cost containment: its rounding moves the boundary by about the condition of A times ε,
+  /// and ε^⅔ is not worth another way.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_ill_conditioned(const Scalar& q,
                                                               const KeptCombination<Scalar, N>& at) const noexcept {
     const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse_trace;
@@ -119,8 +119,9 @@ struct Problem {
   }
 };
 
-/// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least value
-/// is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a bracket.
+/// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least
+/// value is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a
+/// bracket.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool provably_empty(const Problem<Scalar, N, Slack>& problem,
                                                         const Scalar& start) noexcept {
@@ -159,8 +160,9 @@ template <typename Scalar, int N, typename Slack>
   return false;
 }
 
-/// The size of the ellipsoid that a combination stands for, seen in x = origin + factor u, by its logarithm less that of the
-/// second set's, log of tr(W' N A⁻¹) / tr W' with W' = factorᵀ W factor, or of det(N A⁻¹) over the coordinates that exist.
+/// The size of the ellipsoid that a combination stands for, seen in x = origin + factor u, by its logarithm less that
+/// of the second set's, log of tr(W' N A⁻¹) / tr W' with W' = factorᵀ W factor, or of det(N A⁻¹) over the coordinates
+/// that exist.
 template <typename Scalar, int N>
 class RelativeSize {
  public:
@@ -270,8 +272,8 @@ template <typename Scalar>
   return move > longest ? longest : (move < -longest ? Scalar(-longest) : move);
 }
 
-/// The step in log q that Newton's step in 1/q is, or the longest one where that is beyond the second set alone, 1/q = 0. There the size is
-/// smooth in 1/q: in log q each step towards it would go half a unit.
+/// The step in log q that Newton's step in 1/q is, or the longest one where that is beyond the second set alone, 1/q =
+/// 0. There the size is smooth in 1/q: in log q each step towards it would go half a unit.
 template <typename Scalar>
 [[nodiscard]] Scalar newton_move_upward(const Scalar& slope, const Scalar& curvature, const Scalar& longest) noexcept {
   const Scalar left = curvature + Scalar(2) * slope;
@@ -279,16 +281,17 @@ template <typename Scalar>
   return move < longest ? move : longest;
 }
 
-/// Whether a step to where the slope is zero is the last: short, and short beside the width of the minimum, which of sets that barely
-/// meet is narrow. Newton's steps square the error: after one with |slope · move| ≤ ε^¼ the logarithm of the size exceeds its least
-/// value by a quarter of √ε at most. (theory, section 7.4) No branch depends on a number.
+/// Whether a step to where the slope is zero is the last: short, and short beside the width of the minimum, which of
+/// sets that barely meet is narrow. Newton's steps square the error: after one with |slope · move| ≤ ε^¼ the logarithm
+/// of the size exceeds its least value by a quarter of √ε at most. (theory, section 7.4) No branch depends on a number.
 template <typename Scalar>
 [[nodiscard]] auto is_last_move(const Scalar& slope, const Scalar& move) noexcept {
   const Scalar tolerance = scalar::sqrt(rounding::root<Scalar>());
   return scalar::abs(move) <= tolerance && scalar::abs(Scalar(slope * move)) <= tolerance;
 }
 
-/// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was found.
+/// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was
+/// found.
 /// \param trial room to work in.
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] bool first_set_is_best(const Problem<Scalar, N, Slack>& problem, const RelativeSize<Scalar, N>& size,
@@ -306,10 +309,10 @@ template <typename Scalar, int N, typename Slack>
   return false;
 }
 
-/// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary, so it
-/// is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from `start`; each
-/// iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as about the second set alone,
-/// and where the bracket is as narrow as √ε: beyond, rounding would choose the bound.
+/// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary,
+/// so it is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from
+/// `start`; each iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as
+/// about the second set alone, and where the bracket is as narrow as √ε: beyond, rounding would choose the bound.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status least_combination(const Problem<Scalar, N, Slack>& problem,

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Sums of many quadrics with multipliers: the family of ellipsoids in which guaranteed fusion searches, and its derivatives.
-/// (theory, section 16)
+/// Sums of many quadrics with multipliers: the family of ellipsoids in which guaranteed fusion searches, and its
+/// derivatives. (theory, section 16)
 
 #include <algorithm>
 #include <new>
@@ -59,8 +59,9 @@ struct Constraint {
   }
 };
 
-/// The combination of many constraints, uᵀAu + 2gᵀu ≤ c, and what its minimisation needs. For the volume the convex function
-/// F(μ) = N − log det A has the minimiser of N A⁻¹'s volume; for the trace it is N + n log tr(W A⁻¹). (theory, section 16)
+/// The combination of many constraints, uᵀAu + 2gᵀu ≤ c, and what its minimisation needs. For the volume the convex
+/// function F(μ) = N − log det A has the minimiser of N A⁻¹'s volume; for the trace it is N + n log tr(W A⁻¹).
+/// (theory, section 16)
 template <typename Scalar, int N>
 class ManyQuadrics {
  public:
@@ -108,7 +109,8 @@ class ManyQuadrics {
     }
   }
 
-  /// Σ μₖ (|cₖ| + Σ |gᵢ| (1 + uᵢ²) + Σ uᵢ² Σⱼ|Aᵢⱼ|): at least the sum of all terms of the combination at u, without their signs.
+  /// Σ μₖ (|cₖ| + Σ |gᵢ| (1 + uᵢ²) + Σ uᵢ² Σⱼ|Aᵢⱼ|): at least the sum of all terms of the combination at u, without
+  /// their signs.
   [[nodiscard]] Scalar magnitude(const Multipliers& multipliers, const Vector<Scalar, N>& squares) const noexcept {
     Scalar sum(0);
     for (std::size_t k = 0; k < count; ++k) {
@@ -150,8 +152,8 @@ class ManyQuadrics {
     if (with_ball) {  // which is not relaxed
       it.rounding += rounding::share<Scalar>(rounding::terms_of_ball(static_cast<int>(count))) * multipliers[0];
     }
-    // The constraints are relaxed by what their sums lose at the states of the set, which are near. But they are summed at û: far
-    // from the states, terms may cancel that are much larger than what is left.
+    // The constraints are relaxed by what their sums lose at the states of the set, which are near. But they are summed
+    // at û: far from the states, terms may cancel that are much larger than what is left.
     if (!with_ball || it.center.squaredNorm() > Scalar(1)) {
       it.rounding += rounding::share<Scalar>(rounding::terms(N, static_cast<int>(count))) *
                      magnitude(multipliers, Vector<Scalar, N>(it.center.cwiseAbs2()));
@@ -179,8 +181,8 @@ class ManyQuadrics {
     }
   }
 
-  /// ∇²F, the lower triangle, in rows of length `most`: tr(A⁻¹AⱼA⁻¹Aₖ) + 2 rⱼᵀA⁻¹rₖ with rₖ = Aₖû + gₖ for the volume; for the trace
-  /// 2 tr(A⁻¹AⱼVAₖ) − tr(VAⱼ) tr(VAₖ)/N + 2 rⱼᵀA⁻¹rₖ.
+  /// ∇²F, the lower triangle, in rows of length `most`: tr(A⁻¹AⱼA⁻¹Aₖ) + 2 rⱼᵀA⁻¹rₖ with rₖ = Aₖû + gₖ for the volume;
+  /// for the trace 2 tr(A⁻¹AⱼVAₖ) − tr(VAⱼ) tr(VAₖ)/N + 2 rⱼᵀA⁻¹rₖ.
   void hessian(const Iterate& it, const Matrix<Scalar, N>& v, const Multipliers& gradient,
                Scalar* result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
@@ -233,8 +235,8 @@ class ManyQuadrics {
     }
   }
 
-  /// ∂²F/∂μₖ² less its part along μ, for which ∇²F μ = tr(VA): the least that it can be for the volume, where an A of rank m
-  /// has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m, and an estimate for the trace. The ball's is exact.
+  /// ∂²F/∂μₖ² less its part along μ, for which ∇²F μ = tr(VA): the least that it can be for the volume, where an A of
+  /// rank m has tr(A⁻¹AₖA⁻¹Aₖ) ≥ tr(A⁻¹Aₖ)²/m, and an estimate for the trace. The ball's is exact.
   [[nodiscard]] Scalar least_curvature(std::size_t k, const Iterate& it, const Matrix<Scalar, N>& v,
                                        const Multipliers& gradient) const noexcept {
     const Scalar trace = it.slack[k] - gradient[k];

@@ -8,8 +8,8 @@
 
 namespace elliptude::detail {
 
-/// A positive definite H as L diag(1/p) Lᵀ with a unit lower triangle L, in place: L below the diagonal of H, of which the lower
-/// triangle is read, p on it, and Lᵀ without the division by pivots above it.
+/// A positive definite H as L diag(1/p) Lᵀ with a unit lower triangle L, in place: L below the diagonal of H, of which
+/// the lower triangle is read, p on it, and Lᵀ without the division by pivots above it.
 /// \return whether H is positive definite.
 template <typename Scalar>
 [[nodiscard]] bool factor_in_place(Scalar* h, std::size_t stride, std::size_t count) noexcept {
@@ -63,9 +63,9 @@ template <typename Scalar, std::size_t Most>
   return length;
 }
 
-/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F with a
-/// target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a valid bound, and
-/// the best is kept.
+/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F
+/// with a target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a
+/// valid bound, and the best is kept.
 template <typename Scalar, int N>
 class MultiplierSearch {
  public:
@@ -74,8 +74,8 @@ class MultiplierSearch {
   using Multipliers = typename Problem::Multipliers;
 
   /// \param scale what the multipliers are divided by to be those of the constraints as given.
-  /// \param iterates the first one with A ≻ 0 and multipliers that are positive: where the search begins. The other is room to
-  /// work in.
+  /// \param iterates the first one with A ≻ 0 and multipliers that are positive: where the search begins. The other is
+  /// room to work in.
   MultiplierSearch(const Problem& problem, const Multipliers& scale, std::array<Iterate, 2>& iterates) noexcept
       : problem_(problem),
         scale_(scale),
@@ -186,8 +186,8 @@ class MultiplierSearch {
     return search_along_step(tau);
   }
 
-  /// Exchanges of constraints that are alike gain more than each multiplier alone: for these Σμg of those that would fall, as
-  /// ∇Fᵀμ = 0.
+  /// Exchanges of constraints that are alike gain more than each multiplier alone: for these Σμg of those that would
+  /// fall, as ∇Fᵀμ = 0.
   [[nodiscard]] bool may_exchange(const Scalar& accuracy) const noexcept {
     Scalar exchange(0);
     for (std::size_t k = 0; k < count_; ++k) {
@@ -196,8 +196,8 @@ class MultiplierSearch {
     return exchange > Scalar(2) * accuracy;
   }
 
-  /// What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has beside the
-  /// direction of μ itself; but no more than μg of one that can only fall to zero.
+  /// What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has
+  /// beside the direction of μ itself; but no more than μg of one that can only fall to zero.
   template <typename Curvature>
   [[nodiscard]] bool may_gain(const Scalar& accuracy, const Curvature& curvature) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
@@ -226,8 +226,8 @@ class MultiplierSearch {
     }
   }
 
-  /// What all μₖzₖ are to become: a step straight at the optimum shows how far one gets, and so how much to keep away from the
-  /// boundary.
+  /// What all μₖzₖ are to become: a step straight at the optimum shows how far one gets, and so how much to keep away
+  /// from the boundary.
   [[nodiscard]] Scalar target_product() const noexcept {
     const Iterate& it = *now_;
     Scalar gap(0);
@@ -251,7 +251,8 @@ class MultiplierSearch {
     return center * (gap + defect) / Scalar(count_);
   }
 
-  /// Aims at products τ less what they would miss in second order, or, where that is too much, at τ: the slope is then negative.
+  /// Aims at products τ less what they would miss in second order, or, where that is too much, at τ: the slope is then
+  /// negative.
   void correct(const Scalar& tau, Multipliers& target) noexcept {
     for (std::size_t k = 0; k < count_; ++k) {
       target[k] = tau - move_[k] * dz_[k];

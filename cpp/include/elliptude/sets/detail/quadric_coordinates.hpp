@@ -17,8 +17,8 @@ struct Coordinates {
   bool in_ball;
 };
 
-/// The quadric in u, relaxed by what rounding may do to it: for all u of the unit ball if that is one of the constraints, else for
-/// all u. (theory, section 16)
+/// The quadric in u, relaxed by what rounding may do to it: for all u of the unit ball if that is one of the
+/// constraints, else for all u. (theory, section 16)
 /// \param rows of the factor, those of the quadric's coordinates, without columns of zeros.
 template <typename Scalar, int M, int K>
 [[nodiscard]] Quadric<Scalar, K> relaxed(const Quadric<Scalar, M>& quadric, const Matrix<Scalar, M, K>& rows,
@@ -62,8 +62,8 @@ void relax(const HalfQuadric<Scalar>& half, const Coordinates<Scalar, 6>& at, co
   }
 }
 
-/// About the greatest slack of a constraint near the ball, so that multipliers of about one suit constraints of any scale: by
-/// conjugate gradients from zero, until it is known to a factor of two or they leave the ball.
+/// About the greatest slack of a constraint near the ball, so that multipliers of about one suit constraints of any
+/// scale: by conjugate gradients from zero, until it is known to a factor of two or they leave the ball.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar slack_scale(const Quadric<Scalar, N>& q) noexcept {
   Scalar best = q.c;
@@ -102,7 +102,8 @@ template <typename Scalar, int N, typename Given>
   Vector<Scalar, N> largest = Vector<Scalar, N>::Zero();
   for (std::size_t k = 0; k < count; ++k) {
     const Quadric<Scalar, N> quadric = extended(quadrics[k]);
-    // Not much less than the slack at zero, or a sharp set would be far from zero in its own widths, and lose by rounding.
+    // Not much less than the slack at zero, or a sharp set would be far from zero in its own widths, and lose by
+    // rounding.
     const Scalar least = scalar::constant<Scalar>(1e-3L) * scalar::abs(quadric.c);
     const Scalar scale_of_slack = slack_scale(quadric);
     const Scalar level = scale_of_slack > least ? scale_of_slack : least;

@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// The search for the multipliers of one question: a semidefinite problem of N + 1 rows and few unknowns, by an interior-point method.
-/// (theory, section 16.11)
+/// The search for the multipliers of one question: a semidefinite problem of N + 1 rows and few unknowns, by an
+/// interior-point method. (theory, section 16.11)
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -15,10 +15,10 @@ namespace elliptude {
 
 namespace detail {
 
-/// Minimises s over Z = sG − ΣμₖMₖ − F = Σ xₖBₖ − F ⪰ 0, μ ≥ 0. The unknowns x are the multipliers, the first of them the unit ball's,
-/// with Bₖ = −Mₖ, and then s with G for B. By Newton's steps towards the least s − τ (log det Z + Σ log μₖ) with ever smaller τ. Every
-/// Z ≻ 0 on the way is a bound; in the end about the least s for the multipliers found is taken. Where the question is linear,
-/// `AffineSearch` finds them for less.
+/// Minimises s over Z = sG − ΣμₖMₖ − F = Σ xₖBₖ − F ⪰ 0, μ ≥ 0. The unknowns x are the multipliers, the first of them
+/// the unit ball's, with Bₖ = −Mₖ, and then s with G for B. By Newton's steps towards the least s − τ (log det Z + Σ
+/// log μₖ) with ever smaller τ. Every Z ≻ 0 on the way is a bound; in the end about the least s for the multipliers
+/// found is taken. Where the question is linear, `AffineSearch` finds them for less.
 template <typename Scalar, int N>
 class QuotientSearch {
  public:
@@ -106,7 +106,8 @@ class QuotientSearch {
     }
     std::copy_n(search.multipliers().begin(), constraints_, x_.begin());
     x_[constraints_] = search.least() + f_(0, 0);
-    // There Z is singular along [1; u]: the proof will subtract its rounding from that, and a little more is for the other directions.
+    // There Z is singular along [1; u]: the proof will subtract its rounding from that, and a little more is for the
+    // other directions.
     x_[constraints_] += scalar::constant<Scalar>(1.01L) * rounding_of(x_) * (Scalar(1) + search.point().squaredNorm());
     gap_ = Scalar(0);
     return true;
@@ -188,8 +189,8 @@ class QuotientSearch {
     return gap_ < scalar::constant<Scalar>(0.01L) * (size > least ? size : least);
   }
 
-  /// The barrier's second derivatives tr(BⱼZ⁻¹BₖZ⁻¹) + [1/μₖ²] and beside them its slope, with the unknowns eliminated. Each
-  /// needs one product BₖZ⁻¹.
+  /// The barrier's second derivatives tr(BⱼZ⁻¹BₖZ⁻¹) + [1/μₖ²] and beside them its slope, with the unknowns eliminated.
+  /// Each needs one product BₖZ⁻¹.
   /// \return whether they are positive definite, as they are but for rounding.
   [[nodiscard]] bool eliminate() noexcept {
     RootFreeFactor<Scalar, N + 1> factor;
@@ -215,14 +216,16 @@ class QuotientSearch {
     return system_.eliminate();
   }
 
-  /// A step of Newton's method. With H and h the barrier's second derivatives and slope it is H⁻¹(h − e/τ), e the unit vector of s,
-  /// and τ is the one that makes it four units long in the metric of H; one unit would be sure to stay inside.
+  /// A step of Newton's method. With H and h the barrier's second derivatives and slope it is H⁻¹(h − e/τ), e the unit
+  /// vector of s, and τ is the one that makes it four units long in the metric of H; one unit would be sure to stay
+  /// inside.
   /// \return whether there was one.
   [[nodiscard]] bool take_step() noexcept {
     if (!eliminate()) {
       return false;
     }
-    // With H = L diag(p)⁻¹ Lᵀ the squared length is that of L⁻¹h − e/τ in the metric of diag(p), as L⁻¹e = e: e is the last.
+    // With H = L diag(p)⁻¹ Lᵀ the squared length is that of L⁻¹h − e/τ in the metric of diag(p), as L⁻¹e = e: e is the
+    // last.
     Scalar left(longest_move * longest_move);
     for (std::size_t k = 0; k < constraints_; ++k) {
       left -= system_.inverse_pivot(k) * system_.right_side(k) * system_.right_side(k);
@@ -293,8 +296,8 @@ class QuotientSearch {
     return scalar::isfinite(least);
   }
 
-  /// By how much s may fall, or a little less. Z − δG ⪰ 0 while δ times the largest eigenvalue λ of K = WGWᵀ, Z⁻¹ = WᵀW, is one at
-  /// most, and λ⁸ ≤ tr K⁸ = ‖K⁴‖².
+  /// By how much s may fall, or a little less. Z − δG ⪰ 0 while δ times the largest eigenvalue λ of K = WGWᵀ, Z⁻¹ =
+  /// WᵀW, is one at most, and λ⁸ ≤ tr K⁸ = ‖K⁴‖².
   [[nodiscard]] Scalar room(const RootFreeFactor<Scalar, N + 1>& factor) const noexcept {
     const Form image = congruence(inverse_root(factor), forms_[constraints_]);
     const Form square = product_by_columns(image, image);

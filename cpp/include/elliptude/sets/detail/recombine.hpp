@@ -1,14 +1,16 @@
 #pragma once
 
 /// \file
-/// What becomes of a combination that was found: its ellipsoid where rounding counts, and whether that is one. (theory, section 7)
+/// What becomes of a combination that was found: its ellipsoid where rounding counts, and whether that is one.
+/// (theory, section 7)
 
 #include "elliptude/sets/detail/combination.hpp"
 
 namespace elliptude::detail {
 
-/// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming BᵀB, as
-/// the search does, squares the condition of B, and costs containment where the two sets differ by more than that leaves.
+/// The ellipsoid of one combination of ‖w + Bu‖ ≤ 1 with the unit ball, by a triangularisation of [B; √q I]: forming
+/// BᵀB, as the search does, squares the condition of B, and costs containment where the two sets differ by more than
+/// that leaves.
 template <typename Scalar, int N>
 ELLIPTUDE_OUT_OF_LINE void recombine(const Vector<Scalar, N>& origin, const Matrix<Scalar, N>& factor,
                                      const Matrix<Scalar, N>& b, const Vector<Scalar, N>& w,
@@ -35,8 +37,8 @@ ELLIPTUDE_OUT_OF_LINE void recombine(const Vector<Scalar, N>& origin, const Matr
   }
 }
 
-/// Checks a combined set: it must be positive definite by more than rounding, or a factor of it would be luck, unless the second set
-/// is flat or the two have one point in common.
+/// Checks a combined set: it must be positive definite by more than rounding, or a factor of it would be luck, unless
+/// the second set is flat or the two have one point in common.
 /// \return `beyond_domain` otherwise: a width that cannot be represented, or a shape that rounding left indefinite.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate_combined(const Ellipsoid<Scalar, N>& set,

@@ -1,9 +1,10 @@
 #pragma once
 
 /// \file
-/// Where the search of `minimal_intersection` begins: at the best q, found in coordinates in which each step costs little. (theory,
-/// section 7.4) Every q gives a bound, and the search goes on from there with factors of A itself, so that nothing rests on the
-/// rounding of these coordinates. No branch depends on a number: a lane of many has the bits that it has alone.
+/// Where the search of `minimal_intersection` begins: at the best q, found in coordinates in which each step costs
+/// little. (theory, section 7.4) Every q gives a bound, and the search goes on from there with factors of A itself, so
+/// that nothing rests on the rounding of these coordinates. No branch depends on a number: a lane of many has the bits
+/// that it has alone.
 
 #include <array>
 
@@ -92,8 +93,8 @@ struct Tridiagonal {
   }
 
  private:
-  /// The reflection that turns x into the last unit vector of the first `Size`. Of t these coordinates alone are turned: what their column
-  /// has become is known.
+  /// The reflection that turns x into the last unit vector of the first `Size`. Of t these coordinates alone are
+  /// turned: what their column has become is known.
   template <int Size>
   ELLIPTUDE_OUT_OF_LINE void reflect(const Vector<Scalar, Size>& x, bool weighted, Matrix<Scalar, N>& t) noexcept {
     const Reflection<Scalar, Size> reflection(x);
@@ -116,8 +117,8 @@ struct Tridiagonal {
   }
 };
 
-/// The logarithm of the size of (7.5) with its derivatives, by polynomials of q: det(T + qI), N and tr W'A⁻¹ times it, from minors of
-/// T + qI with T tridiagonal, (7.9) and (7.10). All in units of a typical q.
+/// The logarithm of the size of (7.5) with its derivatives, by polynomials of q: det(T + qI), N and tr W'A⁻¹ times it,
+/// from minors of T + qI with T tridiagonal, (7.9) and (7.10). All in units of a typical q.
 template <typename Scalar, int N>
 class ReducedSize {
  public:
@@ -134,7 +135,8 @@ class ReducedSize {
     expand(t, Scalar(slack_at_origin * scale));
   }
 
-  /// √(hH) of the harmonic and the arithmetic mean of T's eigenvalues, if T ≻ 0: 1/h is the sum of p'(0)/p(0), p = det(T + qI).
+  /// √(hH) of the harmonic and the arithmetic mean of T's eigenvalues, if T ≻ 0: 1/h is the sum of p'(0)/p(0), p =
+  /// det(T + qI).
   [[nodiscard]] Scalar mean() const noexcept {
     return scalar::sqrt(Scalar(determinant_[N - 1] * determinant_[0] / determinant_[1]));
   }
@@ -196,7 +198,8 @@ class ReducedSize {
     return result;
   }
 
-  /// The leading minors of more than `Size` rows. A recursion, like the other, so that each loop has a constant length and is unrolled.
+  /// The leading minors of more than `Size` rows. A recursion, like the other, so that each loop has a constant length
+  /// and is unrolled.
   template <int Size>
   static void add_leading(const Vector<Scalar, N>& diagonal, const Vector<Scalar, N>& squares,
                           Minors& leading) noexcept {
@@ -248,8 +251,9 @@ class ReducedSize {
   Coefficients trace_;        ///< tr(W'A⁻¹) det(T + qI), of degree N − 1, if not by volume
 };
 
-/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is a mean of M's eigenvalues: (7.11). One where
-/// the first set alone is the best, and where the steps do not arrive at a minimum that is more than rounding.
+/// The q of least size, in units of `unit`, by Newton's steps in q/(c + q), where c is a mean of M's eigenvalues:
+/// (7.11). One where the first set alone is the best, and where the steps do not arrive at a minimum that is more than
+/// rounding.
 template <typename Scalar, int N>
 [[nodiscard]] Scalar reduced_weight(const ReducedSize<Scalar, N>& size) noexcept {
   const Scalar tolerance = scalar::constant<Scalar>(0.1L) * scalar::sqrt(rounding::root<Scalar>());

@@ -8,8 +8,9 @@
 
 namespace elliptude::detail {
 
-/// The start of the search. With a prediction each measurement gets the best multiplier for it and the prediction alone, by
-/// Newton's step from the prediction, with F's second derivative for the volume; without a prediction all get the same.
+/// The start of the search. With a prediction each measurement gets the best multiplier for it and the prediction
+/// alone, by Newton's step from the prediction, with F's second derivative for the volume; without a prediction all get
+/// the same.
 template <typename Scalar, int N>
 [[nodiscard]] typename ManyQuadrics<Scalar, N>::Multipliers starting_multipliers(
     const ManyQuadrics<Scalar, N>& problem) noexcept {
@@ -46,8 +47,8 @@ template <typename Scalar, int N>
   return multipliers;
 }
 
-/// Multipliers with A ≻ 0. Where A is not, a direction v with vᵀAv ≤ 0 takes weight from the constraints with vᵀAₖv < 0 and
-/// gives it to the others.
+/// Multipliers with A ≻ 0. Where A is not, a direction v with vᵀAv ≤ 0 takes weight from the constraints with vᵀAₖv < 0
+/// and gives it to the others.
 /// \return `unbounded` if none are found.
 template <typename Scalar, int N>
 [[nodiscard]] Status find_bounded(const ManyQuadrics<Scalar, N>& problem,
