@@ -214,6 +214,13 @@ def test_a_bias_at_rest_is_no_turn(tmp_path, bias, noise):
     assert any("does not turn" in message or "more than most gyros" in message for message in messages)
 
 
+def test_a_gyro_that_is_off(tmp_path):
+    arrays = recording()
+    _, messages = found(tmp_path, arrays | {"gyr": np.zeros((2000, 3))})
+    off = "warning: the gyro: 0 in all of 2000 rows, though 'up' turns by up to "
+    assert any(message.startswith(off) for message in messages)
+
+
 def test_a_bias_in_motion_hides_no_wrong_unit(tmp_path):
     arrays, configuration = recording(), tables()
     del configuration["truth"]
