@@ -18,7 +18,8 @@ class QuestionedSet {
   using Form = Matrix<Scalar, N + 1>;
 
   /// \param quadrics at most `most_questioned` of them count.
-  /// \return the status of `validate` for the ellipsoid. After another than `ok` nothing may be asked.
+  /// \return of the ellipsoid `not_finite`, `not_symmetric`, `not_positive_definite`. After another than `ok` nothing may be
+  /// asked.
   [[nodiscard]] Status see(const Ellipsoid<Scalar, N>& ellipsoid, const Quadric<Scalar, N>* quadrics,
                            std::size_t count) noexcept {
     detail::Coordinates<Scalar, N> at;
