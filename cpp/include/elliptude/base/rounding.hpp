@@ -129,10 +129,14 @@ inline constexpr int attitude_curvature = 32;
 inline constexpr int attitude_level = 64;
 ///@}
 
-/// Predictions. (theory, sections 17.2 and 17.8)
+/// Steps of a motion. (theory, section 4.3)
 ///@{
 /// A time that is as near to the end of a step, beside the times that it is counted from, is that step's.
 inline constexpr int steps = 16;
+///@}
+
+/// Predictions. (theory, sections 17.2 and 17.8)
+///@{
 /// Rate of the motion's series, relative to the largest rate, and to the sum of the terms of Euler's equations over a
 /// step.
 inline constexpr int series_rate = 32;

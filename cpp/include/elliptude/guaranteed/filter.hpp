@@ -106,6 +106,8 @@ class GuaranteedFilter {
   /// Whether `bound_vector` has stated a bound; `vector_bound`, a little wider, is meaningless otherwise.
   [[nodiscard]] bool has_vector_bound() const noexcept { return memory_.known.has_vector_bound; }
   [[nodiscard]] const Ellipsoid<Scalar, 3>& vector_bound() const noexcept { return memory_.known.vector_bound; }
+  /// Whether the vector is left to that bound, so that the set is a product of the attitude's and of it.
+  [[nodiscard]] bool leaves_vector() const noexcept { return memory_.leaves_vector(); }
 
   /// Forgets everything but the bound of the vector: attitude, measurements of the vector, and what was dropped. Use it
   /// to go on under `Policy::raise` if the past is wrong, or cannot be predicted.

@@ -97,8 +97,8 @@ class BackwardPass {
       return status;
     }
     BothDirections<State> both;
-    if (const Status status =
-            both_directions(weakened(earlier.known), future, {filter_.settings().criterion, is_product()}, both);
+    if (const Status status = both_directions(weakened(earlier.known), future,
+                                              {filter_.settings().criterion, filter_.leaves_vector()}, both);
         status != Status::ok) {
       return status;
     }
@@ -137,10 +137,6 @@ class BackwardPass {
     return result;
   }
 
-  [[nodiscard]] bool is_product() const noexcept {
-    return !filter_.settings().estimates_vector && filter_.has_vector_bound();
-  }
-
   /// What is carried, at the beginning of the interval that led here; none where it cannot be followed.
   [[nodiscard]] Status backward(ClaimedSet<State>& future) const noexcept {
     const ClaimedSet<State>& known = carried_;
@@ -156,7 +152,7 @@ class BackwardPass {
     settings.keeps_constraints = false;
     GuaranteedFilter<Backward> filter;
     Status status = GuaranteedFilter<Backward>::make(flow, settings, Scalar(-time_), filter);
-    if (status == Status::ok && is_product()) {
+    if (status == Status::ok && filter_.leaves_vector()) {
       status = filter.bound_vector(mirrored(filter_.vector_bound()));
     }
     if (status == Status::ok) {
