@@ -485,7 +485,7 @@ void use_smoothing(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   FixedLag<Filter, 3> lag;
   tally.add(FixedLag<Filter, 3>::make(filter, lag));
   tally.add(filter.has_vector_bound());
-  tally.add(filter.leaves_vector());
+  tally.add(!filter.leaves_vector());
   tally.add(filter.vector_bound().shape);
   const Scalar start = lag.time();
   tally.add(lag.predict(start + seeds.step, {seeds.rate, seeds.step}));
