@@ -7,6 +7,13 @@ PRESET ?= dev
 
 export PYTHON
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# What a compiler made is kept for when the same is compiled again, in any checkout, if ccache is here and nothing else was asked for.
+ifneq ($(shell command -v ccache),)
+export CMAKE_C_COMPILER_LAUNCHER ?= ccache
+export CMAKE_CXX_COMPILER_LAUNCHER ?= ccache
+export CCACHE_BASEDIR ?= $(CURDIR)
+export CCACHE_NOHASHDIR ?= 1
+endif
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:

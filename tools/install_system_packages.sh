@@ -20,6 +20,7 @@ for purpose in "$@"; do
             need_command c++ g++
             need_command cmake cmake
             need_command ninja ninja-build
+            need_command ccache ccache
             need_package libeigen3-dev
             need_package doctest-dev
             need_python 'import ensurepip, venv' python3-venv
