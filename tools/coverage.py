@@ -18,6 +18,9 @@ CORE = "/cpp/include/elliptude/"
 # Programs that look for counterexamples need to be told how often.
 TRIES = {
     "wahba_set_escapes": "2000",
+    "common_set_escapes": "2000",
+    "questions": "2",
+    "edges": "200",
     "liars": "200",
     "float_filter_escapes": "200",
     "thin_sets": "1",
