@@ -71,6 +71,10 @@ class Finding:
         return f"{self.sensor}: {self.message}" if self.sensor else self.message
 
 
+class _WrongUnit(Finding):
+    """One that only the unit of the rate, or of time, explains."""
+
+
 @dataclass
 class Heard:
     """What a check of a log found besides faults, for the reader of the results."""
@@ -165,9 +169,13 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
+    of_unit: list[Finding] = [finding for finding in found if isinstance(finding, _WrongUnit)]
     # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
     if is_confirmed:
         found = [replace(finding, severity="warning") for finding in found]
+    elif of_unit:
+        # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
+        return of_unit + _fields_in_other_units(log, configuration), False
     axes = look_at_axes(log, configuration)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
@@ -271,7 +279,7 @@ def _gyro_against_direction(
     for factor, meaning in _FACTORS.items():
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
-            return Finding("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
+            return _WrongUnit("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
     if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"

@@ -214,6 +214,20 @@ def test_a_bias_at_rest_is_no_turn(tmp_path, bias, noise):
     assert any("does not turn" in message or "more than most gyros" in message for message in messages)
 
 
+@pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
+def test_a_wrong_unit_of_the_gyro_explains_what_does_not_turn_as_it_says(tmp_path, factor):
+    """An accelerometer that is shaken turns less than the body, which against a wrong rate looks like wrong axes."""
+    arrays, configuration = recording(), tables()
+    del configuration["truth"]
+    attitudes = Rotation.from_quat(arrays["q"], scalar_first=True)
+    half = Rotation.from_rotvec(0.4 * (attitudes[0].inv() * attitudes).as_rotvec())
+    arrays["acc"] = (attitudes[0] * half).inv().apply([0.0, 0.0, G])
+    arrays["gyr"] = factor * arrays["gyr"]
+    _, messages = found(tmp_path, arrays, configuration)
+    assert [message for message in messages if "declared" in message], messages
+    assert not [message for message in messages if "axes" in message], messages
+
+
 def test_a_gyro_that_is_off(tmp_path):
     arrays = recording()
     _, messages = found(tmp_path, arrays | {"gyr": np.zeros((2000, 3))})
