@@ -14,7 +14,8 @@ import re
 import signal
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, get_args, get_type_hints
 
 if TYPE_CHECKING:
     import typer
@@ -41,8 +42,30 @@ class Command:
         function = getattr(module, self.function)
         # Lines of a docstring end where the source wraps; a terminal wraps paragraphs by itself.
         paragraphs = (inspect.getdoc(function) or "").split("\n\n")
-        app.command(name, help="\n\n".join(" ".join(one.split()) for one in paragraphs))(function)
+        says = "\n\n".join(" ".join(one.split()) for one in paragraphs)
+        app.command(name, cls=_with_named_paths(function), help=says)(function)
         return typer.main.get_command(app)
+
+
+def _with_named_paths(function: Any) -> Any:
+    """Typer's class of a command that refuses an empty path, which would become the current folder."""
+    import typer
+    from typer.core import TyperCommand
+
+    hints = get_type_hints(function)
+    paths = {name for name, hint in hints.items() if Path in (hint, *get_args(hint))}
+
+    class NamedPaths(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+            parameters: list[Any] = self.params
+            for parameter in parameters:
+                if parameter.name in paths and given.get(parameter.name) == "":
+                    said = "it is empty, and names no file or folder; . is the current folder"
+                    raise typer.BadParameter(said, ctx=ctx, param=parameter)
+            return super().parse_args(ctx, args)
+
+    return NamedPaths
 
 
 COMMANDS = {

@@ -107,6 +107,31 @@ def test_an_output_that_cannot_be_written_fails_before_the_work(files, name):
     assert sorted(files.rglob("*")) == before
 
 
+PATHS = [(name, one) for name in COMMANDS for one, _, kind, _ in parameters(name) if "Path" in kind]
+
+
+def test_all_paths_are_found():
+    assert {("estimate", "out"), ("report", "pictures"), ("check", "log"), ("bounds", "rule")} <= set(PATHS)
+    assert len(PATHS) > 40
+
+
+@pytest.mark.parametrize(("name", "empty"), PATHS)
+def test_an_empty_path_is_refused_by_name(tmp_path, monkeypatch, name, empty):
+    """As a path it would be the folder in which the command is called."""
+    monkeypatch.chdir(tmp_path)
+    arguments, called = [], empty
+    for one, is_required, _, information in parameters(name):
+        if is_required or one == empty:
+            value = "" if one == empty else "made-up"
+            called = information.metavar or empty if one == empty else called
+            arguments += [value] if isinstance(information, typer.models.ArgumentInfo) else [option(one), value]
+    done = run(name, *arguments)
+    assert done.exit_code == 2, done.output
+    assert "is empty, and names no file or folder" in done.output
+    assert f"for {called}:" in done.output.replace("--", "").replace("-", "_").replace("'", "")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_every_command_that_writes_is_tried(files):
     writing = {name for name in COMMANDS if {"out", "tum"} & {one for one, *_ in parameters(name)}}
     assert writing | {"convert"} == {name.split()[0] for name in commands(files, files)}
