@@ -149,6 +149,7 @@ def _add(found: Survey, file: LogFile, rows: _Rows, what: str, done: str) -> Non
 def _look_at_lines(file: CsvTable, found: Survey, where: str = "") -> None:
     uneven, words = file.odd_lines()
     for lines, what, done in (
+        (file.repeated_headings(), "lines that repeat the header", "left out"),
         (uneven, f"lines without the {len(file.written)} columns of the header", "left out"),
         (words, "lines with words such as NaN or null", "their cells are empty"),
     ):

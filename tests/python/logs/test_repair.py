@@ -109,6 +109,37 @@ def test_every_kind_of_fault_is_listed_at_once_and_left_out(tmp_path):
     assert log.place(int(np.argmax(number == 39))).startswith("line 43")
 
 
+@pytest.mark.parametrize("batch_bytes", [256, 1 << 22])
+@pytest.mark.parametrize(
+    ("encoding", "written"),
+    [("utf-8", "{}"), ("utf-8", "{}  "), ("utf-8", "{}\r"), ("utf-8", "\ufeff{}"), ("utf-16", "{}"), ("latin-1", "{}")],
+)
+def test_a_header_that_stands_again(tmp_path, monkeypatch, encoding, written, batch_bytes):
+    """As where a logger went on in the same file: nothing is lost, and places are those of the file."""
+    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", batch_bytes)
+    monkeypatch.setattr("elliptude.io.readers.translated._CHUNK", batch_bytes // 4)
+    header, rows = "t;gx;gy;gz;ax;ay;az;°", [f"{line};1" for line in clean()]
+    again = [*rows[:12], *[written.format(header)] * 2, *rows[12:], header]
+    path = tmp_path / "log.csv"
+    for lines, repeated in ((rows, None), (again, (3, ("line 14", "line 15", "line 44")))):
+        path.write_bytes(("\n".join([header, *lines]) + "\n").encode(encoding))
+        assert faults(path, configured()).get("lines that repeat the header") == repeated
+        log = logs.read_log(path, configured())
+        np.testing.assert_allclose(log.times, H * np.arange(40), atol=1e-12)
+        assert log.place(39).startswith("line 43" if repeated else "line 41")
+
+
+def test_a_header_and_its_units_that_stand_again(tmp_path):
+    header, unit = "t gx gy gz ax ay az", "s  dps dps dps g g g"
+    rows = [line.replace(";", "  ").replace(",", ".") for line in clean()]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([header, unit, *rows[:20], header, unit, *rows[20:]]) + "\n")
+    assert faults(path, configured()) == {"lines that repeat the header": (2, ("line 23", "line 24"))}
+    assert len(logs.read_log(path, configured()).times) == 40
+    with pytest.raises(FileError, match=r"line 23: the header again: .* --repair leaves them out"):
+        logs.read_log(path, configured(repair=False))
+
+
 def test_what_is_left_out_of_the_gyro_is_a_gap(tmp_path):
     from elliptude.estimation import gaps
 

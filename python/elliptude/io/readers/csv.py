@@ -32,7 +32,7 @@ from elliptude.io.readers.dialect import (
     encoding_of,
     find_dialect,
 )
-from elliptude.io.readers.translated import Translated
+from elliptude.io.readers.translated import BLANKS, tabbed, translated, without_lines
 
 BATCH_BYTES = 1 << 22
 """Bytes of the text that are read at a time."""
@@ -51,8 +51,8 @@ class CsvTable(NumbersAlone):
     stated : Stated
         How it is written, as far as that is not to be found out.
     lenient : bool
-        Lines with more or fewer columns than the header are left out, and words such as ``NaN`` and ``null`` are empty
-        cells.
+        Lines with more or fewer columns than the header are left out, as is the header where it stands again; words
+        such as ``NaN`` and ``null`` are empty cells.
     """
 
     # From 16 digits on a double may not hold a whole number.
@@ -70,6 +70,8 @@ class CsvTable(NumbersAlone):
         self.comments: list[str] = []
         """The lines above the header that begin with # or //."""
         self.lenient = lenient
+        self._heading: tuple[str, ...] = ()
+        """The header, and the row of units below it if there is one, as they are read."""
         self.units: tuple[str, ...] = ()
         """What a row below the header says, a unit for each column."""
         with self._bytes() as stream:
@@ -101,6 +103,10 @@ class CsvTable(NumbersAlone):
         self.columns = self.written
         if self.dialect.units_row:
             self.units = tuple(cell.strip("[]() ") for cell in cells_of_line(rows[0], mark))
+        heading = [header, *rows[: self._units_lines]]
+        if mark == " ":
+            heading = [tabbed(line.encode()).decode() for line in heading]
+        self._heading = tuple(line.strip(BLANKS) for line in heading)
 
     def stream(self, column: str) -> str:
         """The only one."""
@@ -205,6 +211,13 @@ class CsvTable(NumbersAlone):
                 worded.append(line)
         return uneven, worded
 
+    def repeated_headings(self) -> list[int]:
+        """Lines at which the header, or the row of units below it, stands again; read to the end."""
+        first = self._header_line + self._units_lines
+        with self._text(as_it_is=True) as text:
+            below = islice(enumerate(text, start=1), first, None)
+            return [number for number, line in below if line.removeprefix("\ufeff").strip(BLANKS) in self._heading]
+
     def _find_fault(self, types: Mapping[str, pa.DataType]) -> None:
         for line, cells in self._rows():
             if len(cells) != len(self.written):
@@ -264,22 +277,27 @@ class CsvTable(NumbersAlone):
                 raise FileError(f"{self.path}: line {first + reader.line_num}: {error}") from error
 
     @contextmanager
-    def _text(self) -> Iterator[io.TextIOWrapper]:
+    def _text(self, *, as_it_is: bool = False) -> Iterator[io.TextIOWrapper]:
         with (
-            self._bytes() as stream,
+            self._bytes(as_it_is=as_it_is) as stream,
             io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace", newline="") as text,
         ):
             yield text
 
     @contextmanager
-    def _bytes(self) -> Iterator[BinaryIO]:
-        """The file without its compression; once its dialect is known, in UTF-8 and without blanks between columns."""
+    def _bytes(self, *, as_it_is: bool = False) -> Iterator[BinaryIO]:
+        """The file without its compression; once its dialect is known, in UTF-8 and without blanks between columns.
+
+        Where it is read leniently, the header is empty wherever it stands again, unless the file is wanted as it is.
+        """
         try:
             with pa.input_stream(os.fspath(self.path), compression="detect") as stream:
                 dialect = getattr(self, "dialect", None)
-                if dialect is None or (dialect.encoding == "utf-8" and dialect.delimiter != " "):
-                    yield stream
-                else:
-                    yield io.BufferedReader(Translated(stream, dialect.encoding, blanks=dialect.delimiter == " "))
+                read: BinaryIO = stream
+                if dialect is not None and (dialect.encoding != "utf-8" or dialect.delimiter == " "):
+                    read = io.BufferedReader(translated(stream, dialect.encoding, blanks=dialect.delimiter == " "))
+                if self.lenient and self._heading and not as_it_is:
+                    read = io.BufferedReader(without_lines(read, self._heading))
+                yield read
         except OSError as error:
             raise FileError(f"{self.path}: {system_fault(error)}") from error

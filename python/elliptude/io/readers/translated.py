@@ -1,31 +1,31 @@
-"""A text as Arrow reads it: UTF-8, and a tab wherever columns are separated by blanks. Translated as it is read."""
+"""A text as Arrow reads it: UTF-8, and a tab wherever columns are separated by blanks. Translated as it is read.
+
+Lines may be emptied, too: Arrow passes over an empty line, and those below it keep their numbers.
+"""
 
 import codecs
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import BinaryIO
 
+BLANKS = " \t\r\n"
 _CHUNK = 1 << 20
 _AT_ENDS = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 _BETWEEN = re.compile(rb"[ \t]+")
 
 
-class Translated(io.RawIOBase):
-    """A stream of bytes in another encoding, or with blanks between columns, as UTF-8 with tabs.
+class Chunks(io.RawIOBase):
+    """A stream of the bytes in chunks.
 
     Parameters
     ----------
-    stream : binary file
-    encoding : str
-        That of the stream.
-    blanks : bool
-        Whether blanks separate columns.
+    chunks : iterable of bytes
     """
 
-    def __init__(self, stream: BinaryIO, encoding: str, *, blanks: bool) -> None:
+    def __init__(self, chunks: Iterable[bytes]) -> None:
         super().__init__()
-        self._chunks = _tabbed(_decoded(stream, encoding)) if blanks else _decoded(stream, encoding)
+        self._chunks = iter(chunks)
         self._left = b""
 
     def readable(self) -> bool:
@@ -45,6 +45,58 @@ class Translated(io.RawIOBase):
         return count
 
 
+def translated(stream: BinaryIO, encoding: str, *, blanks: bool) -> Chunks:
+    """A stream of bytes in another encoding, or with blanks between columns, as UTF-8 with tabs.
+
+    Parameters
+    ----------
+    stream : binary file
+    encoding : str
+        That of the stream.
+    blanks : bool
+        Whether blanks separate columns.
+
+    Returns
+    -------
+    Chunks
+    """
+    chunks = _decoded(stream, encoding)
+    return Chunks(_tabbed(chunks) if blanks else chunks)
+
+
+def without_lines(stream: BinaryIO, lines: Iterable[str]) -> Chunks:
+    """A stream in UTF-8 in which certain lines are empty.
+
+    Parameters
+    ----------
+    stream : binary file
+    lines : iterable of str
+        Without `BLANKS` at the ends, which do not count; none of them empty.
+
+    Returns
+    -------
+    Chunks
+    """
+    return Chunks(_emptied(iter(lambda: stream.read(_CHUNK), b""), [line.encode() for line in lines]))
+
+
+def _emptied(chunks: Iterable[bytes], lines: Sequence[bytes]) -> Iterator[bytes]:
+    rest = b""
+    for chunk in chunks:
+        whole, newline, rest = (rest + chunk).rpartition(b"\n")
+        if newline:
+            yield _without(lines, whole) + b"\n"
+    yield _without(lines, rest)
+
+
+def _without(lines: Sequence[bytes], text: bytes) -> bytes:
+    if not any(line in text for line in lines):  # as nearly always; to split a text takes ten times as long
+        return text
+    # A file that was put after another one may begin with a mark of its encoding.
+    blanks, every = BLANKS.encode(), text.split(b"\n")
+    return b"\n".join(b"" if one.removeprefix(codecs.BOM_UTF8).strip(blanks) in lines else one for one in every)
+
+
 def _decoded(stream: BinaryIO, encoding: str) -> Iterator[bytes]:
     decoder = codecs.getincrementaldecoder(encoding)(errors="replace")
     while chunk := stream.read(_CHUNK):
@@ -57,9 +109,10 @@ def _tabbed(chunks: Iterator[bytes]) -> Iterator[bytes]:
     for chunk in chunks:
         whole, newline, rest = (rest + chunk).rpartition(b"\n")
         if newline:
-            yield _line_tabbed(whole) + b"\n"
-    yield _line_tabbed(rest)
+            yield tabbed(whole) + b"\n"
+    yield tabbed(rest)
 
 
-def _line_tabbed(lines: bytes) -> bytes:
+def tabbed(lines: bytes) -> bytes:
+    """Lines with a tab wherever blanks separate columns."""
     return _BETWEEN.sub(b"\t", _AT_ENDS.sub(b"", lines))
