@@ -224,9 +224,11 @@ def _said(summary: dict[str, Any]) -> list[str]:
         return []
     rate = summary["largest_rate_deg_per_s"]
     known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
+    without = summary["rows_without_set"]
+    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "no row lost its set"
     lines = [
         f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
-        f"({summary['total_s']:.3g} s in all; {known}): {summary['rows_without_set']} rows without a set"
+        f"({summary['total_s']:.3g} s in all; {known}): {lost}"
     ]
     listed: list[dict[str, Any]] = summary["listed"]
     for gap in sorted(sorted(listed, key=lambda gap: -gap["duration_s"])[:_MOST_SAID], key=lambda gap: gap["time_s"]):
