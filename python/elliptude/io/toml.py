@@ -33,10 +33,16 @@ def exactly_one(model: Model, *keys: str) -> None:
         raise ValueError(f"give exactly one of {', '.join(keys)}" + (f", not {' and '.join(given)}" if given else ""))
 
 
-def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
+def _has_direction(vector: tuple[float, ...]) -> tuple[float, ...]:
     if not any(vector):
-        raise ValueError("must not be zero")
+        raise ValueError("must be a vector of positive length; that of [0, 0, 0] is 0, and it points nowhere")
     return vector
+
+
+def _is_rotation(quaternion: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(quaternion):
+        raise ValueError("must be a quaternion of positive length; that of [0, 0, 0, 0] is 0, and it is no rotation")
+    return quaternion
 
 
 def _different(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -59,8 +65,8 @@ def _squarable(bound: float) -> float:
     return bound
 
 
-NonzeroVector = Annotated[Vector, AfterValidator(_not_zero)]
-Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+NonzeroVector = Annotated[Vector, AfterValidator(_has_direction)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_is_rotation)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Bound = Annotated[Positive, AfterValidator(_squarable)]

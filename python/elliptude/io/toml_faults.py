@@ -44,6 +44,8 @@ _WORDS = {
     "timezone_aware": "needs a time zone, as in 2015-10-13T14:49:00Z",
 }
 """By pydantic's type of a fault, with its context."""
+_OTHER_KINDS = {"tuple_type", "list_type", "dict_type", "model_type", "model_attributes_type"}
+"""Faults that say that a list or a table should stand there."""
 _SYNTAX = {
     "Expected '=' after": "a name is followed by = and a value; a name with a space in it stands in quotes",
     "Invalid value": "no value: numbers have a decimal point and no unit, text stands in quotes, lists in [ ]",
@@ -82,8 +84,12 @@ def faults_in_words(error: ValidationError, data: Mapping[str, Any], model: type
     said = []
     for fault in faults:
         path = _key_path(fault, data)
-        above = path.rstrip(": ").rpartition("[")[0]
-        # That a list of names is no matrix is not said where a name is wrong.
+        key = path.rstrip(": ")
+        # That a list is no table, or a table no list, is not said where something in it is wrong.
+        if fault["type"] in _OTHER_KINDS and any(one == key or one.startswith((f"{key}[", f"{key}.")) for one in plain):
+            continue
+        above = key.rpartition("[")[0]
+        # Nor that a list of names is no matrix where a name is wrong.
         if fault["type"] == "tuple_type" and any(one == above or one.startswith(f"{above}[") for one in plain if above):
             continue
         said.append(path + _fault(fault, model) + _value(fault))

@@ -119,6 +119,22 @@ CONFIGS = {
     "unknown kind": (CONFIG.replace('"gyro"', '"gryo"'), "kind must be 'gyro' or 'rigid_body', not 'gryo', did"),
     "no kind": (CONFIG.replace('kind = "gyro", ', ""), "kind: missing, must be 'gyro' or 'rigid_body'"),
     "unknown unit": (CONFIG.replace('"deg/s"', '"degrees"'), "flow.unit: must be 'rad/s' or 'deg/s', not 'degrees'"),
+    "no reference direction": (
+        CONFIG.replace('kind = "accelerometer"', "reference = [0, 0, 0]").replace('unit = "m/s^2"', ""),
+        "config.toml: directions[0].reference: must be a vector of positive length; that of [0, 0, 0] is 0, and it "
+        "points nowhere",
+    ),
+    "no reference field": (
+        CONFIG.replace("[0.0, 18.0, -42.0]", "[0, 0, 0]"), "directions[1].reference_ut: must be a vector of positive",
+    ),
+    "short reference direction": (
+        CONFIG.replace('kind = "accelerometer"', "reference = [0, 1]").replace('unit = "m/s^2"', ""),
+        "config.toml: directions[0].reference[2]: missing: the list has too few values",
+    ),
+    "no time of the Sun": (
+        CONFIG.replace('kind = "accelerometer"', 'reference = {kind = "sun"}').replace('unit = "m/s^2"', ""),
+        "config.toml: directions[0].reference.time_zero: missing",
+    ),
     "unknown field unit": (CONFIG.replace('"uT"', '"mT"'), "uT is microtesla; nT is nanotesla), not 'mT'"),
     "text for a number": (CONFIG.replace("per_s = 1.0", 'per_s = "1"'), "noise_deg_per_s: must be a number, not '1'"),
     "negative": (CONFIG.replace("per_s = 1.0", "per_s = -1"), "noise_deg_per_s: must be more than 0, not -1"),
@@ -200,6 +216,14 @@ def test_a_bad_configuration(tmp_path, name):
     said = estimate(tmp_path, write(tmp_path / "log.csv", lines({})), config)
     assert message in said
     assert config.name in said or "log.csv" in said
+
+
+@pytest.mark.parametrize("name", [name for name in CONFIGS if "reference direction" in name or "Sun" in name])
+def test_of_a_list_and_a_table_only_the_one_that_stands_there_is_spoken_of(tmp_path, name):
+    config = write(tmp_path / "config.toml", CONFIGS[name][0])
+    said = estimate(tmp_path, write(tmp_path / "log.csv", lines({})), config)
+    assert "must be a table" not in said
+    assert "must be a list" not in said
 
 
 def test_bad_files_and_options(tmp_path):
