@@ -201,7 +201,7 @@ def ahrs(
         one.
     gyr_unit : "rad/s" or "deg/s"
     acc_unit : "m/s^2", "g" or "mg"
-    mag_unit : "T", "G", "mG", "uT" or "nT"
+    mag_unit : "T", "mT", "G", "mG", "uT" or "nT"
     implausible : "refuse" or "ignore"
         What to do if the sensors contradict one another, as with a wrong unit or axis.
     questions : sequence of "reference_turns", "body_turns" and "attitude"

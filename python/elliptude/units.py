@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 TimeUnit: TypeAlias = Literal["s", "ms", "0.1ms", "us", "ns"]
 AngularVelocityUnit: TypeAlias = Literal["rad/s", "deg/s"]
 AccelerationUnit: TypeAlias = Literal["m/s^2", "g", "mg"]
-FieldUnit: TypeAlias = Literal["T", "G", "mG", "uT", "nT"]
+FieldUnit: TypeAlias = Literal["T", "mT", "G", "mG", "uT", "nT"]
 MagnetometerUnit: TypeAlias = Literal[FieldUnit, "normalized"]
 """Normalized: 1 is the strength of a field, which ``unit_ut`` of the sensor states (docs/theory.md, section 18.1)."""
 WEAKEST_FIELD_UT = 20.0
@@ -18,7 +18,23 @@ STANDARD_GRAVITY = 9.80665
 TICKS_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 1_000, "0.1ms": 10_000, "us": 1_000_000, "ns": 1_000_000_000}
 ANGULAR_VELOCITY: dict[AngularVelocityUnit, float] = {"rad/s": 1.0, "deg/s": math.pi / 180.0}
 ACCELERATION: dict[AccelerationUnit, float] = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
-FIELD: dict[FieldUnit, float] = {"T": 1.0, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "nT": 1e-9}
+FIELD: dict[FieldUnit, float] = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "nT": 1e-9}
+
+SPELLINGS: dict[str, str] = {
+    **dict.fromkeys(("sec", "seconds"), "s"),
+    **dict.fromkeys(("µs", "μs"), "us"),
+    **dict.fromkeys(("°/s", "dps"), "deg/s"),
+    **dict.fromkeys(("m/s²", "m/s2"), "m/s^2"),
+    **dict.fromkeys(("µT", "μT"), "uT"),
+    **dict.fromkeys(("gauss", "Gauss", "Gs"), "G"),
+    **dict.fromkeys(("mgauss", "mGauss", "milligauss"), "mG"),
+}
+"""How headers of files spell some of these units."""
+
+
+def unit_of(spelled: str) -> str:
+    """The unit that a header spells, or what it says if that is none."""
+    return SPELLINGS.get(spelled.strip(), spelled.strip())
 
 
 def readable_unit(name: str) -> str:

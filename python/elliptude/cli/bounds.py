@@ -84,7 +84,7 @@ def bounds(
     ] = None,
     magnetometer: Annotated[str | None, typer.Option(help="Three columns.", show_default=False)] = None,
     magnetometer_unit: Annotated[
-        str | None, typer.Option(help="T, G, mG, uT, nT, normalized.", show_default=False)
+        str | None, typer.Option(help="T, mT, G, mG, uT, nT, normalized.", show_default=False)
     ] = None,
     field_ut: Annotated[
         float | None,

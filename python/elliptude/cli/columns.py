@@ -55,15 +55,16 @@ def tables_of(
         file = open_log(log, stated)
         if isinstance(file, SensorLogger):
             raise FileError(f"{log}: a recording of Sensor Logger, whose headers state no unit: --like sensor-logger")
+        of_day = mapping.times_of_day(file)
         if isinstance(file, CsvFolder):
             found = mapping.of_files(file)
         else:
-            found = mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else ())
+            found = mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else (), of_day)
         if found is not None:
             for unknown in [] if isinstance(file, CsvFolder) else mapping.unknown_units(file.columns):
                 typer.secho(f"passed over: {unknown}", fg=typer.colors.YELLOW, err=True)
             return found, log
-        why = "" if isinstance(file, CsvFolder) else f" ({mapping.why_not_stated(file.columns)})"
+        why = "" if isinstance(file, CsvFolder) else f" ({mapping.why_not_stated(file.columns, of_day)})"
         raise FileError(
             f"{log}: its columns do not state sensor, axis and unit, as 'Gyroscope X (deg/s)' beside 'Time (s)' does"
             f"{why}: give a configuration, --like, or --time, --gyro, --gyro-unit and so on"

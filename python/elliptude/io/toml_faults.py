@@ -12,6 +12,7 @@ from elliptude.io.files import did_you_mean
 
 _EXPLAINED = {
     "T": "tesla",
+    "mT": "millitesla",
     "G": "gauss",
     "mG": "milligauss",
     "uT": "microtesla",
@@ -108,7 +109,7 @@ def _fault(fault: ErrorDetails, model: type[BaseModel]) -> str:
     if kind == "literal_error":
         expected = str(context["expected"])
         names = [name for name in _EXPLAINED if f"'{name}'" in expected]
-        explained = "; ".join(f"{name} is {_EXPLAINED[name]}" for name in names if name in {"mG", "uT", "nT", "mg"})
+        explained = "; ".join(f"{name} is {_EXPLAINED[name]}" for name in names if name != "T")
         return f"must be {expected}" + (f" ({explained})" if explained else "")
     if kind in {"union_tag_invalid", "union_tag_not_found"}:
         tags = sorted(_kinds(_models_at(model, fault["loc"])))

@@ -21,7 +21,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import TIME_HEADER, TIME_UNITS, Dialect
+from elliptude.io.readers.dialect import TIME_HEADER, Dialect
 from elliptude.io.readers.folder import CsvFolder
 from elliptude.io.readers.open import LogSource
 from elliptude.io.toml import load_toml, validate
@@ -42,7 +42,6 @@ _SENSORS = {
     "magnetometer": re.compile(r"mag.*|m|b|field", re.IGNORECASE),
 }
 """What a column's name begins with; its unit has to be one of the sensor's, too."""
-_SPELLINGS = {"°/s": "deg/s", "dps": "deg/s", "m/s²": "m/s^2", "m/s2": "m/s^2", "µT": "uT", "μT": "uT"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyroscope": units.ANGULAR_VELOCITY,
     "accelerometer": units.ACCELERATION,
@@ -185,7 +184,14 @@ def _is_absolute(file: LogFile, column: str, unit: Any) -> bool:
     return len(there) > 0 and float(cells.values[there[0]]) / units.TICKS_PER_SECOND[unit] >= _YEAR_2001
 
 
-def of_headers(columns: Sequence[str], row_units: Sequence[str] = ()) -> Tables | None:
+def times_of_day(file: LogFile) -> dict[str, str]:
+    """The columns of a file whose cells are times of day, which need no header to be known, and their unit."""
+    return {name: unit for name in file.columns if (unit := file.time_unit(name)) is not None}
+
+
+def of_headers(
+    columns: Sequence[str], row_units: Sequence[str] = (), of_day: Mapping[str, str] | None = None
+) -> Tables | None:
     """The tables for columns whose names state sensor, axis and unit; None if time or gyro do not.
 
     Parameters
@@ -193,13 +199,18 @@ def of_headers(columns: Sequence[str], row_units: Sequence[str] = ()) -> Tables 
     columns : sequence of str
     row_units : sequence of str
         Units in a row below the header, one for each column.
+    of_day : mapping, optional
+        What `times_of_day` says. Where no header states the unit of a time, the only such column has the times.
 
     Returns
     -------
     dict or None
     """
     plain = {f"{name} ({unit})": name for name, unit in zip(columns, row_units, strict=False)}
-    found = _of_headers(tuple(plain) if plain else columns)
+    stamps = {} if of_day is None else dict(of_day)
+    if plain:
+        stamps = {header: stamps[name] for header, name in plain.items() if name in stamps}
+    found = _of_headers(tuple(plain) if plain else columns, stamps)
     if found is None or not plain:
         return found
     found["time_column"] = plain[found["time_column"]]
@@ -230,13 +241,14 @@ def of_files(file: CsvFolder) -> Tables | None:
     return of_sensors(None, "s", found) if "gyroscope" in found else None
 
 
-def _of_headers(columns: Sequence[str]) -> Tables | None:
-    times = [(column, match) for column in columns if (match := TIME_HEADER.fullmatch(column.strip()))]
+def _of_headers(columns: Sequence[str], of_day: Mapping[str, str]) -> Tables | None:
+    stated = {column: match["unit"].lower() for column in columns if (match := TIME_HEADER.fullmatch(column.strip()))}
+    times = list((stated or of_day).items())
     sensors = _sensors_of(columns)
     if len(times) != 1 or sensors is None or "gyroscope" not in sensors:
         return None
-    unit = times[0][1]["unit"].lower()
-    return of_sensors(times[0][0], TIME_UNITS.get(unit, unit), sensors)
+    column, unit = times[0]
+    return of_sensors(column, units.unit_of(unit), sensors)
 
 
 def _sensors_of(columns: Sequence[str]) -> dict[str, tuple[Sequence[str], str]] | None:
@@ -244,7 +256,7 @@ def _sensors_of(columns: Sequence[str]) -> dict[str, tuple[Sequence[str], str]] 
     found: dict[str, dict[str, tuple[str, str]]] = {}
     for column in columns:
         if match := _HEADER.fullmatch(column.strip()):
-            unit = _SPELLINGS.get(match["unit"].strip(), match["unit"].strip())
+            unit = units.unit_of(match["unit"])
             for sensor, beginning in _SENSORS.items():
                 if beginning.fullmatch(match["sensor"]) and unit in _UNITS[sensor]:
                     if match["axis"].lower() in found.setdefault(sensor, {}):
@@ -274,7 +286,7 @@ def unknown_units(columns: Sequence[str]) -> list[str]:
         match = _HEADER.fullmatch(name)
         if match is None or len(match["sensor"]) == 1:
             continue
-        unit = _SPELLINGS.get(match["unit"].strip(), match["unit"].strip())
+        unit = units.unit_of(match["unit"])
         for sensor, beginning in _SENSORS.items():
             if beginning.fullmatch(match["sensor"]) and unit not in _UNITS[sensor]:
                 known = ", ".join(str(one) for one in _UNITS[sensor])
@@ -282,13 +294,15 @@ def unknown_units(columns: Sequence[str]) -> list[str]:
     return found
 
 
-def why_not_stated(columns: Sequence[str]) -> str:
+def why_not_stated(columns: Sequence[str], of_day: Mapping[str, str]) -> str:
     """What headers lack to say by themselves which columns are which sensors, in words.
 
     Parameters
     ----------
     columns : sequence of str
         Headers of a file of which `of_headers` makes nothing.
+    of_day : mapping
+        What `times_of_day` says of it.
 
     Returns
     -------
@@ -299,7 +313,7 @@ def why_not_stated(columns: Sequence[str]) -> str:
         return f"two columns are called {twice[0]!r}"
     if unknown := unknown_units(columns):
         return unknown[0]
-    times = [name for name in headers if TIME_HEADER.fullmatch(name)]
+    times = [name for name in headers if TIME_HEADER.fullmatch(name)] or list(of_day)
     if len(times) > 1:
         return f"{' and '.join(map(repr, times))} are two columns of times"
     sensors = _sensors_of(columns)

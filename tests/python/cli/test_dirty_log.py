@@ -101,6 +101,22 @@ def test_a_row_of_units_and_times_of_day(tmp_path):
     assert inside(results).all()
 
 
+@pytest.mark.parametrize(("zone", "begin"), [("Z", "2024-05-01T12:00:00"), ("", "1970-01-01T00:00:07")])
+def test_times_of_day_beside_headers_with_units(tmp_path, zone, begin):
+    """Two commands do, also where a clock was never set: its times of day are those of 1970."""
+    recording = made()
+    stamps = np.datetime64(begin, "ns") + np.rint(recording.times * 1e9).astype("timedelta64[ns]")
+    lines = [
+        f"{stamp}{zone}," + ",".join(f"{value:.9g}" for value in row[1:])
+        for stamp, row in zip(stamps, columns_of(recording), strict=True)
+    ]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join([",".join(["timestamp", *HEADER[1:]]), *lines]) + "\n")
+    stated, _, _, results = two_commands(tmp_path, log)
+    assert (stated["time_column"], stated["time_unit"]) == ("timestamp", "ns")
+    np.testing.assert_allclose(results.times - results.times[0], recording.times - recording.times[0], atol=1e-9)
+
+
 def test_like_px4(tmp_path):
     pytest.importorskip("pyulog")
     recording = made()

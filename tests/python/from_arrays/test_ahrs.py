@@ -255,7 +255,7 @@ GOOD = {"time": TIMES, "gyr": RATES, "acc": FORCES, "mag": FIELDS, "mag_unit": "
         ({"acc": np.full((300, 3), np.nan)}, "acc: no row has numbers"),
         ({"acc": np.full((300, 3), "a")}, "acc: an array of <U1, not of numbers"),
         ({"mag_unit": "T"}, r"mag: its median length is 44.* T, not the Earth's field, .*mag_unit='uT'"),
-        ({"mag_unit": "tesla"}, "mag_unit: 'tesla' is none of T, G, mG, uT, nT"),
+        ({"mag_unit": "tesla"}, "mag_unit: 'tesla' is none of T, mT, G, mG, uT, nT"),
         ({"gyr_unit": "rpm"}, "gyr_unit: 'rpm' is none of rad/s, deg/s"),
         ({"gyr": [[1.0], [1.0, 2.0]]}, "gyr: not an array of numbers"),
         ({"statements": "/no/such/rule.toml"}, "/no/such/rule.toml"),

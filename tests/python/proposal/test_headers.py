@@ -1,7 +1,8 @@
 """Which headers state sensor, axis and unit."""
 
 import pytest
-from elliptude.proposal.mapping import of_headers
+from elliptude import units
+from elliptude.proposal.mapping import of_headers, why_not_stated
 
 PHYPHOX = ["Time (s)"] + [
     f"{sensor} {axis} ({unit})"
@@ -33,6 +34,45 @@ def test_a_row_of_units():
     assert (tables["time_column"], tables["time_unit"]) == ("t", "ms")
     assert (tables["flow"]["columns"], tables["flow"]["unit"]) == (["gx", "gy", "gz"], "deg/s")
     assert tables["directions"][0]["unit"] == "mg"
+
+
+@pytest.mark.parametrize(
+    ("spelled", "unit"),
+    [
+        ("T", "T"), ("mT", "mT"), ("µT", "uT"), ("uT", "uT"), ("nT", "nT"),
+        ("G", "G"), ("Gauss", "G"), ("gauss", "G"), ("mG", "mG"), ("mGauss", "mG"),
+    ],
+)  # fmt: skip
+def test_units_of_a_field(spelled, unit):
+    gyro = ["Time (s)", *(f"Gyro {axis} (deg/s)" for axis in "xyz")]
+    tables = of_headers([*gyro, *(f"Mag {axis} ({spelled})" for axis in "xyz")])
+    assert tables["directions"][0]["unit"] == unit
+    tables = of_headers(["t", *"abcdef"], ["s", *["dps"] * 3, *[spelled] * 3])
+    assert tables is None  # a unit alone says no sensor
+    tables = of_headers(["t", "gx", "gy", "gz", "mx", "my", "mz"], ["s", *["dps"] * 3, *[spelled] * 3])
+    assert tables["directions"][0]["unit"] == unit
+
+
+def test_every_unit_has_its_size_and_is_no_other_ones_spelling():
+    sizes = {**units.TICKS_PER_SECOND, **units.ANGULAR_VELOCITY, **units.ACCELERATION, **units.FIELD}
+    assert set(units.SPELLINGS.values()) <= set(sizes)
+    assert not set(units.SPELLINGS) & set(sizes)
+    assert units.FIELD["mT"] == pytest.approx(1000.0 * units.FIELD["uT"]) == pytest.approx(10.0 * units.FIELD["G"])
+
+
+def test_times_of_day_need_no_header():
+    sensors = [f"Gyro {axis} (deg/s)" for axis in "xyz"]
+    stamped = {"timestamp": "ns"}
+    tables = of_headers(["timestamp", *sensors], of_day=stamped)
+    assert (tables["time_column"], tables["time_unit"]) == ("timestamp", "ns")
+    tables = of_headers(["timestamp", "gx", "gy", "gz"], ["", *["dps"] * 3], stamped)
+    assert (tables["time_column"], tables["time_unit"]) == ("timestamp", "ns")
+    # A header that states the unit of a time counts before one that is only known by its cells.
+    tables = of_headers(["timestamp", "Time (ms)", *sensors], of_day=stamped)
+    assert (tables["time_column"], tables["time_unit"]) == ("Time (ms)", "ms")
+    two = {"sent": "ns", "received": "ns"}
+    assert of_headers(["sent", "received", *sensors], of_day=two) is None
+    assert why_not_stated(["sent", "received", *sensors], two) == "'sent' and 'received' are two columns of times"
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from elliptude import units
 from elliptude.io.files import FileError
 
 Delimiter: TypeAlias = Literal[",", ";", "\t", " ", "|"]
@@ -26,8 +27,6 @@ STAMP = re.compile(
 """A time of day in ISO 8601: 2024-05-01T12:00:00.25Z."""
 TIME_HEADER = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
 """The header of a column of times that states its unit."""
-TIME_UNITS = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
-"""Other spellings of units of time."""
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+", re.ASCII)
 MISSING = (
@@ -50,8 +49,11 @@ MISSING = (
 )
 """Words that programs write where nothing was measured."""
 _UNITS = {
-    *("s", "sec", "ms", "us", "µs", "μs", "ns", "rad/s", "deg/s", "°/s", "dps", "m/s^2", "m/s²", "m/s2", "g", "mg"),
-    *("T", "G", "mG", "uT", "µT", "μT", "nT"),
+    *units.SPELLINGS,
+    *units.TICKS_PER_SECOND,
+    *units.ANGULAR_VELOCITY,
+    *units.ACCELERATION,
+    *units.FIELD,
 }
 _MOST_ROWS = 1000
 

@@ -12,10 +12,11 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from elliptude import units
 from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, Cells
 from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import ALL_FOUND_OUT, TIME_HEADER, TIME_UNITS, Stated
+from elliptude.io.readers.dialect import ALL_FOUND_OUT, TIME_HEADER, Stated
 from elliptude.io.spool import NamedFile
 
 SUM = "Accelerometer+Gravity"
@@ -106,7 +107,7 @@ class CsvFolder:
         if len(times) != 1:
             return None
         unit = times[0][1]["unit"].lower()
-        return f"{stream}.{times[0][0]}", TIME_UNITS.get(unit, unit)
+        return f"{stream}.{times[0][0]}", units.unit_of(unit)
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
