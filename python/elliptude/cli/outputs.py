@@ -71,9 +71,10 @@ def finish(
         axes=axes,
         frame=configuration.frame,
         heading_from_start=summary.get("heading") == "from the first row",
+        proposed_from=configuration.proposed_from,
     )
     figures.save(figure, out / FIGURE)
-    summary |= {"results": table, "figure": FIGURE}
+    summary |= {"title": title, "results": table, "figure": FIGURE}
     write_json(out / SUMMARY, summary)
     return summary
 

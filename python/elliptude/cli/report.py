@@ -56,7 +56,7 @@ def make_report(
         typer.Option(help="Folder for the same pictures as PNG; created if missing.", show_default=False),
     ] = None,
     title: Annotated[
-        str | None, typer.Option(help="Title of the page; the name of the table if left out.", show_default=False)
+        str | None, typer.Option(help="Title of the page; the name of the recording if left out.", show_default=False)
     ] = None,
     axes: ShownAxes = "reference",
     as_json: SummaryAsJson = False,
@@ -74,7 +74,7 @@ def make_report(
     run = replace(run, axes=axes)
     if reference is not None:
         run, read_label = _against(run, reference, config, largest_gap_s, reference_error_deg)
-    label, title = label or read_label, title or _title(result)
+    label, title = label or read_label, title or _title(run, result)
     from elliptude.report import page  # imports Matplotlib, which would slow every command
 
     summary = page.write_report(run, out, title, label=label)
@@ -135,7 +135,7 @@ def view(
     if log is not None and config is not None:
         configuration = with_repair(read_configuration(config), repair)
         measured = views.measured_directions(recording(log), configuration, run)
-    label, title = label or read_label, _title(result)
+    label, title = label or read_label, _title(run, result)
     if out is None:
         drawn = views.show(run, title, label=label, measured=measured)
     else:
@@ -163,8 +163,10 @@ def _against(
     return compared, file.name
 
 
-def _title(result: Path) -> str:
-    """The folder's name, or the table's with its folder."""
+def _title(run: Run, result: Path) -> str:
+    """What the estimation's pictures have, the recording's name; else that of the folder, or of the table with it."""
+    if run.title is not None:
+        return run.title
     resolved = result.resolve()
     return resolved.name if resolved.is_dir() else f"{resolved.parent.name}/{resolved.name}"
 

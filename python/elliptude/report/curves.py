@@ -16,7 +16,13 @@ from elliptude.report.figures import (
 )
 from elliptude.report.run import DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claims_of_up
-from elliptude.report.thinning import largest_of_each, pieces, prediction_shares, worst_claims
+from elliptude.report.thinning import (
+    largest_of_each,
+    pieces,
+    prediction_shares,
+    spans_without_set,
+    worst_claims,
+)
 from elliptude.typing import FloatArray
 from elliptude.units import readable_unit
 
@@ -44,6 +50,9 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
         plots["size"] = _size(run, rows)
     if run.known.any():
         plots["bands"] = _bands(run, rows, label)
+    for name, plot in plots.items():
+        # Below the size of the set there may be lanes of marks, to which this does not apply.
+        plot["layout"]["shapes"] = _without_set(run, "y domain" if name == "size" else "paper")
     if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
     if "strip" in plots or ("size" in plots and "yaxis2" in plots["size"]["layout"]):
@@ -51,6 +60,14 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
             if name in plots:
                 plots[name]["layout"]["margin"]["l"] = _LANES_WIDTH
     return plots
+
+
+def _without_set(run: Run, height: str) -> list[dict[str, Any]]:
+    """Grey shapes where no set is known, as high as this reference of Plotly's."""
+    shade = {"type": "rect", "xref": "x", "yref": height, "y0": 0, "y1": 1, "layer": "below"}
+    # Darker than the grid, from which a narrow one must differ.
+    shade |= {"fillcolor": "rgba(128,128,128,0.4)", "line": {"width": 0}}
+    return [shade | {"x0": begin, "x1": end} for begin, end in spans_without_set(run.times, run.known)]
 
 
 def _list(values: FloatArray) -> list[float | None]:

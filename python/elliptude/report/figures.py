@@ -11,18 +11,24 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
 
 import elliptude
 from elliptude.bounds.about_axes import ErrorAxes, about_axes
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
+from elliptude.report.thinning import spans_without_set
 from elliptude.typing import FloatArray
 
 # Okabe and Ito's colours, which the colour-blind can distinguish.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
-HEADING_COLOUR, TILT_COLOUR = "#009E73", "#CC79A7"
+HEADING_COLOUR, TILT_COLOUR, SIZE_COLOUR = "#009E73", "#CC79A7", "#E69F00"
+WITHOUT_SET = "no set is known"
+SHADE: dict[str, Any] = {"facecolor": GREY, "alpha": 0.18, "linewidth": 0}
+"""How pictures show where that is."""
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
 _NOISE_STYLES = {
@@ -51,6 +57,22 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
 
 
+def entitle(figure: Figure, title: str, proposed_from: str | None, *more: str) -> None:
+    """Put a title on a figure; below it that its bounds are proposals, if they are: a picture is shown by itself.
+
+    Parameters
+    ----------
+    figure : Figure
+    title : str
+    proposed_from : str or None
+        The recording that the bounds are proposed from.
+    *more : str
+        Lines below.
+    """
+    said = [] if proposed_from is None else [f"the bounds are proposals from {proposed_from}: no guarantee"]
+    figure.suptitle("\n".join([title, *more, *said]), fontsize=11)
+
+
 def estimate_figure(
     result: Result,
     title: str,
@@ -60,6 +82,7 @@ def estimate_figure(
     axes: ErrorAxes = "reference",
     frame: str | None = None,
     heading_from_start: bool = False,
+    proposed_from: str | None = None,
 ) -> Figure:
     """The errors with their bounds as bands, axis by axis; the share inside; the size of the set.
 
@@ -77,6 +100,8 @@ def estimate_figure(
         The reference frame, whose axes may have names.
     heading_from_start : bool
         Whether the heading counts from the first row.
+    proposed_from : str, optional
+        The recording that the bounds are proposed from, if they are proposals.
 
     Returns
     -------
@@ -85,7 +110,7 @@ def estimate_figure(
     angles = result.roll_pitch_yaw
     above = 0 if angles is None else 3  # rows of panels
     figure = new_figure(8.4 + 1.5 * above)
-    figure.suptitle(title, fontsize=11)
+    entitle(figure, title, proposed_from)
     grid = figure.add_gridspec(above + 4, 2)
     time = result.times
     marks = _marks(result)
@@ -94,8 +119,9 @@ def estimate_figure(
         first = figure.add_subplot(grid[0, :])
         panels = [first, *(figure.add_subplot(grid[i, :], sharex=first) for i in (1, 2))]
         draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
-        for panel in panels[:2]:
-            panel.tick_params(labelbottom=False)
+        for i, panel in enumerate(panels):
+            _shade_gaps(panel, result)
+            panel.tick_params(labelbottom=i == 2)
     columns = _error_columns(result, axes, frame, heading_from_start)
     for j, column in enumerate(columns):
         for i in range(3):
@@ -182,7 +208,7 @@ def _draw_band(panel: Axes, time: FloatArray, column: _ErrorColumn, i: int, labe
     """The error about an axis within its band."""
     limit = error_limit(column.bounds, column.errors)
     bound = column.bounds[:, i]
-    panel.fill_between(time, -bound, bound, color=BLUE, alpha=0.22, linewidth=0, label="bound")
+    panel.fill_between(time, -bound, bound, color=BLUE, alpha=0.22, linewidth=0, label="where it may be")
     if column.errors is not None:
         panel.plot(time, column.errors[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
     panel.axhline(0.0, color=GREY, linewidth=0.5)
@@ -256,7 +282,8 @@ def draw_roll_pitch_yaw(
         panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated")
         if true is not None and np.isfinite(true[:, i]).any():
             cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
-            panel.plot(cut[0], cut[1], color=BLACK, linewidth=0.8, label=label)
+            # Dashed, so that the estimate is seen below it, and no error is taken for it.
+            panel.plot(cut[0], cut[1], color=BLACK, linewidth=1.0, linestyle=(0, (3, 2)), label=label)
         if goes_around:
             panel.set_ylim(-180.0, 180.0)
             panel.set_yticks(range(-180, 181, 90))
@@ -276,7 +303,12 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
     """The largest angle in the set, the error, and bounds of heading and tilt."""
     time, errors = result.times, result.errors
     axes.plot(
-        time, np.rad2deg(result.largest_angles), color=BLUE, linewidth=1.1, label="largest angle in the set", **marks
+        time,
+        np.rad2deg(result.largest_angles),
+        color=SIZE_COLOUR,
+        linewidth=1.6,
+        label="largest angle in the set",
+        **marks,
     )
     if errors is not None:
         axes.plot(
@@ -285,7 +317,7 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
     axes.set_ylabel("angle (deg)")
     plain_log_axis(axes)
     if result.headings is None or result.tilt_bounds is None:
-        what = "largest angle (blue), and the error" if errors is not None else "largest angle"
+        what = "largest angle (orange), and the error" if errors is not None else "largest angle"
         axes.set_title(f"size of the set: {what}", fontsize=9.5)
         return
     heading = np.rad2deg(np.abs(result.headings).max(axis=1))
@@ -437,22 +469,25 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
+def shade_without_set(axes: Axes, time: FloatArray, has_set: NDArray[np.bool_]) -> None:
+    """Grey where no set is known.
+
+    Parameters
+    ----------
+    axes : Axes
+    time : (N,) array
+        s.
+    has_set : (N,) array of bool
+    """
+    spans = spans_without_set(time, has_set)
+    if spans:
+        corners = [[(begin, 0.0), (begin, 1.0), (end, 1.0), (end, 0.0)] for begin, end in spans]
+        shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=WITHOUT_SET, **SHADE)
+        axes.add_collection(shades, autolim=False)
+
+
 def _shade_gaps(axes: Axes, result: Result) -> None:
-    """Grey where no set is known, from the last row that has one to the next."""
-    is_gap = ~np.isfinite(result.largest_angles)
-    if is_gap.any():
-        beside = is_gap | np.append(is_gap[1:], False) | np.append(False, is_gap[:-1])
-        axes.fill_between(
-            result.times,
-            0.0,
-            1.0,
-            where=beside.tolist(),
-            transform=axes.get_xaxis_transform(),
-            color=GREY,
-            alpha=0.18,
-            linewidth=0,
-            label="no set is known",
-        )
+    shade_without_set(axes, result.times, np.isfinite(result.largest_angles))
 
 
 def _marks(result: Result) -> Style:

@@ -170,21 +170,22 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     parts = {
         "version": elliptude.__version__,
         "title": escape(title),
+        "proposed": _proposed(run),
         "css": _text("report.css"),
         "summary": _summary_table(summary),
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
         "angles_hidden": "" if "angles" in plots else "hidden",
-        "angles_note": _angles_note(run),
+        "angles_note": _angles_note(run) + _grey(run),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
-        "bands_note": _bands_note(run),
+        "bands_note": _bands_note(run) + _grey(run),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
         "size_heading": "Size of the set" if run.headings is None else "How far the attitude may be off",
-        "size_note": _size_note(run),
+        "size_note": _size_note(run) + _grey(run),
         "dropped": _spell_table(spells),
         "each_hidden": "hidden" if each is None else "",
         "footnote": _footnote(run, len(rows), len(shown)),
@@ -225,13 +226,27 @@ def _text(name: str) -> str:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
+def _proposed(run: Run) -> str:
+    """That nothing is guaranteed, if the bounds are proposals."""
+    if run.bounds_from_recording is None:
+        return ""
+    said = f"The bounds are proposals from {escape(run.bounds_from_recording)}: the sets are no guarantee."
+    return f'<p class="warn">{said}</p>'
+
+
 def _angles_note(run: Run) -> str:
     """What roll, pitch and yaw are, and when they say nothing."""
     count = "counts from the first row" if run.heading_from_start else "is in the axes of the reference frame"
+    held = "claims" if run.bounds_from_recording is None else "claims and the proposed bounds"
     return (
-        f"The blue bands hold the truth if the claims do. Yaw {count}. Where the body's x axis may be vertical, "
-        "roll and yaw are not defined, and their bands are whole turns."
+        f"The blue bands hold the truth if the {held} do. Yaw {count}. Where the body's x axis may be vertical, "
+        "roll and yaw are not defined, and their bands are whole turns. "
     )
+
+
+def _grey(run: Run) -> str:
+    """What grey means, if there is any."""
+    return "" if run.known.all() else "Where it is grey, no set is known. "
 
 
 def _bands_note(run: Run) -> str:

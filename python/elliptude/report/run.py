@@ -173,6 +173,8 @@ class Run:
     """Whose the best estimate beside the sets is, and how far it may be off, in words; None without one."""
     frame: str | None = None
     """The reference frame, as a configuration calls it; None if nothing says it."""
+    title: str | None = None
+    """What the pictures of the estimation are called; None if nothing says it."""
     axes: ErrorAxes = "reference"
     """About which axes errors and half-widths are shown."""
 
@@ -433,6 +435,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         up_at_rest=summary.up_at_rest,
         best=summary.best,
         frame=summary.frame,
+        title=summary.title,
     )
     return run, summary.label
 
@@ -474,6 +477,7 @@ class _Summary(NamedTuple):
     """What a summary beside a table may say about it."""
 
     label: str = "truth"
+    title: str | None = None
     truth_error_deg: float = 0.0
     void: tuple[str, ...] = ()
     heading_from_start: bool = False
@@ -501,12 +505,13 @@ def _read_summary(path: Path) -> _Summary:
         raise FileError(
             f"{path}: damaged, not the summary that `estimate` wrote; without that file the table is read alone"
         )
-    label, error, void = (read.get(name) for name in ("compared_with", "truth_error_deg", "void"))
+    label, title, error, void = (read.get(name) for name in ("compared_with", "title", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
     best, frame = read.get("best"), read.get("reference_frame")
     implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
     return _Summary(
         label if isinstance(label, str) else "truth",
+        title if isinstance(title, str) else None,
         float(error) if isinstance(error, int | float) else 0.0,
         tuple(str(name) for name in void) if isinstance(void, list) else (),
         read.get("heading") == "from the first row",

@@ -24,12 +24,16 @@ from elliptude.report.figures import (
     GREY,
     HEADING_COLOUR,
     ORANGE,
+    SHADE,
     TILT_COLOUR,
+    WITHOUT_SET,
     begin_above,
     draw_roll_pitch_yaw,
+    entitle,
     error_limit,
     new_figure,
     plain_log_axis,
+    shade_without_set,
     true_roll_pitch_yaw,
 )
 from elliptude.report.run import Run
@@ -208,8 +212,8 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     lines = max(1, -(-len(rows) // columns))
     figure = new_figure(3.3 * lines + 1.0)
     factor = run.magnification(rows)
-    stated = f"{title}\nsets and errors drawn {factor} times as large" if factor > 1 else title
-    figure.suptitle(stated, fontsize=11)
+    magnified = [f"sets and errors drawn {factor} times as large"] if factor > 1 else []
+    entitle(figure, title, run.bounds_from_recording, *magnified)
     view = _view()
     panels = figure.subplots(lines, columns, squeeze=False).ravel()
     attitudes, true_axes = run.attitudes, run.true_axes(factor)
@@ -256,12 +260,15 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     return figure
 
 
-def monitor_figure(monitored: Monitored, title: str) -> Figure:
+def monitor_figure(monitored: Monitored, title: str, *, proposed_from: str | None = None) -> Figure:
     """How far another filter's attitudes can be off, limits, and a strip of alarms; a panel for each question.
 
     Parameters
     ----------
     monitored : Monitored
+    title : str
+    proposed_from : str, optional
+        The recording that the bounds are proposed from, if they are proposals.
 
     Returns
     -------
@@ -280,7 +287,7 @@ def monitor_figure(monitored: Monitored, title: str) -> Figure:
         if flags.any()
     }
     figure = new_figure(1.4 + 1.7 * len(shown) + 0.22 * len(lanes))
-    figure.suptitle(title, fontsize=11)
+    entitle(figure, title, proposed_from)
     ratios = [1.0] * len(shown) + ([0.13 * len(lanes)] if lanes else [])
     panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False).ravel().tolist()
     panels, strip = panels[: len(shown)], panels[len(shown)] if lanes else None
@@ -340,7 +347,7 @@ def _over_time(run: Run, title: str, count: int, height: float) -> tuple[Figure,
     """A figure with panels above each other, and a strip below them if it has anything to show."""
     lanes = _lanes(run)
     figure = new_figure(height + 0.22 * lanes)
-    figure.suptitle(title, fontsize=11)
+    entitle(figure, title, run.bounds_from_recording)
     ratios = [1.0] * count + ([0.06 * lanes * count] if lanes else [])
     panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False).ravel().tolist()
     panels[-1].set_xlabel("time (s)")
@@ -374,8 +381,14 @@ def claims_of_up(run: Run) -> tuple[str, ...] | None:
 
 
 def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Draw the strip and put one legend below everything."""
+    """Show where no set is known, draw the strip, and put one legend below everything."""
     handles, labels = list(handles), list(labels)
+    for panel in figure.axes:
+        if panel is not strip:
+            shade_without_set(panel, run.times, run.known)
+    if run.claims is None and not run.known.all():  # else the strip and its legend say it
+        handles.append(Patch(**SHADE))
+        labels.append(WITHOUT_SET)
     if strip is not None:
         names, lanes = _names(run), _lane_names(run)
         some = pieces(len(run.times), _MOST_STRIP_PIECES)

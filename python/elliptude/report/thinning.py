@@ -122,6 +122,28 @@ def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
     return shares
 
 
+def spans_without_set(times: FloatArray, has_set: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Where no set is known: from the last row that has one to the next, for each such piece of a run.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s.
+    has_set : (N,) array of bool
+
+    Returns
+    -------
+    list of (float, float)
+        In order, at most a thousand: pieces that are nearer than a pixel are one.
+    """
+    changes = np.flatnonzero(np.diff(np.concatenate([[True], has_set, [True]])))
+    if not len(changes):
+        return []
+    begins, ends = times[np.maximum(changes[::2] - 1, 0)], times[np.minimum(changes[1::2], len(times) - 1)]
+    is_apart = begins[1:] - ends[:-1] > 1e-3 * (times[-1] - times[0])
+    return list(zip(begins[np.append(True, is_apart)].tolist(), ends[np.append(is_apart, True)].tolist(), strict=True))
+
+
 def pieces(count: int, most: int) -> list[slice]:
     """Rows 0 to ``count`` in at most ``most`` pieces of the same length, but for the last."""
     length = -(-count // most)

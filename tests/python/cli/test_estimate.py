@@ -49,6 +49,7 @@ def test_estimate(tmp_path, simulated, suffix):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["updates"] == 60
     assert summary["results"] == f"results.{suffix}"
+    assert summary["title"] == "measurements.csv"
 
 
 def test_json(tmp_path, simulated):

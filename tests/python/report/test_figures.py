@@ -99,6 +99,41 @@ def test_roll_pitch_and_yaw_come_first(tmp_path, results):
     assert matplotlib.image.imread(tmp_path / "figure.png").shape[1] == 1080
 
 
+def look(handle):
+    """What an entry of a legend looks like."""
+    if hasattr(handle, "get_linestyle") and hasattr(handle, "get_color"):
+        return "line", handle.get_color(), handle.get_linestyle() == "-"
+    return "patch", tuple(np.ravel(handle.get_facecolor()))
+
+
+def test_no_two_entries_of_the_legend_look_alike(results):
+    results = with_angles(results)
+    largest = results.largest_angles.copy()
+    largest[10:15] = np.nan
+    results = dataclasses.replace(results, largest_angles=largest)
+    for shown in (results, without_truth(results)):
+        (legend,) = figures.estimate_figure(shown, "Pendulum").legends
+        looks = [look(handle) for handle in legend.legend_handles]
+        assert len(looks) >= 3
+        assert len(set(looks)) == len(looks)
+
+
+def test_angles_are_grey_where_no_set_is_known(results):
+    largest = results.largest_angles.copy()
+    largest[10:15] = np.nan
+    figure = figures.estimate_figure(dataclasses.replace(with_angles(results), largest_angles=largest), "Pendulum")
+    for panel in figure.axes[:3]:
+        (grey,) = [one for one in panel.collections if one.get_label() == figures.WITHOUT_SET]
+        (span,) = grey.get_paths()
+        assert span.get_extents().intervalx.tolist() == [results.times[9], results.times[15]]
+
+
+def test_the_picture_says_that_bounds_are_proposals(results):
+    assert figures.estimate_figure(results, "Pendulum").get_suptitle() == "Pendulum"
+    said = figures.estimate_figure(results, "Pendulum", proposed_from="log.csv").get_suptitle()
+    assert said == "Pendulum\nthe bounds are proposals from log.csv: no guarantee"
+
+
 def test_angles_of_the_truth_are_those_of_the_aerospace_sequence():
     rng = np.random.default_rng(3)
     attitudes, errors = Rotation.random(20, rng=rng), rng.uniform(-0.5, 0.5, (20, 3))

@@ -92,6 +92,29 @@ def test_roll_pitch_and_yaw_are_the_first_picture(page, tmp_path):
     assert "range" not in plots["angles"]["layout"]["yaxis2"]
 
 
+def test_plots_are_grey_where_no_set_is_known(page, tmp_path):
+    run = full_run()
+    for name in ("bands", "size"):
+        (grey,) = data_of(page)["plots"][name]["layout"]["shapes"]
+        assert (grey["x0"], grey["x1"]) == (run.times[19], run.times[25])
+    assert page.count("Where it is grey, no set is known.") == 3  # of angles, of bands, of the size
+    report.write_report(make_run(), tmp_path / "report.html", "Whole")
+    whole = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert data_of(whole)["plots"]["bands"]["layout"]["shapes"] == []
+    assert "Where it is grey" not in whole
+
+
+def test_the_page_says_at_its_top_that_bounds_are_proposals(page, tmp_path):
+    assert "are proposals" not in page
+    run = dataclasses.replace(full_run(), bounds_from_recording="a<b.csv")
+    report.write_report(run, tmp_path / "report.html", "Proposed")
+    written = (tmp_path / "report.html").read_text(encoding="utf-8")
+    said = "The bounds are proposals from a&lt;b.csv: the sets are no guarantee."
+    assert written.index("<h1>") < written.index(said) < written.index('id="h-summary"')
+    assert "hold the truth if the claims do." in page
+    assert "hold the truth if the claims and the proposed bounds do." in written
+
+
 def test_bands_have_gaps(page):
     band, error, *_ = data_of(page)["plots"]["bands"]["data"]
     assert band["x"].count(None) == 2
@@ -192,6 +215,11 @@ def test_the_command(tmp_path):
     asked = run_cli(folder / "results.csv", "--out", out, "--force", "--json")
     assert json.loads(asked.stdout)["rows"] == 50
     assert json.loads(asked.stdout)["report"] == str(out)
+    # What `estimate` called its picture: the recording.
+    (folder / "summary.json").write_text(json.dumps({"title": "log.csv"}))
+    for options, title in (((), "log.csv"), (("--title", "Mine"), "Mine")):
+        assert run_cli(folder, "--out", out, "--force", *options).exit_code == 0
+        assert f"<h1>{title}</h1>" in out.read_text(encoding="utf-8")
 
 
 def test_the_command_with_a_reference(tmp_path):

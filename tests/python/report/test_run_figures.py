@@ -84,13 +84,48 @@ def test_angles(tmp_path):
     *panels, strip = figure.axes
     assert [panel.get_ylabel() for panel in panels] == ["roll (deg)", "pitch (deg)", "yaw (deg)"]
     assert panels[0].get_ylim() == (-180.0, 180.0)
-    assert [len(panel.collections) for panel in panels] == [3, 1, 1]
+    bands = [[one for one in panel.collections if one.get_label() != figures.WITHOUT_SET] for panel in panels]
+    assert [len(one) for one in bands] == [3, 1, 1]
     assert strip.get_xlabel() == "time (s)"
     assert {"where it may be", "as estimated", "optical attitude", "claim: none"} <= set(legend_of(figure))
     # The band of yaw has a gap where no attitude is known.
     assert len(panels[2].collections[0].get_paths()) == 2
     figures.save(figure, tmp_path / "angles.png")
     assert matplotlib.image.imread(tmp_path / "angles.png").shape[1] == 1080
+
+
+def pictures_of(run):
+    return {
+        "angles": run_figures.angles_figure(angled(run), "Run"),
+        "bands": run_figures.bands_figure(run, "Run"),
+        "size": run_figures.size_figure(run, "Run"),
+        "axes": run_figures.axes_figure(run, "Run"),
+    }
+
+
+def test_all_panels_are_grey_where_no_set_is_known():
+    run = full_run()
+    for with_claims in (True, False):
+        shown = run if with_claims else dataclasses.replace(run, claims=None)
+        for name in ("angles", "bands", "size"):
+            figure = pictures_of(shown)[name]
+            panels = figure.axes[:-1]  # the last one is the strip
+            for panel in panels:
+                (grey,) = [one for one in panel.collections if one.get_label() == figures.WITHOUT_SET]
+                (span,) = grey.get_paths()
+                assert span.get_extents().intervalx.tolist() == [run.times[19], run.times[25]]
+            assert ("claim: none" if with_claims else figures.WITHOUT_SET) in legend_of(figure)
+
+
+def test_every_picture_says_that_bounds_are_proposals():
+    run = full_run()
+    for figure in pictures_of(run).values():
+        assert "proposals" not in figure.get_suptitle()
+    for figure in pictures_of(dataclasses.replace(run, bounds_from_recording="log.csv")).values():
+        assert figure.get_suptitle().endswith("\nthe bounds are proposals from log.csv: no guarantee")
+    found = judged(0, -0.1, Limits())
+    figure = run_figures.monitor_figure(found, "judged", proposed_from="log.csv")
+    assert figure.get_suptitle() == "judged\nthe bounds are proposals from log.csv: no guarantee"
 
 
 def test_a_run_without_anything_else_has_no_strip():

@@ -64,6 +64,20 @@ def test_a_table_of_the_estimator_of_today(tmp_path):
     assert list(run.refusals()) == []
 
 
+def test_spans_without_a_set():
+    times = np.arange(6.0)
+    for has_set, expected in (
+        ([1, 1, 1, 1, 1, 1], []),
+        ([0, 0, 0, 0, 0, 0], [(0.0, 5.0)]),
+        ([0, 1, 1, 0, 1, 0], [(0.0, 1.0), (2.0, 5.0)]),
+        ([1, 0, 0, 1, 1, 1], [(0.0, 3.0)]),
+    ):
+        assert thinning.spans_without_set(times, np.array(has_set, dtype=bool)) == expected
+    many = np.arange(20_000) % 2 == 0
+    assert len(thinning.spans_without_set(np.arange(20_000.0), many)) <= 1000
+    assert thinning.spans_without_set(np.zeros(1), np.array([False])) == [(0.0, 0.0)]
+
+
 @pytest.mark.parametrize("text", ["{", "", "[]", '"said"'])
 def test_a_damaged_summary_is_not_passed_over(tmp_path, text):
     """It may say that the sets are no guarantee. Without one the table is read alone."""
@@ -89,6 +103,9 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
     (tmp_path / "summary.json").write_text(json.dumps({"compared_with": "optical attitude"}))
     run, label = runs.read_run(tmp_path)
     assert label == "optical attitude"
+    assert run.title is None
+    (tmp_path / "summary.json").write_text(json.dumps({"compared_with": "optical attitude", "title": "log.csv"}))
+    assert runs.read_run(tmp_path)[0].title == "log.csv"
     assert np.flatnonzero(~run.known).tolist() == [20, 21, 22, 23, 24]
     assert [int(run.claimed(claim).sum()) for claim in CLAIMS] == [35, 10, 5]
     assert np.flatnonzero(run.escaped).tolist() == [30]

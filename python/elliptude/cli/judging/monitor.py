@@ -214,7 +214,8 @@ def _write_monitored(
     out.mkdir(parents=True, exist_ok=True)
     table, picture, last = files
     write_columns(table, "monitor", monitored.columns(found))
-    figures.save(run_figures.monitor_figure(found, f"{estimate} judged by {log}"), picture)
+    title, recording = f"{estimate} judged by {log}", summary["bounds_from_recording"]
+    figures.save(run_figures.monitor_figure(found, title, proposed_from=recording), picture)
     write_json(last, summary)
 
 
