@@ -214,6 +214,20 @@ def test_a_bias_at_rest_is_no_turn(tmp_path, bias, noise):
     assert any("does not turn" in message or "more than most gyros" in message for message in messages)
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1.0, None), (180.0 / np.pi, "degrees"), (np.pi / 180.0, "radians")])
+def test_a_wrong_unit_is_told_of_a_slow_turn_too(tmp_path, factor, said):
+    """At 9 degrees/s all of the turn might be a bias, but a bias does not change as the turn does."""
+    arrays, configuration = recording(speed=0.15), tables()
+    del configuration["truth"]
+    attitudes = Rotation.from_quat(arrays["q"], scalar_first=True)
+    for name, vector in (("acc", [0.0, 0.0, G]), ("mag", [0.0, 20.0, -40.0])):
+        exact = attitudes.inv().apply(vector)
+        arrays[name] = exact + 0.2 * (arrays[name] - exact)
+    arrays["gyr"] = factor * arrays["gyr"]
+    messages = [one for one in found(tmp_path, arrays, configuration)[1] if one.startswith("error")]
+    assert [f"as if its {said} were declared" in one for one in messages] == ([] if said is None else [True, True])
+
+
 @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
 def test_a_wrong_unit_of_the_gyro_explains_what_does_not_turn_as_it_says(tmp_path, factor):
     """An accelerometer that is shaken turns less than the body, which against a wrong rate looks like wrong axes."""
@@ -346,8 +360,10 @@ def test_broad(tmp_path, trial):
     wrong["flow"]["unit"] = "deg/s"
     (tmp_path / "log.toml").write_text(tomlkit.dumps(wrong))
     configuration = read_configuration(tmp_path / "log.toml")
-    with pytest.raises(FileError, match="as if its radians were declared as degrees"):
-        next(plausibility.plausible_pieces([read_log(datasets.broad(trial), configuration)], configuration, "log"))
+    for truth in (configuration.truth, None):
+        read = configuration.model_copy(update={"truth": truth})
+        with pytest.raises(FileError, match="as if its radians were declared as degrees"):
+            next(plausibility.plausible_pieces([read_log(datasets.broad(trial), read)], read, "log"))
 
 
 @datasets.needs_datasets
