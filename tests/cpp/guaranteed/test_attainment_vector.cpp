@@ -4,6 +4,7 @@
 
 #include <elliptude/guaranteed/body_flow.hpp>
 #include <elliptude/measurement/quadrics.hpp>
+#include <limits>
 
 #include "support/random.hpp"
 
@@ -13,6 +14,10 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 namespace {
+
+using Real = long double;
+using RealMatrix = Matrix3<Real>;
+using RealVector = Vector3<Real>;
 
 /// What acts; the body has the moment J about every axis, so that a torque along the momentum keeps it there.
 struct Case {
@@ -114,4 +119,58 @@ TEST_CASE("a measured rate is within its bound about any center") {
   CHECK(contains(quadric, Vector3d(0.301, 0, 0)));
   CHECK_FALSE(contains(quadric, Vector3d(0.701, 0, 0)));
   CHECK_FALSE(contains(quadric, Vector3d(0.299, 0, 0)));
+}
+
+TEST_CASE_TEMPLATE("a momentum that the wheel cancels is known no better than rounding lets it", Scalar, double, float) {
+  Random random(6);
+  Real worst = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    const auto moment = static_cast<Scalar>(random.log_uniform(0.1, 10));
+    RigidBody<Scalar> body;
+    GuaranteedRigidBodyFlow<Scalar, FreeBody<Scalar>> flow;
+    REQUIRE(RigidBody<Scalar>::make(moment * Matrix3<Scalar>::Identity(), body) == Status::ok);
+    REQUIRE(decltype(flow)::make(body, {}, 1, {}, flow) == Status::ok);
+    const auto rate = static_cast<Scalar>(random.uniform(-1, 1));
+    const auto width = static_cast<Scalar>(random.log_uniform(50, 1e4) * std::numeric_limits<Scalar>::epsilon());
+    BodyInput<Scalar> input;
+    input.wheel_momentum(0) = -moment * rate;
+    Ellipsoid<Scalar, 3> before{rate * Vector3<Scalar>::UnitX(), Matrix3<Scalar>::Zero()};
+    before.shape.diagonal() << width * width, Scalar(1e-8F) * width * width, Scalar(1e-8F) * width * width;
+    Ellipsoid<Scalar, 3> after;
+    REQUIRE(flow.predict_vector(0, Scalar(0.125F), input, before, after) == Status::ok);
+    for (const int side : {-1, 1}) {  // turns about a principal axis, and so for good
+      const Real truth = static_cast<Real>(rate) + side * std::sqrt(static_cast<Real>(before.shape(0, 0)));
+      const Real error = truth - static_cast<Real>(after.center(0));
+      worst = std::fmax(worst, error * error / static_cast<Real>(after.shape(0, 0)));
+    }
+  }
+  CHECK(static_cast<double>(worst - 1) <= 0);
+}
+
+TEST_CASE_TEMPLATE("a needle's rate is known no better than rounding lets it", Scalar, double, float) {
+  Random random(7);
+  Real worst = 0;
+  int known = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    const double ratio = random.log_uniform(1e2, 1e4);
+    RigidBody<Scalar> body;
+    GuaranteedRigidBodyFlow<Scalar, FreeBody<Scalar>> flow;
+    const Matrix3d inertia = random.symmetric<3>(Vector3d(1, 1, 1 / ratio));
+    REQUIRE(RigidBody<Scalar>::make(inertia.cast<Scalar>(), body) == Status::ok);
+    REQUIRE(decltype(flow)::make(body, {}, 1, {}, flow) == Status::ok);
+    const Eigen::SelfAdjointEigenSolver<RealMatrix> axes(RealMatrix(body.inertia().template cast<Real>()));
+    const RealVector rate = static_cast<Real>(ratio) * axes.eigenvectors().col(0);
+    const Ellipsoid<Scalar, 3> before{rate.cast<Scalar>(), Scalar(1e-16F) * Matrix3<Scalar>::Identity()};
+    Ellipsoid<Scalar, 3> after;
+    // So short that nothing moves.
+    const Status status = flow.predict_vector(0, std::ldexp(Scalar(1), -100), {}, before, after);
+    if (status != Status::beyond_domain) {  // else rounding leaves no inverse
+      REQUIRE(status == Status::ok);
+      const RealVector error = (before.center - after.center).template cast<Real>();
+      worst = std::fmax(worst, error.dot(RealMatrix(after.shape.template cast<Real>()).llt().solve(error)));
+      ++known;
+    }
+  }
+  CHECK(static_cast<double>(worst - 1) <= 0);
+  CHECK(known > 400);
 }

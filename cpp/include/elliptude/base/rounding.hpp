@@ -148,6 +148,8 @@ inline constexpr int linear_part = 256;
 inline constexpr int linear_rate = 128;
 /// What the inverse in (17.19) may be too small by, relative to its trace times itself.
 inline constexpr int enlarged_ball = 96;
+/// Jω + h_w, and JX − I, relative to the sums of their terms without signs.
+inline constexpr int momentum = 8;
 /// A torque's expansion about an attitude, relative to its value and its derivative.
 inline constexpr int local_torque = 64;
 ///@}

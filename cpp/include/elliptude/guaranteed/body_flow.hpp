@@ -114,10 +114,13 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   }
 
   /// What remains known about the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
+  /// \return `not_finite`; `out_of_range` of a negative duration; `beyond_domain`, also of a body of which rounding
+  /// leaves no inverse; `callback_failed`.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
-    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.control_torque) ||
+        !scalar::all_finite(input.wheel_momentum)) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {
@@ -129,7 +132,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     }
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();
-    const Matrix3<Scalar> momentum_shape = j * ellipsoid.shape * j;
+    const Matrix3<Scalar> momentum_shape = covered_momentum_shape(ellipsoid.shape);
     const Scalar gradient = torque_bounds_.by_inertia * error;
     Scalar torque(0);
     if (const Status status = largest_torque(time, duration, torque); status != Status::ok) {
@@ -139,16 +142,23 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
     Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
                       detail::tube::radius(momentum_shape) + error * speed;
+    momentum += rounding_of_momentum(ellipsoid.center, input.wheel_momentum);
     momentum += duration * (torque + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
                             detail::tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
-    const Matrix3<Scalar> inverse = body_.inertia_inverse();
+    const Matrix3<Scalar>& inverse = body_.inertia_inverse();
+    const Vector3<Scalar> center = -inverse * input.wheel_momentum;
+    const Scalar defect = defect_of_inverse();
+    if (!(defect < Scalar(1))) {
+      return Status::beyond_domain;
+    }
+    momentum = (momentum + momentum_left(center, input.wheel_momentum)) / (Scalar(1) - defect);
     Matrix3<Scalar> shape = (rounding::enlarged(momentum, rounding::product) * momentum) * inverse.lazyProduct(inverse);
     shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
     if (!scalar::all_finite(shape) || !is_in_domain(shape)) {
       return Status::beyond_domain;
     }
-    result.center = -inverse * input.wheel_momentum;
+    result.center = center;
     result.shape = shape;
     return Status::ok;
   }
@@ -160,6 +170,39 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     Scalar largest_displacement;  // of the errors since the beginning of a tube, before the last step
     long step;                    // of how many this is the end
   };
+
+  /// J P J, of which the errors Jω of the momentum are, raised by what rounding may do to it: a needle's shape may be
+  /// long where J is small.
+  [[nodiscard]] Matrix3<Scalar> covered_momentum_shape(const Matrix3<Scalar>& shape) const noexcept {
+    const Matrix3<Scalar>& j = body_.inertia();
+    Matrix3<Scalar> result = j * shape * j;
+    const Vector3<Scalar> rows = rounding::row_norms<Scalar>(j, shape.diagonal().cwiseSqrt());
+    result.diagonal() += rounding::share<Scalar>(rounding::congruence) * rows.cwiseAbs2();
+    return result;
+  }
+
+  /// What rounding may do to Jω + h_w, of which the terms may cancel: a body's momentum and its wheel's often do.
+  [[nodiscard]] Scalar rounding_of_momentum(const Vector3<Scalar>& rate, const Vector3<Scalar>& wheel) const noexcept {
+    const Vector3<Scalar> terms =
+        rounding::row_norms<Scalar>(body_.inertia(), rate.cwiseAbs()) + Vector3<Scalar>(wheel.cwiseAbs());
+    return rounding::share<Scalar>(rounding::momentum) * scalar::sqrt(Scalar(terms.squaredNorm()));
+  }
+
+  /// A bound of ‖Jω + h_w‖ at the center, where it would be zero but for rounding.
+  [[nodiscard]] Scalar momentum_left(const Vector3<Scalar>& center, const Vector3<Scalar>& wheel) const noexcept {
+    const Vector3<Scalar> left = body_.inertia() * center + wheel;
+    return scalar::sqrt(Scalar(left.squaredNorm())) + rounding_of_momentum(center, wheel);
+  }
+
+  /// A bound of ‖JX − I‖ of the inverse X as it was computed, so that ‖X⁻¹v‖ ≤ ‖Jv‖/(1 − defect).
+  [[nodiscard]] Scalar defect_of_inverse() const noexcept {
+    const Matrix3<Scalar>& j = body_.inertia();
+    const Matrix3<Scalar>& inverse = body_.inertia_inverse();
+    const Matrix3<Scalar> residual = j * inverse - Matrix3<Scalar>::Identity();
+    const Matrix3<Scalar> terms = j.cwiseAbs() * inverse.cwiseAbs();
+    return scalar::sqrt(Scalar(residual.squaredNorm())) +
+           rounding::share<Scalar>(rounding::momentum) * scalar::sqrt(Scalar(terms.squaredNorm()));
+  }
 
   /// Bound of the potential's torque at every attitude from `time` on.
   [[nodiscard]] Status largest_torque(const Scalar& time, const Scalar& duration, Scalar& largest) const noexcept {
