@@ -2,6 +2,7 @@
 // that a set is granted, and predictions of intervals and biases of which nothing but a bound is known, at the edge.
 #include <doctest/doctest.h>
 
+#include <elliptude/guaranteed/body_flow.hpp>
 #include <elliptude/guaranteed/filter.hpp>
 #include <elliptude/guaranteed/gyro_flow.hpp>
 
@@ -117,6 +118,43 @@ TEST_CASE("a start about what is not quite a rotation holds the nearest one") {
     worst = std::fmax(worst, attitude_form(filter.ellipsoid(), nearest(set.center.attitude)));
   }
   CHECK(worst <= 1);
+}
+
+TEST_CASE("a rate known by two measurements is not lost where its set is put, in float") {
+  using Flow = GuaranteedRigidBodyFlow<float, FreeBody<float>>;
+  Random random(8);
+  Flow flow;
+  REQUIRE(Flow::make(RigidBody<float>(), {}, 1, {}, flow) == Status::ok);
+  Real worst = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    GuaranteedFilter<Flow> filter;
+    REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, 0, filter) == Status::ok);
+    const Vector3<float> rate = (100 * random.unit_vector<3>()).cast<float>();
+    const auto width = static_cast<float>(random.log_uniform(100, 1000) * std::numeric_limits<float>::epsilon());
+    // Two balls whose common part is a lens; the truth is on its edge.
+    const Vector3<float> other = rate + width * random.unit_vector<3>().cast<float>();
+    const RealVector apart = other.cast<Real>() - rate.cast<Real>();
+    const RealVector across = apart.cross(RealVector(random.unit_vector<3>().cast<Real>())).normalized();
+    const float square = width * width;
+    const Real reach = static_cast<Real>(square) - apart.squaredNorm() / 4;
+    if (!(reach > 0)) {
+      continue;
+    }
+    const RealVector truth =
+        rate.cast<Real>() + apart / 2 + (1 - static_cast<Real>(1e-15L)) * std::sqrt(reach) * across;
+    for (const Vector3<float>& value : {rate, other}) {
+      const AngularVelocity<float> measured{value, square * Matrix3<float>::Identity()};
+      Measurements<float> measurements;
+      measurements.angular_velocity = &measured;
+      GuaranteedUpdate<float> update;
+      REQUIRE(filter.update(measurements, update) == Status::ok);
+    }
+    REQUIRE(filter.knows_vector());
+    const RealVector error = truth - filter.vector().center.cast<Real>();
+    const RealMatrix shape = filter.vector().shape.cast<Real>();
+    worst = std::fmax(worst, error.dot(shape.llt().solve(error)));
+  }
+  CHECK(static_cast<double>(worst - 1) <= 0);
 }
 
 TEST_CASE("gyro: a bias in its bound turns the attitude as noise does and beside it") {

@@ -121,7 +121,7 @@ TEST_CASE("a measured rate is within its bound about any center") {
   CHECK_FALSE(contains(quadric, Vector3d(0.299, 0, 0)));
 }
 
-TEST_CASE_TEMPLATE("a momentum that the wheel cancels is known no better than rounding lets it", Scalar, double, float) {
+TEST_CASE_TEMPLATE("a momentum that the wheel cancels is known only to rounding", Scalar, double, float) {
   Random random(6);
   Real worst = 0;
   for (int trial = 0; trial < 500; ++trial) {
@@ -147,7 +147,7 @@ TEST_CASE_TEMPLATE("a momentum that the wheel cancels is known no better than ro
   CHECK(static_cast<double>(worst - 1) <= 0);
 }
 
-TEST_CASE_TEMPLATE("a needle's rate is known no better than rounding lets it", Scalar, double, float) {
+TEST_CASE_TEMPLATE("a needle's rate is known only to rounding", Scalar, double, float) {
   Random random(7);
   Real worst = 0;
   int known = 0;

@@ -304,6 +304,9 @@ TEST_CASE("bad input is refused, and nothing changes") {
   Scene scene(13);
   BodyFilter filter = filter_with({});
   REQUIRE(filter.predict(1, {}) == Status::ok);
+  Report first;
+  REQUIRE(filter.update({nullptr, 0, &scene.rate, nullptr}, first) == Status::ok);
+  REQUIRE(filter.knows_vector());
   for (const bool started : {false, true}) {
     if (started) {
       REQUIRE(filter.start(GibbsEllipsoid<State>{scene.truth, 0.01 * Matrix6<double>::Identity()}) == Status::ok);
@@ -311,6 +314,14 @@ TEST_CASE("bad input is refused, and nothing changes") {
     const Snapshot before = snapshot(filter);
     Report update;
     CHECK(filter.predict(0.5, {}) == Status::out_of_range);
+    for (const double bad : {std::nan(""), HUGE_VAL}) {
+      BodyInput<double> input;
+      input.control_torque(1) = bad;
+      CHECK(filter.predict(2, input) == Status::not_finite);
+      input = {};
+      input.wheel_momentum(2) = bad;
+      CHECK(filter.predict(2, input) == Status::not_finite);
+    }
     CHECK(filter.predict(std::nan(""), {}) == Status::not_finite);
     CHECK(filter.predict(HUGE_VAL, {}) == Status::not_finite);
     std::vector<Direction<double>> directions = scene.directions;

@@ -272,11 +272,23 @@ class FilterUpdate {
     if (status != Status::ok) {
       return status;
     }
-    const Ellipsoid<Scalar, 3> fused{vector.center + fusion.set.center, fusion.set.shape};
+    const Ellipsoid<Scalar, 3> fused = moved_by(vector.center, fusion.set);
     if (can_be_kept(fused)) {
       vector = fused;
     }
     return Status::ok;
+  }
+
+  /// A set that was seen from a vector, with what rounding of its center may do.
+  [[nodiscard]] static Ellipsoid<Scalar, 3> moved_by(const Vector3<Scalar>& vector,
+                                                     const Ellipsoid<Scalar, 3>& seen) noexcept {
+    const Vector3<Scalar>& shift = seen.center;
+    if (shift.isZero(Scalar(0))) {
+      return {vector, seen.shape};
+    }
+    const Scalar slip =
+        rounding::share<Scalar>(1) * scalar::sqrt(Scalar((vector.cwiseAbs() + shift.cwiseAbs()).squaredNorm()));
+    return {vector + shift, enlarged(seen.shape, Matrix3<Scalar>((slip * slip) * Matrix3<Scalar>::Identity()))};
   }
 
   Memory& filter_;
