@@ -177,3 +177,50 @@ TEST_CASE("many recentrings leave a rotation") {
   }
   CHECK((center.attitude.transpose() * center.attitude - Matrix3<float>::Identity()).norm() < 8 * epsilon);
 }
+
+TEST_CASE_TEMPLATE("a linear measurement with a thin bound loses no point", Scalar, double, float) {
+  using Matrix2r = Eigen::Matrix<Real, 2, 2>;
+  using Vector2r = Eigen::Matrix<Real, 2, 1>;
+  using Vector6r = Eigen::Matrix<Real, 6, 1>;
+  Random random(9);
+  const double longest = std::is_same_v<Scalar, float> ? 300 : 1e5;  // up to which the truth below has its digits
+  Real worst = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    GibbsEllipsoid<RigidBodyState<Scalar>> predicted{{Matrix3<Scalar>::Identity(), Vector3<Scalar>::Zero()},
+                                                     Scalar(1e-4F) * Matrix6<Scalar>::Identity()};
+    LinearMeasurement<Scalar, 2> measurement;
+    measurement.h.setZero();
+    measurement.h.template rightCols<3>() = random.normal_matrix<2, 3>().template cast<Scalar>();
+    // As wide as the prediction along one axis, and much wider along the other: the prediction's own rounding is small.
+    const double ratio = random.log_uniform(1, longest);
+    measurement.bound =
+        (1e-4 * random.symmetric<2>(Eigen::Vector2d(ratio * ratio, random.uniform(0.1, 1)))).template cast<Scalar>();
+    const Eigen::SelfAdjointEigenSolver<Matrix2r> bound(Matrix2r(measurement.bound.template cast<Real>()));
+    if (!(bound.eigenvalues()(0) > 0)) {
+      continue;  // rounding has made it flat
+    }
+    const Vector6r y =
+        (1 - 1e-9L) * std::sqrt(static_cast<Real>(predicted.shape(0, 0))) * random.unit_vector<6>().cast<Real>();
+    const auto h = measurement.h.template cast<Real>().eval();
+    const Vector2r off = std::sqrt(bound.eigenvalues()(0)) * bound.eigenvectors().col(0);  // along the thin axis
+    Real form = 2;
+    for (Real share = 1; form > 1 - 1e-8L; share *= 0.999L) {  // as it is rounded, in its bound
+      measurement.y = Vector2r(h * y + share * off).template cast<Scalar>();
+      const Vector2r error = measurement.y.template cast<Real>() - h * y;
+      form = (bound.eigenvectors().transpose() * error).cwiseAbs2().cwiseQuotient(bound.eigenvalues()).sum();
+      REQUIRE(share > 0.5L);
+    }
+    Quadric<Scalar, 6> quadric;
+    const Status status = to_quadric(measurement, predicted, quadric);
+    if (status == Status::not_positive_definite) {
+      continue;
+    }
+    REQUIRE(status == Status::ok);
+    const Ellipsoid<Scalar, 6> known = predicted.in_coordinates();
+    QuadricFusion<Scalar, 6> fusion;
+    REQUIRE(minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 6>::volume(), fusion) == Status::ok);
+    const Vector6r error = y - fusion.set.center.template cast<Real>();
+    worst = std::fmax(worst, error.dot(RealMatrix6(fusion.set.shape.template cast<Real>()).llt().solve(error)));
+  }
+  CHECK(static_cast<double>(worst - 1) <= 0);
+}

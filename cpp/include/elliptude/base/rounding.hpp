@@ -76,6 +76,9 @@ inline constexpr int many_terms = 128;
 inline constexpr int small_sum = 16;
 /// Loss of an ellipsoid's quadric at its points, relative to |x̂|ᵀ|A||y|.
 [[nodiscard]] constexpr int quadric(int n) noexcept { return 4 * n; }
+/// Loss of a linear measurement of so many rows in the metric of its bound, and of its quadric, relative to the sums of
+/// their terms without signs.
+[[nodiscard]] constexpr int whitening(int rows) noexcept { return 2 * (rows + 2); }
 /// A number up to this many ε has less than three right digits.
 inline constexpr int three_digits = 1000;
 /// Loss of a quadric in coordinates of N numbers, relative to the sum of its terms without signs, and of `count` of

@@ -54,14 +54,16 @@ template <typename Scalar, int N>
   return Status::ok;
 }
 
-/// The inverse of a symmetric positive definite matrix or less, so that yᵀ inverse y ≤ yᵀa⁻¹y for all y whatever
-/// rounding does: a set {yᵀa⁻¹y ≤ 1} loses no point, however thin. The diagonal is raised by more than a Cholesky
-/// factor loses; with L that factor, its computed inverse is (I + E) L⁻¹, ‖E‖ ≤ ½Nε κ², κ = ‖|L⁻¹||L|‖ (Higham,
-/// Accuracy and Stability, section 14.2), and the square of that errs by as much again: 8Nε κ² of it is subtracted. If
-/// that would be much of it, a is enlarged a little first, and the set becomes a little less thin.
+/// A root of the inverse of a symmetric positive definite matrix or less, so that (1 − share) ‖root y‖² ≤ yᵀa⁻¹y for
+/// all y whatever rounding does: a set {yᵀa⁻¹y ≤ 1} loses no point, however thin. The diagonal is raised by more than a
+/// Cholesky factor loses; with L that factor, its computed inverse is (I + E) L⁻¹, ‖E‖ ≤ ½Nε κ², κ = ‖|L⁻¹||L|‖ (Higham,
+/// Accuracy and Stability, section 14.2), and the square of that errs by as much again: the share is 8Nε κ². If that
+/// would be much, a is enlarged a little first, and the set becomes a little less thin.
+/// \param root a lower triangle.
 /// \return `not_positive_definite`.
 template <typename Scalar, int N>
-[[nodiscard]] Status inverse_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
+[[nodiscard]] Status inverse_root_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& root,
+                                             Scalar& share) noexcept {
   Matrix<Scalar, N> raised = a;
   raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(N));
   Scalar added = rounding::share<Scalar>(rounding::inverse_widening(N)) * a.trace();
@@ -70,17 +72,30 @@ template <typename Scalar, int N>
     if (const Status status = cholesky(raised, l); status != Status::ok) {
       return status;
     }
-    const Matrix<Scalar, N> root = lower_inverse(l);
-    const Scalar share = rounding::share<Scalar>(rounding::inverse(N)) *
-                         root.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();  // ≥ 8Nε κ²
+    root = lower_inverse(l);
+    share = rounding::share<Scalar>(rounding::inverse(N)) *
+            root.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();  // ≥ 8Nε κ²
     if (share < scalar::constant<Scalar>(0.125L)) {
-      inverse = (Scalar(1) - share) * square_of_lower(root);
       return Status::ok;
     }
     raised.diagonal().array() += added;
     added *= Scalar(16);
   }
   return Status::not_positive_definite;
+}
+
+/// The inverse of a symmetric positive definite matrix or less, so that yᵀ inverse y ≤ yᵀa⁻¹y for all y whatever
+/// rounding does.
+/// \return `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status inverse_from_below(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
+  Matrix<Scalar, N> root;
+  Scalar share;
+  if (const Status status = inverse_root_from_below(a, root, share); status != Status::ok) {
+    return status;
+  }
+  inverse = (Scalar(1) - share) * square_of_lower(root);
+  return Status::ok;
 }
 
 }  // namespace elliptude

@@ -4,12 +4,13 @@
 /// Measurements as exact quadrics of the error about any center. (theory, section 16)
 
 #include "elliptude/base/rounding.hpp"
+#include "elliptude/linear/inverse.hpp"
 #include "elliptude/measurement/linearization.hpp"
 #include "elliptude/sets/quadric.hpp"
 
 namespace elliptude {
 
-/// A linear measurement of x as a quadric, which may be a cylinder.
+/// A linear measurement of x as a quadric, which may be a cylinder, but for rounding.
 /// \return the status of `whitened`.
 template <typename Scalar, int Rows>
 [[nodiscard]] Status to_quadric(const LinearMeasurement<Scalar, Rows>& measurement,
@@ -22,6 +23,36 @@ template <typename Scalar, int Rows>
   quadric.a = h.transpose().lazyProduct(h);
   quadric.g = -h.transpose().lazyProduct(y);
   quadric.c = Scalar(1) - y.squaredNorm();
+  return Status::ok;
+}
+
+/// The same for all x with |xᵢ| at most `reach`, none of which is lost by rounding: with a root of the bound's inverse
+/// that is none too large, and the level raised by what the products lose. (theory, section 16.6)
+/// \return the status of `whitened`; `not_positive_definite` also of a bound that is flat to rounding.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status covered_quadric(const LinearMeasurement<Scalar, Rows>& measurement, const Vector6<Scalar>& reach,
+                                     Quadric<Scalar, 6>& quadric) noexcept {
+  Vector<Scalar, Rows> y;
+  Matrix<Scalar, Rows, 6> h;
+  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+    return status;
+  }
+  Matrix<Scalar, Rows> root;
+  Scalar share;
+  if (const Status status = inverse_root_from_below(measurement.bound, root, share); status != Status::ok) {
+    return status;
+  }
+  root *= scalar::sqrt(Scalar(Scalar(1) - share));
+  y = root.lazyProduct(measurement.y);
+  h = root.lazyProduct(measurement.h);
+  const Vector<Scalar, Rows> terms =
+      root.cwiseAbs().lazyProduct(measurement.y.cwiseAbs() + measurement.h.cwiseAbs().lazyProduct(reach));
+  const Vector<Scalar, Rows> seen_terms = y.cwiseAbs() + h.cwiseAbs().lazyProduct(reach);
+  const Scalar rounding = rounding::share<Scalar>(rounding::whitening(Rows));
+  const Scalar lost = rounding * scalar::sqrt(Scalar(terms.squaredNorm()));
+  quadric.a = h.transpose().lazyProduct(h);
+  quadric.g = -h.transpose().lazyProduct(y);
+  quadric.c = Scalar(1) - y.squaredNorm() + (Scalar(2) + lost) * lost + rounding * seen_terms.squaredNorm();
   return Status::ok;
 }
 
@@ -249,8 +280,8 @@ template <typename Scalar>
 }
 
 /// A linear measurement y = H [ζ; δ] + v as a quadric of [γ; δ]: γ is in the prediction, so ζ − γ is in E(0, (1 − 1/τ)²
-/// P_γγ), and H's image of that is added to the bound of v.
-/// \return the status of `whitened`.
+/// P_γγ), and H's image of that is added to the bound of v. No state of the prediction is lost by rounding.
+/// \return the status of `covered_quadric`.
 template <typename State, int Rows>
 [[nodiscard]] Status to_quadric(const LinearMeasurement<StateScalar<State>, Rows>& measurement,
                                 const StateEllipsoid<State, GibbsChart>& predicted,
@@ -266,7 +297,7 @@ template <typename State, int Rows>
     const Scalar rest = (length > Scalar(0) ? Scalar(Scalar(1) - GibbsChart::angle(length) / length) : Scalar(0)) +
                         rounding::share<Scalar>(rounding::attitude_angle);
     const Matrix<Scalar, Rows> added =
-        (rest * rest) * congruence(h, Matrix3<Scalar>(predicted.shape.template topLeftCorner<3, 3>()));
+        (rest * rest) * covered_image(h, Matrix3<Scalar>(predicted.shape.template topLeftCorner<3, 3>()));
     Matrix<Scalar, Rows> inverse;
     if (const Status status = inverse_positive_definite(measurement.bound, inverse); status != Status::ok) {
       return status;
@@ -275,9 +306,10 @@ template <typename State, int Rows>
     if (p > Scalar(0)) {
       wider.bound = (Scalar(1) + p) * measurement.bound +
                     (scalar::constant<Scalar>(0.5L) + scalar::constant<Scalar>(0.5L) / p) * (added + added.transpose());
+      wider.bound.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
     }
   }
-  return to_quadric(wider, quadric);
+  return covered_quadric(wider, Vector6<Scalar>(predicted.shape.diagonal().cwiseSqrt()), quadric);
 }
 
 }  // namespace elliptude

@@ -110,6 +110,16 @@ template <typename Scalar, int N>
   return result;
 }
 
+/// T P Tᵀ of any T, its diagonal raised by what outweighs the rounding of all its entries, as in `transformed_shape`.
+template <typename Scalar, int M, int N>
+[[nodiscard]] Matrix<Scalar, M> covered_image(const Matrix<Scalar, M, N>& transform,
+                                              const Matrix<Scalar, N>& shape) noexcept {
+  Matrix<Scalar, M> result = symmetrized(congruence(transform, shape));
+  const Vector<Scalar, M> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
+  result.diagonal() += rounding::share<Scalar>(rounding::image) * width.cwiseAbs2();
+  return result;
+}
+
 /// {T x + s : x in E}, of any dimension: an ellipsoid again, with center T x̂ + s and shape T P Tᵀ. With T a selection
 /// of rows it is the projection of E on these coordinates.
 template <typename Scalar, int M, int N>

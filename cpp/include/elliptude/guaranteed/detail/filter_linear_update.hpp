@@ -82,11 +82,12 @@ class FilterLinearUpdate {
       return Status::not_finite;
     }
     const Matrix<Scalar, Rows, 3> h = measurement.h.template rightCols<3>();
-    const Matrix<Scalar, Rows> added = congruence(h, filter_.known.vector_bound.shape);
+    const Matrix<Scalar, Rows> added = covered_image(h, filter_.known.vector_bound.shape);
     if (added.trace() > Scalar(0)) {
       const Matrix<Scalar, Rows> sum = sum_of_shapes(measurement.bound, added);
-      measurement.bound =
-          (scalar::constant<Scalar>(0.5L) + rounding::share<Scalar>(rounding::small_sum)) * (sum + sum.transpose());
+      // A share of the diagonal, for a share of the whole does not cover a sum that is thin.
+      measurement.bound = symmetrized(sum);
+      measurement.bound.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::sum);
       measurement.h.template rightCols<3>().setZero();
     }
     return Status::ok;
