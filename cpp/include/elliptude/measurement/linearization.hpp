@@ -216,11 +216,9 @@ template <typename Scalar>
   return linear;
 }
 
-/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
-/// \return `not_finite`, `not_symmetric`; `beyond_domain`; `not_positive_definite` of a bound with a zero width.
+/// \return `not_finite`; `beyond_domain`, `not_symmetric` of the bound.
 template <typename Scalar, int Rows>
-[[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
-                              Matrix<Scalar, Rows, 6>& h) noexcept {
+[[nodiscard]] Status validate(const LinearMeasurement<Scalar, Rows>& measurement) noexcept {
   if (!scalar::all_finite(measurement.y) || !scalar::all_finite(measurement.h) ||
       !scalar::all_finite(measurement.bound)) {
     return Status::not_finite;
@@ -228,8 +226,16 @@ template <typename Scalar, int Rows>
   if (!is_in_domain(measurement.bound)) {
     return Status::beyond_domain;
   }
-  if (!is_symmetric(measurement.bound)) {
-    return Status::not_symmetric;
+  return is_symmetric(measurement.bound) ? Status::ok : Status::not_symmetric;
+}
+
+/// (y − Hx)ᵀ R⁻¹ (y − Hx) ≤ 1, a linear measurement in the metric of its bound: ‖y_w − H_w x‖ ≤ 1.
+/// \return the status of `validate`; `not_positive_definite` of a bound with a zero width.
+template <typename Scalar, int Rows>
+[[nodiscard]] Status whitened(const LinearMeasurement<Scalar, Rows>& measurement, Vector<Scalar, Rows>& y,
+                              Matrix<Scalar, Rows, 6>& h) noexcept {
+  if (const Status status = validate(measurement); status != Status::ok) {
+    return status;
   }
   Matrix<Scalar, Rows> l;
   if (const Status status = cholesky(measurement.bound, l); status != Status::ok) {

@@ -28,31 +28,32 @@ template <typename Scalar, int Rows>
 
 /// The same for all x with |xᵢ| at most `reach`, none of which is lost by rounding: with a root of the bound's inverse
 /// that is none too large, and the level raised by what the products lose. (theory, section 16.6)
-/// \return the status of `whitened`; `not_positive_definite` also of a bound that is flat to rounding.
+/// \return the status of `validate`; `not_positive_definite` of a bound with a zero width, or one of rounding.
 template <typename Scalar, int Rows>
 [[nodiscard]] Status covered_quadric(const LinearMeasurement<Scalar, Rows>& measurement, const Vector6<Scalar>& reach,
                                      Quadric<Scalar, 6>& quadric) noexcept {
-  Vector<Scalar, Rows> y;
-  Matrix<Scalar, Rows, 6> h;
-  if (const Status status = whitened(measurement, y, h); status != Status::ok) {
+  if (const Status status = validate(measurement); status != Status::ok) {
     return status;
   }
   Matrix<Scalar, Rows> root;
+  if (const Status status = cholesky(measurement.bound, root); status != Status::ok) {
+    return status;
+  }
   Scalar share;
   if (const Status status = inverse_root_from_below(measurement.bound, root, share); status != Status::ok) {
     return status;
   }
   root *= scalar::sqrt(Scalar(Scalar(1) - share));
-  y = root.lazyProduct(measurement.y);
-  h = root.lazyProduct(measurement.h);
+  const Vector<Scalar, Rows> y = root.lazyProduct(measurement.y);
+  const Matrix<Scalar, Rows, 6> h = root.lazyProduct(measurement.h);
   const Vector<Scalar, Rows> terms =
       root.cwiseAbs().lazyProduct(measurement.y.cwiseAbs() + measurement.h.cwiseAbs().lazyProduct(reach));
   const Vector<Scalar, Rows> seen_terms = y.cwiseAbs() + h.cwiseAbs().lazyProduct(reach);
-  const Scalar rounding = rounding::share<Scalar>(rounding::whitening(Rows));
-  const Scalar lost = rounding * scalar::sqrt(Scalar(terms.squaredNorm()));
+  const Scalar rounded = rounding::share<Scalar>(rounding::whitening(Rows));
+  const Scalar lost = rounded * scalar::sqrt(Scalar(terms.squaredNorm()));
   quadric.a = h.transpose().lazyProduct(h);
   quadric.g = -h.transpose().lazyProduct(y);
-  quadric.c = Scalar(1) - y.squaredNorm() + (Scalar(2) + lost) * lost + rounding * seen_terms.squaredNorm();
+  quadric.c = Scalar(1) - y.squaredNorm() + (Scalar(2) + lost) * lost + rounded * seen_terms.squaredNorm();
   return Status::ok;
 }
 
