@@ -42,10 +42,9 @@ namespace {
     uncertainty.torque = one_bound(unknown_torque, "unknown_torque", true);
   }
   uncertainty.inertia = positive_or_zero(inertia_error, "inertia_error", "kg m²");
-  const double least = body.principal_moments()(2);
-  if (!(uncertainty.inertia < least)) {
-    value_error("inertia_error must be below the least principal moment, " + text(least) + " kg m², but is " +
-                text(uncertainty.inertia) + " kg m²");
+  if (!(uncertainty.inertia < body.least_moment())) {
+    value_error("inertia_error must be below the least principal moment, " + text(body.principal_moments()(2)) +
+                " kg m² but for rounding, but is " + text(uncertainty.inertia) + " kg m²");
   }
   check_most_steps(most_steps);
   GuaranteedBodyFlow flow;

@@ -28,6 +28,12 @@ Matrix3<double> inertia_of_points(const Eigen::Matrix3Xd& points, const Eigen::V
   return inertia;
 }
 
+/// Eigenvalues in long double, least first.
+template <typename Scalar>
+Eigen::Matrix<long double, 3, 1> moments_in_long_double(const RigidBody<Scalar>& body) {
+  return body.inertia().template cast<long double>().eval().template selfadjointView<Eigen::Lower>().eigenvalues();
+}
+
 }  // namespace
 
 TEST_CASE("every distribution of masses has a valid inertia and J_d is its matrix of second moments") {
@@ -54,6 +60,26 @@ TEST_CASE("the principal moments are found in any axes and come largest first") 
     const RigidBody<double> body = make_body(inertia);
     CHECK((body.principal_moments() - Vector3<double>(2.5, 1.7, 1.1)).norm() <= 1e-14);
   }
+}
+
+TEST_CASE_TEMPLATE("no moment is less than the least or more than the greatest, of needles too", Scalar, double,
+                   float) {
+  Random random(4);
+  int rounded_up = 0;
+  for (int sample = 0; sample < 2000; ++sample) {
+    const double least = random.log_uniform(1e-4, 1);
+    const Vector3<double> moments(1, random.uniform(1 - least, 1), least);
+    const Matrix3<Scalar> inertia = random.symmetric<3>(moments).cast<Scalar>();
+    RigidBody<Scalar> body;
+    if (RigidBody<Scalar>::make((inertia + inertia.transpose()) / 2, body) != Status::ok) {
+      continue;  // the entries' rounding breaks the triangle inequality
+    }
+    const auto exact = moments_in_long_double(body);
+    CHECK(static_cast<long double>(body.least_moment()) <= exact(0));
+    CHECK(static_cast<long double>(body.greatest_moment()) >= exact(2));
+    rounded_up += static_cast<long double>(body.principal_moments()(2)) > exact(0) ? 1 : 0;
+  }
+  CHECK(rounded_up > 500);
 }
 
 TEST_CASE("masses in one plane are allowed and lengthening one axis beyond the triangle inequality is not") {

@@ -183,6 +183,8 @@ void use_dynamics(const Seeds<Scalar>& seeds, Tally<Scalar>& tally) noexcept {
   tally.add(body.angular_momentum(state));
   tally.add(body.inertia() + body.inertia_inverse() + body.nonstandard_inertia());
   tally.add(body.principal_moments());
+  tally.add(body.least_moment());
+  tally.add(body.greatest_moment());
   tally.add(Scalar(body.template cast<double>().inertia().sum()));
   Matrix3<Scalar> f;
   tally.add(relative_attitude(body, seeds.step, seeds.rate, f));

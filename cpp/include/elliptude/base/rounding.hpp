@@ -63,6 +63,9 @@ inline constexpr int singular = 8;
 inline constexpr int condition = 64;
 /// How far the principal moments of a flat body may break the triangle inequality, relative to the largest.
 inline constexpr int moments = 64;
+/// What the principal moments are off by at most, relative to the largest: 21 of Jacobi's rotations lose 6 ε of ‖J‖ each
+/// (Golub and Van Loan, Matrix Computations, section 8.5).
+inline constexpr int moment_errors = 128;
 ///@}
 
 /// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)

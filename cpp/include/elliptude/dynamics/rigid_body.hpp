@@ -62,6 +62,12 @@ class RigidBody {
   [[nodiscard]] const Matrix3<Scalar>& nonstandard_inertia() const noexcept { return nonstandard_inertia_; }
   /// Eigenvalues of J, largest first.
   [[nodiscard]] const Vector3<Scalar>& principal_moments() const noexcept { return principal_moments_; }
+  /// No moment of inertia about any axis is less, or more, whatever rounding did to the eigenvalues; the lower bound of a
+  /// needle's may be negative. (theory, section 17.2)
+  ///@{
+  [[nodiscard]] Scalar least_moment() const noexcept { return principal_moments_(2) - moment_error(); }
+  [[nodiscard]] Scalar greatest_moment() const noexcept { return principal_moments_(0) + moment_error(); }
+  ///@}
 
   /// ½ ωᵀJω, in joule.
   [[nodiscard]] Scalar kinetic_energy(const Vector3<Scalar>& angular_velocity) const noexcept {
@@ -87,6 +93,10 @@ class RigidBody {
   RigidBody(const Matrix3<Scalar>& inertia, const Matrix3<Scalar>& inverse, const Matrix3<Scalar>& nonstandard,
             const Vector3<Scalar>& moments) noexcept
       : inertia_(inertia), inertia_inverse_(inverse), nonstandard_inertia_(nonstandard), principal_moments_(moments) {}
+
+  [[nodiscard]] Scalar moment_error() const noexcept {
+    return rounding::share<Scalar>(rounding::moment_errors) * principal_moments_(0);
+  }
 
   Matrix3<Scalar> inertia_;
   Matrix3<Scalar> inertia_inverse_;

@@ -37,7 +37,8 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   /// The set is valid for any
   ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
   /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia
-  /// error reaches the least principal moment; `not_symmetric`, `not_positive_definite` of the torque.
+  /// error reaches the least principal moment, or rounding might; `not_symmetric`, `not_positive_definite` of the
+  /// torque.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
                                    const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
                                    GuaranteedRigidBodyFlow& flow) noexcept {
@@ -47,7 +48,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     if (!(longest_step > Scalar(0)) || !(uncertainty.inertia >= Scalar(0))) {
       return Status::out_of_range;
     }
-    if (!(uncertainty.inertia < body.principal_moments()(2))) {
+    if (!(uncertainty.inertia < body.least_moment())) {
       return Status::invalid_inertia;
     }
     if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), uncertainty.torque});
@@ -145,7 +146,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     momentum += rounding_of_momentum(ellipsoid.center, input.wheel_momentum);
     momentum += duration * (torque + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
                             detail::tube::radius(uncertainty_.torque));
-    momentum += error * (momentum + wheel) / (body_.principal_moments()(2) - error);
+    momentum += error * (momentum + wheel) / (body_.least_moment() - error);
     const Matrix3<Scalar>& inverse = body_.inertia_inverse();
     const Vector3<Scalar> center = -inverse * input.wheel_momentum;
     const Scalar defect = defect_of_inverse();

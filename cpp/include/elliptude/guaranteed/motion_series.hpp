@@ -159,8 +159,8 @@ struct MotionSeries {
       momentum_sum += scalar::sqrt(Scalar(momentum[j].squaredNorm())) * step_powers[j];
       sum += rate_norms[i] * step_powers[i] * momentum_sum;
     }
-    const Scalar& least = body.principal_moments()(2);
-    const Scalar& greatest = body.principal_moments()(0);
+    const Scalar least = body.least_moment();
+    const Scalar greatest = body.greatest_moment();
     sum /= least;
     if (acceleration.largest > Scalar(0)) {
       sum += acceleration.largest * tail(order, acceleration.degree, acceleration.turn_rate, h);

@@ -194,7 +194,7 @@ class LinearExpansion {
                     (linear.from_attitude_norm * largest_attitude + linear.from_rate_norm * largest_difference);
     // And of A, and of the terms of second order, whose products may cancel before J⁻¹ makes the rest of them large.
     // ‖u‖ ≤ 2.
-    const Scalar ratio = body_.principal_moments()(0) / body_.principal_moments()(2);
+    const Scalar ratio = body_.greatest_moment() / body_.least_moment();
     linear.error += rounding::share<Scalar>(rounding::linear_rate) * h * linear.from_rate_norm *
                     ((series_.gyroscopic_size + ratio * largest_difference) * largest_difference +
                      series_.stiffness_size * largest_attitude * (one + largest_attitude));
@@ -214,7 +214,7 @@ class LinearExpansion {
     for (std::size_t j = 1; j < series_.rate_norms.size(); ++j) {
       const Scalar momentum = scalar::sqrt(Scalar(series_.momentum[j].squaredNorm()));
       const Scalar gyroscopic_norm =
-          (momentum + series_.rate_norms[j] * body_.principal_moments()(0)) / body_.principal_moments()(2);
+          (momentum + series_.rate_norms[j] * body_.greatest_moment()) / body_.least_moment();
       const Scalar stiffness_norm = j < jacobians ? scalar::sqrt(Scalar(stiffness_[j].squaredNorm())) : Scalar(0);
       const std::size_t first = j > order ? 0 : order + 1 - j;
       top_sum += powers[j] * series_.rate_norms[j] * top_sums[first];

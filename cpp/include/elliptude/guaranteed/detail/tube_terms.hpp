@@ -91,13 +91,13 @@ template <typename Scalar, typename Potential>
     return Status::ok;
   }
   const Scalar error = uncertainty.inertia;
-  const Scalar least_moment = body.principal_moments()(2) - error;
+  const Scalar least_moment = body.least_moment() - error;
   if (!(least_moment > Scalar(0))) {
     return Status::invalid_inertia;
   }
   const Scalar speed = series.largest_rate + Scalar(2) * largest_difference;
   const Scalar wheel = scalar::sqrt(Scalar(series.input.wheel_momentum.squaredNorm()));
-  const Scalar spread = body.principal_moments()(0) - body.principal_moments()(2);
+  const Scalar spread = body.greatest_moment() - body.least_moment();
   const Scalar gradient = series.acceleration.by_inertia * error;
   const Scalar control = scalar::sqrt(Scalar(series.input.control_torque.squaredNorm()));
   const Scalar acceleration = (scalar::constant<Scalar>(0.5L) * spread * speed * speed + error * speed * speed +
