@@ -292,6 +292,7 @@ def add_cross_product(reference: ArrayLike, body: ArrayLike) -> tuple[_Floats, _
 
 @final
 class StateEllipsoid:
+    __hash__: ClassVar[None]  # type: ignore[assignment]
     def __init__(
         self, attitude: AttitudeLike, vector: ArrayLike, shape: ArrayLike, chart: _Chart = "exponential"
     ) -> None: ...
@@ -310,6 +311,7 @@ class StateEllipsoid:
     def to_dict(self) -> dict[str, Any]: ...
     @staticmethod
     def from_dict(fields: dict[str, Any]) -> StateEllipsoid: ...
+    def __eq__(self, other: object, /) -> bool: ...
 
 @final
 class RigidBodyFlow:

@@ -246,6 +246,13 @@ Lists of numbers under 'attitude', 'vector' and 'shape', and the 'chart', for JS
 
 The inverse of `to_dict`.
 )")
+      .def(
+          "__eq__",
+          [](const AnyStateEllipsoid& self, const AnyStateEllipsoid& other) {
+            return self.is_gibbs == other.is_gibbs && self.attitude == other.attitude && self.vector == other.vector &&
+                   self.shape == other.shape;
+          },
+          py::is_operator(), "other"_a)
       .def("__repr__",
            [](const AnyStateEllipsoid& self) {
              Extent<double> e;

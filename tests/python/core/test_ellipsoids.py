@@ -335,6 +335,21 @@ def test_values(thing):
         hash(thing)
 
 
+@pytest.mark.parametrize("chart", ["exponential", "gibbs"])
+def test_sets_of_states_are_values(chart):
+    attitude = elliptude.exp([0.3, -0.2, 0.5])
+    thing = elliptude.StateEllipsoid(attitude, [0.1, 0.2, 0.3], 0.01 * np.eye(6), chart)
+    assert pickle.loads(pickle.dumps(thing)) == thing
+    assert copy.deepcopy(thing) == thing
+    assert elliptude.StateEllipsoid.from_dict(thing.to_dict()) == thing
+    other = "gibbs" if chart == "exponential" else "exponential"
+    for field in [{"attitude": np.eye(3)}, {"vector": [0.1, 0.2, 0.4]}, {"shape": np.eye(6)}, {"chart": other}]:
+        assert elliptude.StateEllipsoid(**(thing.to_dict() | field)) != thing
+    assert thing != "something else"
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(thing)
+
+
 def test_results_are_named():
     e = Ellipsoid([0.0, 0.0], np.diag([4.0, 9.0]))
     lengths, directions = e.principal_axes()
