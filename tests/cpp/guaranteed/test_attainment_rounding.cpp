@@ -130,7 +130,7 @@ TEST_CASE("a rate known by two measurements is not lost where its set is put, in
     GuaranteedFilter<Flow> filter;
     REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, 0, filter) == Status::ok);
     const Vector3<float> rate = (100 * random.unit_vector<3>()).cast<float>();
-    const auto width = static_cast<float>(random.log_uniform(100, 1000) * std::numeric_limits<float>::epsilon());
+    const auto width = static_cast<float>(random.log_uniform(100, 1000)) * std::numeric_limits<float>::epsilon();
     // Two balls whose common part is a lens; the truth is on its edge.
     const Vector3<float> other = rate + width * random.unit_vector<3>().cast<float>();
     const RealVector apart = other.cast<Real>() - rate.cast<Real>();

@@ -125,15 +125,15 @@ TEST_CASE_TEMPLATE("a momentum that the wheel cancels is known only to rounding"
   Random random(6);
   Real worst = 0;
   for (int trial = 0; trial < 500; ++trial) {
-    const auto moment = static_cast<Scalar>(random.log_uniform(0.1, 10));
+    const auto inertia = static_cast<Scalar>(random.log_uniform(0.1, 10));
     RigidBody<Scalar> body;
     GuaranteedRigidBodyFlow<Scalar, FreeBody<Scalar>> flow;
-    REQUIRE(RigidBody<Scalar>::make(moment * Matrix3<Scalar>::Identity(), body) == Status::ok);
+    REQUIRE(RigidBody<Scalar>::make(inertia * Matrix3<Scalar>::Identity(), body) == Status::ok);
     REQUIRE(decltype(flow)::make(body, {}, 1, {}, flow) == Status::ok);
     const auto rate = static_cast<Scalar>(random.uniform(-1, 1));
-    const auto width = static_cast<Scalar>(random.log_uniform(50, 1e4) * std::numeric_limits<Scalar>::epsilon());
+    const auto width = static_cast<Scalar>(random.log_uniform(50, 1e4)) * std::numeric_limits<Scalar>::epsilon();
     BodyInput<Scalar> input;
-    input.wheel_momentum(0) = -moment * rate;
+    input.wheel_momentum(0) = -inertia * rate;
     Ellipsoid<Scalar, 3> before{rate * Vector3<Scalar>::UnitX(), Matrix3<Scalar>::Zero()};
     before.shape.diagonal() << width * width, Scalar(1e-8F) * width * width, Scalar(1e-8F) * width * width;
     Ellipsoid<Scalar, 3> after;
