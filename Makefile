@@ -123,11 +123,12 @@ mutate: $(SYSTEM)-test $(VENV)/package $(VENV)/test ## Change the source as a pe
 	.venv/bin/python tools/mutate.py
 
 .PHONY: lint
-lint: $(VENV)/package $(VENV)/test $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy
+lint: $(VENV)/package $(VENV)/test $(VENV)/dev $(SYSTEM)-lint ## Check style and types: ruff, mypy, clang-format, clang-tidy, the lists of mutations
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 	.venv/bin/clang-format --dry-run --Werror $(CPP_SOURCES)
+	.venv/bin/python tools/mutate.py --check
 	cmake --preset $(PRESET)
 	clang-tidy -p build/$(PRESET) --quiet --warnings-as-errors='*' --extra-arg=-std=c++17 --extra-arg=-Wno-unknown-warning-option $(TIDY_SOURCES)
 

@@ -23,6 +23,7 @@ noticing.
 """
 
 import argparse
+import ast
 import os
 import re
 import shutil
@@ -168,8 +169,8 @@ def run(command: list[str], seconds: float, environment: dict[str, str], folder:
 # --- the core ---------------------------------------------------------------------------------------------------------
 
 
-def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> None:
-    """Copy the headers with all mutations in them, and compile the programs that are wanted."""
+def write_core(places: list[Place]) -> None:
+    """Copy the headers with all mutations in them."""
     headers = BUILD / "include"
     for path in (ROOT / INCLUDE).rglob("*.hpp"):
         source = path.read_text(encoding="utf-8")
@@ -180,13 +181,37 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
             text = text.replace("#pragma once", '#pragma once\n#include "elliptude/mutant.hpp"', 1)
         write_if_changed(headers / path.relative_to(ROOT / INCLUDE), text)
     write_if_changed(headers / "elliptude" / "mutant.hpp", SWITCH)
-    (BUILD / "cpp").mkdir(parents=True, exist_ok=True)
-    # Clang takes less than half of GCC's time for these programs.
-    compiler = os.environ.get("CXX", "clang++" if shutil.which("clang++") else "c++").split()
-    if shutil.which("ccache"):
-        compiler = ["ccache", *compiler]
+
+
+def compiler() -> list[str]:
+    """The command that compiles with these headers. Clang takes less than half of GCC's time for these programs."""
     eigen = os.environ.get("EIGEN_INCLUDE", "/usr/include/eigen3")
-    flags = [*FLAGS, "-isystem", eigen, "-I", str(headers), "-I", "tests/cpp"]
+    name = os.environ.get("CXX", "clang++" if shutil.which("clang++") else "c++").split()
+    return [*name, *FLAGS, "-isystem", eigen, "-I", str(BUILD / "include"), "-I", "tests/cpp"]
+
+
+def unparsed(places: list[Place]) -> str:
+    """What the compiler or Python says of a mutation that is no source; nothing if all are."""
+    write_core([place for place in places if place.mutation.is_cpp])
+    everything = str(BUILD / "include" / "elliptude" / "elliptude.hpp")
+    if error := run([*compiler(), "-x", "c++", "-fsyntax-only", everything], 600, dict(os.environ), ROOT):
+        return error
+    for place in places:
+        mutation = place.mutation
+        if not mutation.is_cpp:
+            source = (ROOT / mutation.file).read_text(encoding="utf-8")
+            try:
+                ast.parse(source[: place.start] + mutation.to + source[place.stop :])
+            except SyntaxError as error:
+                return f"{mutation.name}: {error}"
+    return ""
+
+
+def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> None:
+    """Compile the programs that are wanted, with all mutations in the headers."""
+    write_core(places)
+    (BUILD / "cpp").mkdir(parents=True, exist_ok=True)
+    cached = ["ccache", *compiler()] if shutil.which("ccache") else compiler()
 
     def compile_one(name: str) -> str:
         target, log = BUILD / "cpp" / f"{name}.o", BUILD / "cpp" / f"{name}.d"
@@ -196,7 +221,7 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
             if all(path.exists() and path.stat().st_mtime <= target.stat().st_mtime for path in used):
                 return ""
         (source,) = (ROOT / "tests" / "cpp").rglob(f"{name}.cpp")
-        command = [*compiler, *flags, "-MMD", "-MF", str(log), "-c", str(source), "-o", str(target)]
+        command = [*cached, "-MMD", "-MF", str(log), "-c", str(source), "-o", str(target)]
         error = run(command, 3600, dict(os.environ), ROOT)
         if not error and name != "main":
             program.unlink(missing_ok=True)
@@ -211,7 +236,7 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
                 sys.exit(f"{name} does not compile:\n{error[:6000]}")
     for name in names:
         program, objects = BUILD / "cpp" / name, [str(BUILD / "cpp" / f"{part}.o") for part in (name, "main")]
-        link = [*compiler[-1:], *objects, "-o", str(program)]
+        link = [*compiler(), *objects, "-o", str(program)]
         if not program.exists() and (error := run(link, 600, dict(os.environ), ROOT)):
             sys.exit(f"{name} does not link:\n{error[:6000]}")
 
@@ -254,7 +279,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="a part of a name or of a file's name")
     parser.add_argument("--language", choices=["cpp", "python"])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--check", action="store_true", help="only look whether every piece of source is found")
+    parser.add_argument("--check", action="store_true", help="only look whether each is found, and is source")
     arguments = parser.parse_args()
 
     every = read_lists()
@@ -277,7 +302,11 @@ def main() -> int:
         and arguments.language in (None, "cpp" if mutation.is_cpp else "python")
     ]
     print(f"{len(chosen)} of {len(every)} mutations")
-    if arguments.check or not chosen:
+    if arguments.check:
+        error = unparsed(list(places.values()))
+        print(error[:6000] if error else "each is found, and is source")
+        return 1 if error else 0
+    if not chosen:
         return 0
 
     if any(mutation.is_cpp for mutation in chosen):
