@@ -193,9 +193,10 @@ def compiler() -> list[str]:
 def unparsed(places: list[Place]) -> str:
     """What the compiler or Python says of a mutation that is no source; nothing if all are."""
     write_core([place for place in places if place.mutation.is_cpp])
-    everything = str(BUILD / "include" / "elliptude" / "elliptude.hpp")
-    if error := run([*compiler(), "-x", "c++", "-fsyntax-only", everything], 600, dict(os.environ), ROOT):
-        return error
+    for name in ("flight_core.cpp", "flight_core_float.cpp"):  # which instantiate all of the core
+        everything = f"tests/cpp/freestanding/{name}"
+        if error := run([*compiler(), "-fsyntax-only", everything], 600, dict(os.environ), ROOT):
+            return error
     for place in places:
         mutation = place.mutation
         if not mutation.is_cpp:
