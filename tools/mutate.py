@@ -208,6 +208,13 @@ def unparsed(places: list[Place]) -> str:
     return ""
 
 
+def check(places: list[Place]) -> int:
+    """Says whether all mutations are source."""
+    error = unparsed(places)
+    print(error[:6000] if error else "each is found, and is source")
+    return 1 if error else 0
+
+
 def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> None:
     """Compile the programs that are wanted, with all mutations in the headers."""
     write_core(places)
@@ -304,9 +311,7 @@ def main() -> int:
     ]
     print(f"{len(chosen)} of {len(every)} mutations")
     if arguments.check:
-        error = unparsed(list(places.values()))
-        print(error[:6000] if error else "each is found, and is source")
-        return 1 if error else 0
+        return check(list(places.values()))
     if not chosen:
         return 0
 
