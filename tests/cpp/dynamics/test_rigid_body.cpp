@@ -82,6 +82,25 @@ TEST_CASE_TEMPLATE("no moment is less than the least or more than the greatest, 
   CHECK(rounded_up > 500);
 }
 
+TEST_CASE("the moments of a body that was rounded to another type, or comes from one, are bounds there too") {
+  Random random(5);
+  for (int sample = 0; sample < 500; ++sample) {
+    const double least = random.log_uniform(1e-3, 1);
+    const Matrix3<double> inertia = random.symmetric<3>(Vector3<double>(1, random.uniform(1 - least, 1), least));
+    RigidBody<double> body;
+    if (RigidBody<double>::make((inertia + inertia.transpose()) / 2, body) != Status::ok) {
+      continue;  // the entries' rounding breaks the triangle inequality
+    }
+    const RigidBody<float> rounded = body.cast<float>();
+    const RigidBody<double> back = rounded.cast<double>();
+    const auto exact = moments_in_long_double(rounded);
+    CHECK(static_cast<long double>(rounded.least_moment()) <= exact(0));
+    CHECK(static_cast<long double>(rounded.greatest_moment()) >= exact(2));
+    CHECK(static_cast<long double>(back.least_moment()) <= exact(0));
+    CHECK(static_cast<long double>(back.greatest_moment()) >= exact(2));
+  }
+}
+
 TEST_CASE("masses in one plane are allowed and lengthening one axis beyond the triangle inequality is not") {
   Random random(3);
   for (int sample = 0; sample < 200; ++sample) {

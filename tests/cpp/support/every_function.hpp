@@ -86,6 +86,8 @@ void use_factorization(const Matrix<Scalar, N>& shape, Tally<Scalar>& tally) noe
   SymmetricEigen<Scalar, N> eigen;
   tally.add(symmetric_eigen(shape, eigen));
   tally.add(eigen.vectors);
+  tally.add(eigen_errors(shape, eigen).values);
+  tally.add(eigen_errors(shape, eigen).vectors);
 }
 
 template <typename Scalar, int N>

@@ -58,13 +58,15 @@ template <typename Chart, typename Scalar>
   if (const Status status = symmetric_eigen(sum.curvature, eigen); status != Status::ok) {
     return status;
   }
+  const EigenErrors<Scalar> errors = eigen_errors(sum.curvature, eigen);
+  eigen.values.array() -= errors.values;
   const Scalar least = eigen.values(2);
   const Vector3<Scalar> slope = eigen.vectors.transpose() * sum.slope;
   // √(Dᵀ(N + tI)⁻¹D), and what the rounding of the eigenvectors can add to it.
   const auto slope_norm = [&](const Scalar& t) {
     const Vector3<Scalar> scaled = slope.cwiseQuotient((eigen.values.array() + t).sqrt().matrix());
-    return Scalar(scaled.norm() +
-                  rounding::share<Scalar>(rounding::cone_slope) * slope.norm() / scalar::sqrt(Scalar(least + t)));
+    return Scalar(scaled.norm() + (rounding::share<Scalar>(rounding::cone_slope) + errors.vectors) * slope.norm() /
+                                      scalar::sqrt(Scalar(least + t)));
   };
   if (sum.level < Scalar(0) && least > sum.level) {
     const Scalar d = slope_norm(-sum.level);
@@ -94,8 +96,8 @@ template <typename Chart, typename Scalar>
   if (!scalar::all_finite(lengths)) {
     return Status::unbounded;
   }
-  // The entries of the product err by a share of the longest axis.
-  lengths.array() += rounding::share<Scalar>(rounding::cone_axes) * lengths(2);
+  // The axes, and the entries of the product, err by a share of the longest.
+  lengths.array() += (rounding::share<Scalar>(rounding::cone_axes) + Scalar(2) * errors.vectors) * lengths(2);
   const Matrix3<Scalar> shape = eigen.vectors * lengths.asDiagonal() * eigen.vectors.transpose();
   ellipsoid.center = Vector3<Scalar>::Zero();
   ellipsoid.shape = symmetrized(shape);

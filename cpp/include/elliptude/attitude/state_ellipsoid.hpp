@@ -157,13 +157,13 @@ template <typename State, typename Chart>
 [[nodiscard]] Status largest_attitude_error(const StateEllipsoid<State, Chart>& ellipsoid,
                                             StateScalar<State>& length) noexcept {
   using Scalar = StateScalar<State>;
+  const Matrix3<Scalar> shape = ellipsoid.shape.template topLeftCorner<3, 3>();
   SymmetricEigen<Scalar, 3> eigen;
-  if (const Status status = symmetric_eigen(Matrix3<Scalar>(ellipsoid.shape.template topLeftCorner<3, 3>()), eigen);
-      status != Status::ok) {
+  if (const Status status = symmetric_eigen(shape, eigen); status != Status::ok) {
     return status;
   }
-  length = scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-           (Scalar(1) + rounding::share<Scalar>(rounding::product));
+  const Scalar square = eigen.values(0) + eigen_errors(shape, eigen).values;
+  length = rounding::enlarged(Scalar(scalar::sqrt(square > Scalar(0) ? square : Scalar(0))), rounding::attitude_angle);
   return Status::ok;
 }
 

@@ -63,9 +63,11 @@ inline constexpr int singular = 8;
 inline constexpr int condition = 64;
 /// How far the principal moments of a flat body may break the triangle inequality, relative to the largest.
 inline constexpr int moments = 64;
-/// What the principal moments are off by at most, relative to the largest: 21 of Jacobi's rotations lose 6 ε of ‖J‖ each
-/// (Golub and Van Loan, Matrix Computations, section 8.5).
-inline constexpr int moment_errors = 128;
+/// An inertia's own rounding to another scalar type and that of its moments, in norm, relative to the largest moment.
+inline constexpr int inertia_cast = 4;
+/// What the computed VᵀV − I of n eigenvectors, and AV − VΛ relative to ‖A‖, are off by in norm.
+[[nodiscard]] constexpr int eigen_defect(int n) noexcept { return n * n / 2 + 2; }
+[[nodiscard]] constexpr int eigen_residual(int n) noexcept { return 2 * n; }
 ///@}
 
 /// Sums of ellipsoids, and their intersections. (theory, sections 7 and 16.6)
@@ -115,10 +117,10 @@ inline constexpr int slope = 4;
 /// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative
 /// to the angle.
 inline constexpr int direction = 16;
-/// Everything that follows from a sum of `count` cones, relative to the weights.
-[[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 160; }
-/// What the eigenvectors' rounding adds to the slope of a sum of cones, relative to ‖D‖.
-inline constexpr int cone_slope = 32;
+/// A sum of `count` cones, relative to the weights.
+[[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 48; }
+/// The slope of a sum of cones in axes, relative to ‖D‖.
+inline constexpr int cone_slope = 4;
 /// The squared radius of a sum of cones, relative to itself.
 inline constexpr int cone_radius = 16;
 /// Entries of the ellipsoid about a sum of cones, relative to the longest axis.

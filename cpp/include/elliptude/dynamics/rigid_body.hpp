@@ -22,7 +22,9 @@ class RigidBody {
       : inertia_(Matrix3<Scalar>::Identity()),
         inertia_inverse_(Matrix3<Scalar>::Identity()),
         nonstandard_inertia_(scalar::constant<Scalar>(0.5L) * Matrix3<Scalar>::Identity()),
-        principal_moments_(Vector3<Scalar>::Ones()) {}
+        principal_moments_(Vector3<Scalar>::Ones()),
+        least_moment_(1),
+        greatest_moment_(1) {}
 
   /// \param inertia J in kg m², about the point that the body turns about.
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `invalid_inertia` if a principal moment exceeds
@@ -49,6 +51,9 @@ class RigidBody {
       return Status::invalid_inertia;
     }
     result.principal_moments_ = eigen.values;
+    const Scalar error = eigen_errors(result.inertia_, eigen).values;
+    result.least_moment_ = eigen.values(2) - error;
+    result.greatest_moment_ = eigen.values(0) + error;
     result.nonstandard_inertia_ =
         scalar::constant<Scalar>(0.5L) * result.inertia_.trace() * Matrix3<Scalar>::Identity() - result.inertia_;
     body = result;
@@ -65,8 +70,8 @@ class RigidBody {
   /// No moment of inertia about any axis is less, or more, whatever rounding did to the eigenvalues; the lower bound of a
   /// needle's may be negative. (theory, section 17.2)
   ///@{
-  [[nodiscard]] Scalar least_moment() const noexcept { return principal_moments_(2) - moment_error(); }
-  [[nodiscard]] Scalar greatest_moment() const noexcept { return principal_moments_(0) + moment_error(); }
+  [[nodiscard]] Scalar least_moment() const noexcept { return least_moment_; }
+  [[nodiscard]] Scalar greatest_moment() const noexcept { return greatest_moment_; }
   ///@}
 
   /// ½ ωᵀJω, in joule.
@@ -79,29 +84,31 @@ class RigidBody {
     return state.attitude * (inertia_ * state.angular_velocity);
   }
 
-  /// The same body for another scalar type.
+  /// The same body for another scalar type. Its inertia is rounded, and the bounds of its moments are as much wider.
   template <typename Other>
   [[nodiscard]] RigidBody<Other> cast() const noexcept {
-    return RigidBody<Other>(inertia_.template cast<Other>(), inertia_inverse_.template cast<Other>(),
-                            nonstandard_inertia_.template cast<Other>(), principal_moments_.template cast<Other>());
+    RigidBody<Other> result;
+    result.inertia_ = inertia_.template cast<Other>();
+    result.inertia_inverse_ = inertia_inverse_.template cast<Other>();
+    result.nonstandard_inertia_ = nonstandard_inertia_.template cast<Other>();
+    result.principal_moments_ = principal_moments_.template cast<Other>();
+    const Other greatest = static_cast<Other>(greatest_moment_);
+    const Other rounding = rounding::share<Other>(rounding::inertia_cast) * greatest;
+    result.least_moment_ = static_cast<Other>(least_moment_) - rounding;
+    result.greatest_moment_ = greatest + rounding;
+    return result;
   }
 
  private:
   template <typename>
   friend class RigidBody;
 
-  RigidBody(const Matrix3<Scalar>& inertia, const Matrix3<Scalar>& inverse, const Matrix3<Scalar>& nonstandard,
-            const Vector3<Scalar>& moments) noexcept
-      : inertia_(inertia), inertia_inverse_(inverse), nonstandard_inertia_(nonstandard), principal_moments_(moments) {}
-
-  [[nodiscard]] Scalar moment_error() const noexcept {
-    return rounding::share<Scalar>(rounding::moment_errors) * principal_moments_(0);
-  }
-
   Matrix3<Scalar> inertia_;
   Matrix3<Scalar> inertia_inverse_;
   Matrix3<Scalar> nonstandard_inertia_;
   Vector3<Scalar> principal_moments_;
+  Scalar least_moment_;
+  Scalar greatest_moment_;
 };
 
 }  // namespace elliptude

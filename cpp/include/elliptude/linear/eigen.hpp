@@ -8,6 +8,7 @@
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 #include "elliptude/linear/detail/jacobi_rotation.hpp"
+#include "elliptude/linear/norms.hpp"
 
 namespace elliptude {
 
@@ -73,6 +74,35 @@ template <typename Scalar, int N>
   eigen.values = a.diagonal();
   eigen.vectors = vectors;
   return Status::ok;
+}
+
+/// How far eigenvalues and eigenvectors are off, found from what they leave of the matrix, whatever found them: there
+/// are orthonormal vectors Q, no farther from the eigenvectors V than `vectors` (as a norm), for which ‖A − QΛQᵀ‖ ≤
+/// `values`. By Weyl's inequality no eigenvalue is off by more than that.
+template <typename Scalar>
+struct EigenErrors {
+  Scalar values;
+  Scalar vectors;
+};
+
+/// With R = AV − VΛ and d = ‖VᵀV − I‖, Q the nearest orthonormal matrix to V, ‖V − Q‖ ≤ d and
+/// ‖AQ − QΛ‖ ≤ ‖R‖ + d (‖A‖ + ‖Λ‖). (theory, section 17.8)
+template <typename Scalar, int N>
+[[nodiscard]] EigenErrors<Scalar> eigen_errors(const Matrix<Scalar, N>& symmetric,
+                                               const SymmetricEigen<Scalar, N>& eigen) noexcept {
+  const Scalar largest = symmetric.cwiseAbs().maxCoeff();
+  const Matrix<Scalar, N>& v = eigen.vectors;
+  const Matrix<Scalar, N> defect = gram_of(v) - Matrix<Scalar, N>::Identity();
+  const Scalar vectors = defect.norm() + rounding::share<Scalar>(rounding::eigen_defect(N));
+  if (!(largest > Scalar(0))) {
+    return {largest, vectors};
+  }
+  // In units of the largest entry, so that no square is lost.
+  const Matrix<Scalar, N> residual = (symmetric.lazyProduct(v) - v * eigen.values.asDiagonal()) / largest;
+  const Scalar norm = (symmetric / largest).norm();
+  const Scalar relative =
+      residual.norm() + (Scalar(2) * vectors + rounding::share<Scalar>(rounding::eigen_residual(N))) * norm;
+  return {largest * relative, vectors};
 }
 
 }  // namespace elliptude

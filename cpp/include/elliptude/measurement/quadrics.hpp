@@ -173,13 +173,15 @@ namespace detail {
 
 /// (Tγ − γ̂)ᵀ M (Tγ − γ̂) ≤ (1 + ¼ γ̂·γ)², T = I − S(ĝ): the set γ̃ᵀMγ̃ ≤ 1 about a center that is γ̂ = 2ĝ from that of
 /// γ, a little wider for rounding. (theory, section 16.2)
-/// \param shortest, longest semi-axes of the set. Its center rounds by a few ε, which moves γ̃ by 1 + ¼‖γ̃‖² times as
-/// much.
+/// \param form M, positive definite. The center rounds by a few ε, which moves γ̃ by 1 + ¼‖γ̃‖² times as much, and that
+/// by √tr M in the set's own metric at most.
+/// \param longest semi-axis of the set, or more.
 template <typename Scalar>
 [[nodiscard]] Quadric<Scalar, 3> seen_from(const Vector3<Scalar>& gamma, const Matrix3<Scalar>& form,
-                                           const Scalar& shortest, const Scalar& longest) noexcept {
+                                           const Scalar& longest) noexcept {
   const Scalar moved = Scalar(1) + scalar::constant<Scalar>(0.25L) * longest * longest;
-  const Scalar wider = Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) * (Scalar(1) + moved / shortest);
+  const Scalar wider = Scalar(1) + rounding::share<Scalar>(rounding::attitude_center) *
+                                       (Scalar(1) + moved * scalar::sqrt(Scalar(form.trace())));
   const Matrix3<Scalar> m = form * (Scalar(1) / (wider * wider));
   const Matrix3<Scalar> t = Matrix3<Scalar>::Identity() - scalar::constant<Scalar>(0.5L) * hat(gamma);
   const Matrix3<Scalar> half = m.lazyProduct(t);
@@ -226,10 +228,9 @@ template <typename Scalar>
   bound.diagonal().array() += rounding::square<Scalar>();
   SymmetricEigen<Scalar, 3> eigen;
   const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
-  const Scalar angle = bounded
-                           ? Scalar(scalar::sqrt(eigen.values(0) > Scalar(0) ? Scalar(eigen.values(0)) : Scalar(0)) *
-                                    (Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle)))
-                           : Scalar(4);
+  const Scalar square = bounded ? Scalar(eigen.values(0) + eigen_errors(bound, eigen).values) : Scalar(16);
+  const Scalar angle =
+      rounding::enlarged(Scalar(scalar::sqrt(square > Scalar(0) ? square : Scalar(0))), rounding::attitude_angle);
   // A rotation to half the digits, as it may have been stored, is off by more than the widening below: use the nearest
   // rotation.
   const Vector3<Scalar> gamma = GibbsChart::error(center, renormalized(measured.attitude));
@@ -239,9 +240,8 @@ template <typename Scalar>
     return Status::ok;
   }
   const Scalar stretch = gibbs_stretch(angle);
-  const Scalar shortest = scalar::sqrt(eigen.values(2) > Scalar(0) ? Scalar(eigen.values(2)) : Scalar(0));
   m *= Scalar(1) / (stretch * stretch);
-  quadric = detail::seen_from(gamma, m, Scalar(stretch * shortest), Scalar(stretch * angle));
+  quadric = detail::seen_from(gamma, m, Scalar(stretch * angle));
   return Status::ok;
 }
 
@@ -250,14 +250,10 @@ template <typename Scalar>
 /// \param center a rotation to rounding.
 /// \param own of the set, likewise.
 /// \param shape of the set.
-/// \return `not_positive_definite`; `not_converged`.
+/// \return `not_positive_definite`.
 template <typename Scalar>
 [[nodiscard]] Status to_quadric(const Matrix3<Scalar>& center, const Matrix3<Scalar>& own, const Matrix3<Scalar>& shape,
                                 Quadric<Scalar, 3>& quadric) noexcept {
-  SymmetricEigen<Scalar, 3> eigen;
-  if (const Status status = symmetric_eigen(shape, eigen); status != Status::ok) {
-    return status;
-  }
   Matrix3<Scalar> m;
   if (const Status status = inverse_from_below(shape, m); status != Status::ok) {
     return status;
@@ -267,8 +263,7 @@ template <typename Scalar>
     quadric = {Matrix3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Scalar(1)};
     return Status::ok;
   }
-  const auto semi_axis = [](const Scalar& square) { return scalar::sqrt(square > Scalar(0) ? square : Scalar(0)); };
-  quadric = detail::seen_from(gamma, m, semi_axis(eigen.values(2)), semi_axis(eigen.values(0)));
+  quadric = detail::seen_from(gamma, m, Scalar(scalar::sqrt(Scalar(shape.trace()))));
   return Status::ok;
 }
 

@@ -19,14 +19,18 @@ template <typename Scalar>
     return status;
   }
   const Matrix6<Scalar> inverse = lower_inverse(l);
+  const Matrix6<Scalar> seen = congruence(inverse, second.shape);
   SymmetricEigen<Scalar, 6> eigen;
-  if (const Status status = symmetric_eigen(congruence(inverse, second.shape), eigen); status != Status::ok) {
+  if (const Status status = symmetric_eigen(seen, eigen); status != Status::ok) {
     return status;
   }
+  const EigenErrors<Scalar> errors = eigen_errors(seen, eigen);
   // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in
   // `inverse_from_below`.
   const Scalar kappa_squared = inverse.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();
-  const Scalar lost = rounding::share<Scalar>(48) * (Scalar(1) + kappa_squared) * (Scalar(1) + eigen.values(0));
+  const Scalar lost = (rounding::share<Scalar>(48) * (Scalar(1) + kappa_squared) + Scalar(2) * errors.vectors) *
+                          (Scalar(1) + eigen.values(0)) +
+                      errors.values;
   const Matrix6<Scalar> axes = l.lazyProduct(eigen.vectors);
   const Vector6<Scalar> widths = eigen.values.cwiseMax(Scalar(1)).array() + lost;
   const Matrix6<Scalar> scaled = axes * widths.asDiagonal();
