@@ -48,10 +48,10 @@ coverage: $(SYSTEM)-test $(SYSTEM)-clang ## Lines and branches of the C++ core t
 	$(PYTHON) tools/coverage.py
 
 .PHONY: test-flight
-test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptions, no heap
+test-flight: $(SYSTEM)-test ## The core as flight software takes it: no exceptions, no heap; its C interface in float
 	cmake --preset $(PRESET)
-	cmake --build --preset $(PRESET) --target test_no_allocation forbidden_symbols
-	ctest --preset $(PRESET) --tests-regex '^(freestanding|test_no_allocation):'
+	cmake --build --preset $(PRESET) --target test_no_allocation forbidden_symbols c_interface_in_float
+	ctest --preset $(PRESET) --tests-regex '^(freestanding|test_no_allocation|C interface in float):'
 
 .PHONY: test-python
 test-python: $(VENV)/package $(VENV)/test ## The Python tests alone
