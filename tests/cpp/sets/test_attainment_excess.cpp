@@ -135,11 +135,22 @@ TEST_CASE_TEMPLATE("a ball and what touches it in one point: met at the first we
 
 namespace {
 
-/// How much longer the sum of the squared semi-axes is than of the same sum of cones in long double, whose rounding is nothing.
-double excess_about(const Matrix3d& curvature, const Vector3d& slope, double level) {
+/// What the eigenvalues of a matrix, as they are found, may be off by.
+template <typename Scalar>
+Scalar of_eigenvalues(const Matrix3<Scalar>& symmetric) {
+  SymmetricEigen<Scalar, 3> eigen;
+  REQUIRE(symmetric_eigen(symmetric, eigen) == Status::ok);
+  return eigen_errors(symmetric, eigen).values;
+}
+
+/// How much longer the sum of the squared semi-axes is than of the same sum of cones, with curvatures lower by `lowered`, in long
+/// double, whose rounding is nothing.
+double excess_about(const Matrix3d& curvature, const Vector3d& slope, double level, double lowered) {
   const ConeSum<double> sum{Matrix3d::Identity(), curvature, slope, level, 0};
-  const ConeSum<Real> exact{RealMatrix::Identity(), curvature.cast<Real>(), slope.cast<Real>(),
-                            static_cast<Real>(level), 0};
+  // What long double lowers by itself is not lowered twice.
+  const RealMatrix as_given = curvature.cast<Real>();
+  const RealMatrix lower = as_given - (static_cast<Real>(lowered) - of_eigenvalues(as_given)) * RealMatrix::Identity();
+  const ConeSum<Real> exact{RealMatrix::Identity(), lower, slope.cast<Real>(), static_cast<Real>(level), 0};
   Ellipsoid<double, 3> set;
   Ellipsoid<Real, 3> wanted;
   REQUIRE(bounding_ellipsoid<GibbsChart>(sum, set) == Status::ok);
@@ -152,10 +163,26 @@ double excess_about(const Matrix3d& curvature, const Vector3d& slope, double lev
 TEST_CASE("the radius of a sum of cones is raised by its own rounding") {
   Random random(5);
   for (int trial = 0; trial < 200; ++trial) {
-    // All three semi-axes of a ball are raised alike: by 16 of the radius and 64 of the longest.
-    const double excess = excess_about(Matrix3d::Identity(), Vector3d::Zero(), random.log_uniform(1e-9, 1e-3));
-    CHECK(excess > 73 * epsilon);
-    CHECK(excess < 90 * epsilon);
+    // All three semi-axes of a ball are raised alike: by 16 of the radius, and of the longest by 16 and by twice the 6 that
+    // eigenvectors are known to.
+    const Matrix3d curvature = Matrix3d::Identity();
+    const double level = random.log_uniform(1e-9, 1e-3);
+    const double excess = excess_about(curvature, Vector3d::Zero(), level, of_eigenvalues(curvature));
+    CHECK(excess > 40 * epsilon);
+    CHECK(excess < 50 * epsilon);
+  }
+}
+
+TEST_CASE("the curvatures of a sum of cones are lowered by what their eigenvalues may be off by") {
+  Random random(7);
+  for (int trial = 0; trial < 200; ++trial) {
+    const double ratio = random.log_uniform(1e2, 1e4);
+    const Matrix3d curvature = Vector3d(ratio * ratio, ratio * ratio, 1).asDiagonal();
+    const double excess = excess_about(curvature, Vector3d::Zero(), 1e-9, 0);
+    const double lowered = of_eigenvalues(curvature);
+    CHECK(lowered > 18 * ratio * ratio * epsilon);
+    CHECK(excess > 0.99 * lowered);
+    CHECK(excess < 1.01 * lowered + 50 * epsilon);
   }
 }
 
@@ -165,8 +192,8 @@ TEST_CASE("the slope of a sum of cones is raised by the rounding of the eigenvec
     // Along the shortest axis; what of it rounding turns to the longest counts there by the ratio of both.
     const double ratio = random.log_uniform(1e2, 1e5);
     const Matrix3d curvature = Vector3d(ratio * ratio, ratio * ratio, 1).asDiagonal();
-    const double excess = excess_about(curvature, Vector3d(1e-3, 0, 0), 0);
-    CHECK(excess > 0.9 * 2 * 32 * epsilon * ratio);
-    CHECK(excess < 1.1 * 2 * 32 * epsilon * ratio + 90 * epsilon);
+    const double excess = excess_about(curvature, Vector3d(1e-3, 0, 0), 0, of_eigenvalues(curvature));
+    CHECK(excess > 0.9 * 2 * 10 * epsilon * ratio);
+    CHECK(excess < 1.1 * 2 * 10 * epsilon * ratio + 90 * epsilon);
   }
 }

@@ -124,7 +124,7 @@ inline constexpr int cone_slope = 4;
 /// The squared radius of a sum of cones, relative to itself.
 inline constexpr int cone_radius = 16;
 /// Entries of the ellipsoid about a sum of cones, relative to the longest axis.
-inline constexpr int cone_axes = 64;
+inline constexpr int cone_axes = 16;
 /// A cone's curvature, its level and its misfit, if its largest entries are of size one.
 inline constexpr int cone_curvature = 32;
 inline constexpr int cone_level = 8;
