@@ -1,6 +1,6 @@
 """The plots over time of the interactive report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from elliptude.report.figures import (
     true_roll_pitch_yaw,
 )
 from elliptude.report.run import DroppedMeasurements, Run, Spell
-from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claims_of_up
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label, claims_of_up
 from elliptude.report.thinning import (
     largest_of_each,
     pieces,
@@ -328,7 +328,7 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
     some = pieces(len(run.times), PIECES)
     edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
 
-    def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: str) -> None:
+    def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: Callable[[str], str]) -> None:
         lanes.append(lane)
         for kind, colour in colours.items():
             chosen = [i for i, word in enumerate(words) if word == kind]
@@ -337,7 +337,7 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
                     {
                         "type": "bar",
                         "orientation": "h",
-                        "name": legend.format(kind),
+                        "name": legend(kind),
                         "y": [lane] * len(chosen),
                         "base": _list(edges[chosen]),
                         "x": _list(np.diff(edges)[chosen]),
@@ -346,13 +346,16 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
                     }
                 )
 
+    def claimed(claim: str) -> str:
+        return claim_label(claim, run.bounds_from_recording)
+
     if run.claims is not None:
-        bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, "claim: {}")
+        bars("claim", worst_claims(run.claims, some), CLAIM_COLOURS, lambda claim: f"claim: {claimed(claim)}")
     if (of_up := claims_of_up(run)) is not None:
-        bars("claim of up", worst_claims(of_up, some), CLAIM_COLOURS, "claim of up: {}")
+        bars("claim of up", worst_claims(of_up, some), CLAIM_COLOURS, lambda claim: f"claim of up: {claimed(claim)}")
     if run.prediction_used is not None:
         shares = prediction_shares(run.prediction_used, some)
-        bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}")
+        bars("prediction used", shares, PREDICTION_COLOURS, "prediction used: {}".format)
     for name in sorted({name for spell in spells for name in spell.sensors.split()}):
         own = [spell for spell in spells if name in spell.sensors.split()]
         lane = f"{name} left out"

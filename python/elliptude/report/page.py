@@ -19,7 +19,7 @@ from elliptude.bounds.about_axes import ErrorAxes
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import PIECES, plots_over_time
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
-from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
 from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.thinning import chosen_rows, pieces
 from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD
@@ -421,7 +421,8 @@ def _strip_key(run: Run) -> str:
     """What the colours of the strip mean; only for claims that occur."""
     said = {*(run.claims or ()), *(run.up_claims or ())}
     colours = {claim: colour for claim, colour in CLAIM_COLOURS.items() if claim in said}
-    entries = [(f"claim: {claim}", colour) for claim, colour in colours.items()]
+    labels = {claim: claim_label(claim, run.bounds_from_recording) for claim in colours}
+    entries = [(f"claim: {label}", colours[claim]) for claim, label in labels.items()]
     if run.prediction_used is not None:
         entries += [(f"prediction used: {where}", colour) for where, colour in PREDICTION_COLOURS.items()]
     return "".join(f'<span><i style="background:{colour}"></i>{text}</span>' for text, colour in entries)

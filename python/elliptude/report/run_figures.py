@@ -4,7 +4,7 @@ Where nothing is known, the curves have gaps. A strip below them shows what the 
 it left out.
 """
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -299,7 +299,8 @@ def monitor_figure(monitored: Monitored, title: str, *, proposed_from: str | Non
         for index, claim in enumerate(CLAIMS[:2]):
             curve = np.fmax.reduceat(np.where(monitored.claims[:, i] == index, bounds[:, i], np.nan), starts)
             if np.isfinite(curve).any():
-                panel.plot(times, curve, color=CLAIM_COLOURS[claim], linewidth=1.3, label=f"bound, {claim}")
+                label = f"bound, {claim_label(claim, proposed_from)}"
+                panel.plot(times, curve, color=CLAIM_COLOURS[claim], linewidth=1.3, label=label)
         for index, (rests_on, colour) in enumerate(LEAST_COLOURS.items()):
             is_off = monitored.judged & (monitored.claims[:, i] == index) & (monitored.least[:, i] > 0.0)
             least = np.fmax.reduceat(np.where(is_off, np.rad2deg(monitored.least[:, i]), np.nan), starts)
@@ -334,6 +335,23 @@ def monitor_figure(monitored: Monitored, title: str, *, proposed_from: str | Non
         handles = [entries[text] for text in texts]
         figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
+
+
+def claim_label(claim: str, proposed_from: str | None) -> str:
+    """A claim as a legend says it: one that rests on proposals is no guarantee.
+
+    Parameters
+    ----------
+    claim : str
+        One of `elliptude.results.CLAIMS`.
+    proposed_from : str, optional
+        The recording that the bounds are proposed from, if they are proposals.
+
+    Returns
+    -------
+    str
+    """
+    return claim if proposed_from is None or claim == "none" else f"{claim}, by proposals"
 
 
 def time_text(run: Run, row: int) -> str:
@@ -395,7 +413,11 @@ def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Arti
         edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
 
         def bars(
-            lane: int, words: Sequence[str], colours: Mapping[str, str], legend: str, explained: Set[str] = frozenset()
+            lane: int,
+            words: Sequence[str],
+            colours: Mapping[str, str],
+            legend: Callable[[str], str],
+            explained: Set[str] = frozenset(),
         ) -> None:
             for kind, colour in colours.items():
                 spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == kind]
@@ -403,18 +425,21 @@ def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Arti
                     strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, linewidth=0)
                 if spans and kind not in explained:
                     handles.append(Patch(facecolor=colour))
-                    labels.append(legend.format(kind))
+                    labels.append(legend(kind))
+
+        def claimed_as(claim: str) -> str:
+            return f"claim: {claim_label(claim, run.bounds_from_recording)}"
 
         claimed = {"claim": run.claims, "claim of up": claims_of_up(run)}
         shown: set[str] = set()
         for claimed_name, claims in claimed.items():
             if claims is not None:
                 words = worst_claims(claims, some)
-                bars(lanes.index(claimed_name), words, CLAIM_COLOURS, "claim: {}", shown)
+                bars(lanes.index(claimed_name), words, CLAIM_COLOURS, claimed_as, shown)
                 shown |= set(words)
         if run.prediction_used is not None:
             shares = prediction_shares(run.prediction_used, some)
-            bars(lanes.index("prediction used"), shares, PREDICTION_COLOURS, "prediction used: {}")
+            bars(lanes.index("prediction used"), shares, PREDICTION_COLOURS, "prediction used: {}".format)
         times: dict[str, list[float]] = {name: [] for name in names}
         for refusal in run.refusals():
             for name in refusal.sensors.split():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from elliptude.report.body_axes import axis_patches
 from elliptude.report.curves import plot_layout
 from elliptude.report.run import Run
-from elliptude.report.run_figures import AXIS_COLOURS, time_text
+from elliptude.report.run_figures import AXIS_COLOURS, claim_label, time_text
 from elliptude.typing import FloatArray
 
 FRAMES = 240
@@ -113,7 +113,7 @@ def frame_label(run: Run, row: int, is_drawn: bool) -> str:
     if run.tilt_bounds is not None and np.isfinite(run.tilt_bounds[row]):
         parts.append(f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°")
     if run.claims is not None and run.claims[row]:
-        parts.append(f"claim: {run.claims[row]}")
+        parts.append(f"claim: {claim_label(run.claims[row], run.bounds_from_recording)}")
     if run.compared[row]:
         assert run.errors is not None
         where = "OUTSIDE" if run.escaped[row] else "inside"

@@ -113,6 +113,13 @@ def test_the_page_says_at_its_top_that_bounds_are_proposals(page, tmp_path):
     assert written.index("<h1>") < written.index(said) < written.index('id="h-summary"')
     assert "hold the truth if the claims do." in page
     assert "hold the truth if the claims and the proposed bounds do." in written
+    assert "claim: unconditional<" in page
+    assert "claim: unconditional, by proposals<" in written
+    assert "claim: unconditional<" not in written
+    lanes = {trace["name"] for trace in data_of(written)["plots"]["strip"]["data"]}
+    assert {"claim: unconditional, by proposals", "claim: conditional, by proposals", "claim: none"} <= lanes
+    labels = data_of(written)["frames"]["labels"]
+    assert labels[0] == "0.00 s, within 17.2°, claim: unconditional, by proposals, reference 4.96° off, inside"
 
 
 def test_bands_have_gaps(page):

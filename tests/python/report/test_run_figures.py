@@ -123,9 +123,11 @@ def test_every_picture_says_that_bounds_are_proposals():
         assert "proposals" not in figure.get_suptitle()
     for figure in pictures_of(dataclasses.replace(run, bounds_from_recording="log.csv")).values():
         assert figure.get_suptitle().endswith("\nthe bounds are proposals from log.csv: no guarantee")
+        assert "claim: unconditional" not in legend_of(figure)
     found = judged(0, -0.1, Limits())
     figure = run_figures.monitor_figure(found, "judged", proposed_from="log.csv")
     assert figure.get_suptitle() == "judged\nthe bounds are proposals from log.csv: no guarantee"
+    assert "bound, unconditional, by proposals" in legend_of(figure)
 
 
 def test_a_run_without_anything_else_has_no_strip():
