@@ -174,3 +174,49 @@ TEST_CASE_TEMPLATE("a needle's rate is known only to rounding", Scalar, double, 
   CHECK(static_cast<double>(worst - 1) <= 0);
   CHECK(known > 400);
 }
+
+TEST_CASE("a momentum that cancels is as large as its rounding, and so is what the center leaves") {
+  constexpr double exact_moment = 4;  // whose root and inverse round nowhere
+  RigidBody<double> body;
+  GuaranteedRigidBodyFlow<double, FreeBody<double>> flow;
+  REQUIRE(RigidBody<double>::make(exact_moment * Matrix3d::Identity(), body) == Status::ok);
+  REQUIRE(decltype(flow)::make(body, {}, 1, {}, flow) == Status::ok);
+  const auto half_width_about = [&](double rate, double wheel) {
+    BodyInput<double> input;
+    input.wheel_momentum(0) = wheel;
+    const Ellipsoid<double, 3> before{Vector3d(rate, 0, 0), 1e-40 * Matrix3d::Identity()};
+    Ellipsoid<double, 3> after;
+    REQUIRE(flow.predict_vector(0, 0.125, input, before, after) == Status::ok);
+    return std::sqrt(after.shape(0, 0));
+  };
+  constexpr double epsilon = std::numeric_limits<double>::epsilon();
+  // 8 ε of |J||ω| + |h_w|, of the momentum and of what the center -h_w/J leaves of it: of two terms of 1 each.
+  check(2 * 8 * epsilon * 2 / exact_moment, half_width_about(1 / exact_moment, -1), 0.99);
+  // The wheel's alone, where the center is all: of one term, and of two.
+  const double wheel_alone = half_width_about(0, 1) * exact_moment;
+  check(1 + 8 * epsilon + 2 * 8 * epsilon, wheel_alone, 1 - 200 * epsilon);
+}
+
+TEST_CASE("an inverse that rounding made too small makes the set wider by what is left of J X") {
+  Random random(8);
+  for (int trial = 0; trial < 50; ++trial) {
+    const double ratio = random.log_uniform(1e8, 1e10);
+    RigidBody<double> body;
+    GuaranteedRigidBodyFlow<double, FreeBody<double>> flow;
+    REQUIRE(RigidBody<double>::make(random.symmetric<3>(Vector3d(1, 1, 1 / ratio)), body) == Status::ok);
+    REQUIRE(decltype(flow)::make(body, {}, 1, {}, flow) == Status::ok);
+    // Across the needle's axis, where the momentum is large and its rounding nothing beside it.
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(body.inertia());
+    const Vector3d rate = axes.eigenvectors().col(2);
+    Ellipsoid<double, 3> after;
+    REQUIRE(flow.predict_vector(0, std::ldexp(1.0, -100), {}, {rate, 1e-40 * Matrix3d::Identity()}, after) ==
+            Status::ok);
+    const double momentum = (body.inertia() * rate).norm();
+    const double granted = std::sqrt(after.shape.trace()) / body.inertia_inverse().norm();
+    const RealMatrix left = body.inertia().cast<Real>() * body.inertia_inverse().cast<Real>() - RealMatrix::Identity();
+    const double wider = granted / momentum - 1;
+    CHECK(wider >= static_cast<double>(left.norm()));
+    CHECK(wider > 1e-16 * ratio);
+    CHECK(wider < 1e-14 * ratio);
+  }
+}

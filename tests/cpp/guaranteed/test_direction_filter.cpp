@@ -52,7 +52,7 @@ class Motion {
 
 }  // namespace
 
-TEST_CASE("direction filter: the truth is in the cap, which never says less than the measurement") {
+TEST_CASE("direction filter: the truth is in the cap, which says no less than the measurement but for its rounding") {
   double worst = 0;
   double together = 0;
   int count = 0;
@@ -68,7 +68,7 @@ TEST_CASE("direction filter: the truth is in the cap, which never says less than
         REQUIRE(filter.update(motion.measured(angle), update) == Status::ok);
         CHECK(update.claim == Claim::unconditional);
         CHECK(!update.contradicts);
-        CHECK(filter.cap().angle <= angle);
+        CHECK(filter.cap().angle <= normalized(Cap{motion.up(), angle}).angle);
         together += filter.cap().angle / angle;
         ++count;
       }
@@ -79,6 +79,28 @@ TEST_CASE("direction filter: the truth is in the cap, which never says less than
   CHECK(worst <= 1);
   CHECK(worst > 0.98);
   CHECK(together / count < 0.8);
+}
+
+TEST_CASE("direction filter: a measured center of any length is turned by rounding as it is normalized") {
+  using Long = Vector3<long double>;
+  Random random(9);
+  const auto angle_between = [](const Long& a, const Long& b) {
+    return 2 * std::atan2((a.normalized() - b.normalized()).norm(), (a.normalized() + b.normalized()).norm());
+  };
+  for (int trial = 0; trial < 2000; ++trial) {
+    const auto length = static_cast<float>(random.log_uniform(0.1, 20));
+    const Vector3<float> center = length * random.unit_vector<3>().cast<float>();
+    const Vector3<float> truth = center / length + 1e-4F * random.unit_vector<3>().cast<float>();
+    const long double angle = angle_between(center.cast<long double>(), truth.cast<long double>());
+    DirectionFilter<float> filter;
+    REQUIRE(DirectionFilter<float>::make({}, filter) == Status::ok);
+    DirectionUpdate update;
+    // The truth is on the cap's rim.
+    const float rim = std::nextafter(static_cast<float>(angle), 4.0F);
+    REQUIRE(filter.update({center, rim}, update) == Status::ok);
+    CHECK(angle_between(filter.cap().center.cast<long double>(), truth.cast<long double>()) <=
+          static_cast<long double>(filter.cap().angle));
+  }
 }
 
 TEST_CASE("direction filter: a measurement that contradicts is reported, dropped or started from") {
@@ -101,7 +123,7 @@ TEST_CASE("direction filter: a measurement that contradicts is reported, dropped
     CHECK(update.contradicts);
     CHECK(update.dropped == (policy == Policy::drop_measurement));
     CHECK(update.claim == Claim::conditional);
-    const Cap& kept = policy == Policy::drop_measurement ? before : lie;
+    const Cap kept = policy == Policy::drop_measurement ? before : normalized(lie);
     CHECK(angle_between(filter.cap().center, kept.center) <= 1e-15);
     CHECK(filter.cap().angle == kept.angle);
     // After `regain_after` updates in agreement the claim is unconditional, with the truth inside.
@@ -160,7 +182,7 @@ TEST_CASE("direction filter: a turn that may be any forgets the direction, and b
   CHECK(filter.predict_turn(Vector3<double>(nan, 0, 0), 0.1) == Status::not_finite);
   CHECK(filter.update({Vector3<double>::Zero(), 0.1}, update) == Status::zero_direction);
   CHECK(filter.update({Vector3<double>::UnitZ(), nan}, update) == Status::not_finite);
-  CHECK(filter.cap().angle == 0.1);
+  CHECK(filter.cap().angle == normalized(Cap{Vector3<double>::UnitZ(), 0.1}).angle);
   REQUIRE(filter.predict_turn(turn, infinity) == Status::ok);
   CHECK(!filter.knows_direction());
   CHECK(filter.claim() == Claim::none);

@@ -47,6 +47,36 @@ RealVector unit_across(Random& random, const RealVector& v) {
 
 }  // namespace
 
+TEST_CASE("the angle of a direction's bound is none too small, however long the bound is along the direction") {
+  Random random(41);
+  int valid = 0;
+  Real most = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const Vector3<float> body = random.unit_vector<3>().cast<float>();
+    const RealVector b = body.cast<Real>().normalized();
+    const RealVector x = unit_across(random, b);
+    const RealVector y = b.cross(x);
+    const Real along = static_cast<Real>(random.log_uniform(1e-3, 1));
+    const Real across = along * static_cast<Real>(random.log_uniform(3e-4, 1));
+    const RealMatrix shape =
+        along * along * b * b.transpose() + across * across * (x * x.transpose() + y * y.transpose() / 4);
+    const Matrix3<float> bound = symmetrized(Matrix3<float>(shape.cast<float>()));
+    float angle = 0;
+    if (angle_bound(Direction<float>{body, body, bound, 1}, angle) != Status::ok) {
+      continue;  // the entries' rounding makes it indefinite
+    }
+    ++valid;
+    const RealMatrix projection = RealMatrix::Identity() - b * b.transpose();
+    const RealMatrix seen = projection * bound.cast<Real>() * projection;
+    const Real exact = Eigen::SelfAdjointEigenSolver<RealMatrix>(seen).eigenvalues()(2);
+    const Real excess = (Real(angle) * Real(angle) - exact) / Real(bound.trace());
+    CHECK(excess >= 0);
+    most = std::max(most, excess);
+  }
+  CHECK(valid > 15000);
+  CHECK(most < 40 * epsilon);
+}
+
 TEST_CASE("a cone in float holds every attitude of its rim") {
   Random random(1);
   int inside = 0;

@@ -29,6 +29,12 @@ template <typename Scalar>
   return cap.angle >= Scalar(0) ? Status::ok : Status::out_of_range;
 }
 
+/// The same directions about a unit vector, however long the center was.
+template <typename Scalar>
+[[nodiscard]] DirectionCap<Scalar> normalized(const DirectionCap<Scalar>& cap) noexcept {
+  return {scalar::unit(cap.center), cap.angle + rounding::share<Scalar>(rounding::direction)};
+}
+
 /// Where the directions are in body axes after the body has turned by the rotation `turn`, and before, after or within
 /// that by at most `angle`, rad, about any axis.
 template <typename Scalar>

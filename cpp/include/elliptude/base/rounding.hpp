@@ -117,6 +117,8 @@ inline constexpr int slope = 4;
 /// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative
 /// to the angle.
 inline constexpr int direction = 16;
+/// The square of the angle of a direction's bound, relative to the bound's trace.
+inline constexpr int direction_bound = 32;
 /// A sum of `count` cones, relative to the weights.
 [[nodiscard]] constexpr int cone_sum(int count) noexcept { return 4 * count + 48; }
 /// The slope of a sum of cones in axes, relative to ‖D‖.

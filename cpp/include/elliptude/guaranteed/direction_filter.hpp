@@ -95,7 +95,7 @@ class DirectionFilter {
       update = result;
       return Status::ok;
     }
-    const DirectionCap<Scalar> seen{scalar::unit(measured.center), measured.angle};
+    const DirectionCap<Scalar> seen = normalized(measured);
     DirectionCap<Scalar> next = seen;
     if (knows_direction()) {
       result.contradicts = intersection(cap_, seen, next) != Status::ok;

@@ -58,7 +58,7 @@ template <typename Scalar, int Rows>
 }
 
 /// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for
-/// every ν. (theory, section 16)
+/// every ν. No less whatever rounding does, however long S is along b̃. (theory, section 16.2)
 /// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status angle_bound(const Direction<Scalar>& direction, Scalar& angle) noexcept {
@@ -76,7 +76,8 @@ template <typename Scalar>
   const Scalar mean = half * (first.dot(s1) + second.dot(s2));
   const Scalar difference = half * (first.dot(s1) - second.dot(s2));
   const Scalar mixed = half * (first.dot(s2) + second.dot(s1));
-  angle = scalar::sqrt(Scalar(mean + scalar::sqrt(Scalar(difference * difference + mixed * mixed))));
+  const Scalar lost = rounding::share<Scalar>(rounding::direction_bound) * direction.bound.trace();
+  angle = scalar::sqrt(Scalar(mean + scalar::sqrt(Scalar(difference * difference + mixed * mixed)) + lost));
   return Status::ok;
 }
 
