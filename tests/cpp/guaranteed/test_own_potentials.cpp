@@ -345,6 +345,30 @@ TEST_CASE("the rate alone is bounded by a stated torque") {
   }
 }
 
+TEST_CASE_TEMPLATE("a direction and its turn are as they are, however small or large their numbers", Scalar, double,
+                   float) {
+  constexpr auto epsilon = std::numeric_limits<Scalar>::epsilon();
+  const Vector3<Scalar> along(3, 0, 4);
+  const Vector3<Scalar> across(4, 2, -3);
+  const Scalar least = std::numeric_limits<Scalar>::min();
+  for (const Scalar size : {4 * least, Scalar(1) / std::sqrt(std::numeric_limits<Scalar>::max()), std::sqrt(least),
+                            Scalar(1), 4 / std::sqrt(least), 1 / (4 * least)}) {
+    TurningDirection<Scalar> direction;
+    REQUIRE(TurningDirection<Scalar>::make(size * along, Vector3<Scalar>::Zero(), direction) == Status::ok);
+    CHECK((direction.start() - along / 5).norm() <= 4 * epsilon);
+    if (size > 1) {
+      continue;
+    }
+    REQUIRE(TurningDirection<Scalar>::make(along, size * across, direction) == Status::ok);
+    CHECK((direction.start() - along / 5).norm() <= 16 * epsilon);
+    CHECK(direction.start().dot(direction.along()) <= 4 * epsilon);
+    CHECK(std::fabs(direction.rate() / size - across.norm()) <= 16 * epsilon);
+  }
+  TurningDirection<Scalar> direction;
+  const Vector3<Scalar> beyond = Vector3<Scalar>::Constant(std::numeric_limits<Scalar>::max());
+  CHECK(TurningDirection<Scalar>::make(Vector3<Scalar>(1, -1, 0), beyond, direction) == Status::out_of_range);
+}
+
 TEST_CASE("what potentials of one's own refuse") {
   const double infinite = std::numeric_limits<double>::infinity();
   TurningDirection<double> direction;

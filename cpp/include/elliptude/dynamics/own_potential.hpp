@@ -29,19 +29,18 @@ class TurningDirection {
     if (!scalar::all_finite(direction) || !scalar::all_finite(turn)) {
       return Status::not_finite;
     }
-    const Scalar length = scalar::sqrt(Scalar(direction.squaredNorm()));
-    const Scalar rate = scalar::sqrt(Scalar(turn.squaredNorm()));
-    if (!(length > Scalar(0)) || !scalar::isfinite(length)) {
+    if (!(direction.cwiseAbs().maxCoeff() > Scalar(0))) {
       return Status::zero_direction;
     }
+    const Scalar rate = scalar::length(turn);
     if (!scalar::isfinite(rate)) {
       return Status::out_of_range;
     }
     TurningDirection made;
-    made.start_ = direction / length;
+    made.start_ = scalar::unit(direction);
     made.rate_ = rate;
     if (rate > Scalar(0)) {
-      const Vector3<Scalar> axis = turn / rate;
+      const Vector3<Scalar> axis = scalar::unit(turn);
       if (!(scalar::abs(Scalar(axis.dot(made.start_))) <= rotation_tolerance<Scalar>())) {
         return Status::out_of_range;
       }

@@ -139,13 +139,13 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     if (const Status status = largest_torque(time, duration, torque); status != Status::ok) {
       return status;
     }
-    const Scalar speed = scalar::sqrt(Scalar(ellipsoid.center.squaredNorm())) + detail::tube::radius(ellipsoid.shape);
-    const Scalar wheel = scalar::sqrt(Scalar(input.wheel_momentum.squaredNorm()));
-    Scalar momentum = scalar::sqrt(Scalar((j * ellipsoid.center + input.wheel_momentum).squaredNorm())) +
+    const Scalar speed = scalar::length(ellipsoid.center) + detail::tube::radius(ellipsoid.shape);
+    const Scalar wheel = scalar::length(input.wheel_momentum);
+    Scalar momentum = scalar::length(Vector3<Scalar>(j * ellipsoid.center + input.wheel_momentum)) +
                       detail::tube::radius(momentum_shape) + error * speed;
     momentum += rounding_of_momentum(ellipsoid.center, input.wheel_momentum);
-    momentum += duration * (torque + gradient + scalar::sqrt(Scalar(input.control_torque.squaredNorm())) +
-                            detail::tube::radius(uncertainty_.torque));
+    momentum += duration *
+                (torque + gradient + scalar::length(input.control_torque) + detail::tube::radius(uncertainty_.torque));
     momentum += error * (momentum + wheel) / (body_.least_moment() - error);
     const Matrix3<Scalar>& inverse = body_.inertia_inverse();
     const Vector3<Scalar> center = -inverse * input.wheel_momentum;
@@ -186,13 +186,13 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   [[nodiscard]] Scalar rounding_of_momentum(const Vector3<Scalar>& rate, const Vector3<Scalar>& wheel) const noexcept {
     const Vector3<Scalar> terms =
         rounding::row_norms<Scalar>(body_.inertia(), rate.cwiseAbs()) + Vector3<Scalar>(wheel.cwiseAbs());
-    return rounding::share<Scalar>(rounding::momentum) * scalar::sqrt(Scalar(terms.squaredNorm()));
+    return rounding::share<Scalar>(rounding::momentum) * scalar::length(terms);
   }
 
   /// A bound of ‖Jω + h_w‖ at the center, where it would be zero but for rounding.
   [[nodiscard]] Scalar momentum_left(const Vector3<Scalar>& center, const Vector3<Scalar>& wheel) const noexcept {
     const Vector3<Scalar> left = body_.inertia() * center + wheel;
-    return scalar::sqrt(Scalar(left.squaredNorm())) + rounding_of_momentum(center, wheel);
+    return scalar::length(left) + rounding_of_momentum(center, wheel);
   }
 
   /// A bound of ‖JX − I‖ of the inverse X as it was computed, so that ‖X⁻¹v‖ ≤ ‖Jv‖/(1 − defect).
