@@ -161,6 +161,9 @@ def as_written(tables: Tables, file: LogFile, *, repair: bool) -> Tables:
             full["csv"] = found | full.get("csv", {})
     timing: Tables = {"repair": True} if repair else {}
     time, unit = full.get("time_column", "time_s"), full.get("time_unit", "s")
+    own = None if time in file.columns else _own_stamps(file, full)
+    if own is not None and _is_absolute(file, *own):
+        timing["origin"] = "first"
     if time in file.columns and _is_absolute(file, time, file.time_unit(time) or unit):
         timing["origin"] = "first"
         if file.time_unit(time) is not None:
@@ -168,6 +171,12 @@ def as_written(tables: Tables, file: LogFile, *, repair: bool) -> Tables:
     if timing:
         full["timing"] = timing | full.get("timing", {})
     return full
+
+
+def _own_stamps(file: LogFile, tables: Tables) -> tuple[str, str] | None:
+    """The column and the unit of the stamps that the gyro's stream has of its own."""
+    columns = tables.get("flow", {}).get("columns", [])
+    return file.stamps(file.stream(columns[0])) if columns else None
 
 
 def _is_absolute(file: LogFile, column: str, unit: Any) -> bool:

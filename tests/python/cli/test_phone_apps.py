@@ -268,6 +268,24 @@ def test_phyphox_needs_no_preset(tmp_path, mark, decimal):
     assert inside(results).all()
 
 
+@pytest.mark.parametrize("zone", ["Z", ""])
+def test_times_of_day_in_the_files_of_a_folder(tmp_path, zone):
+    """Two commands do; each file has its own stamps, and the results count from the first."""
+    recording = made()
+    stamps = np.datetime64("2026-05-01T12:00:00", "ns") + np.rint(recording.times * 1e9).astype("timedelta64[ns]")
+    files = phyphox(recording)
+    for stem in PHYPHOX:
+        head, *rows = files[f"{stem}.csv"].splitlines()
+        lines = [f"{stamp}{zone},{row.partition(',')[2]}" for stamp, row in zip(stamps, rows, strict=True)]
+        files[f"{stem}.csv"] = "\n".join([head.replace('"Time (s)"', "Time"), *lines]) + "\n"
+    stated, said, _, results = two_commands(tmp_path, written(tmp_path / "recording", files))
+    assert "time: the file's own stamps" in said
+    assert stated["timing"]["origin"] == "first"
+    np.testing.assert_allclose(results.times, recording.times, atol=1e-9)
+    assert np.isfinite(results.largest_angles).mean() > 0.9
+    assert inside(results).all()
+
+
 def test_a_pause_of_phyphox_is_refused(tmp_path):
     """Its stamps go on as if no time had gone by; the body may have turned meanwhile."""
     log = written(tmp_path / "recording.zip", phyphox(made(), pauses=[12.5]))

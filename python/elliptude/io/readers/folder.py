@@ -100,14 +100,15 @@ class CsvFolder:
         return table.time_unit(name)
 
     def stamps(self, stream: str) -> tuple[str, str] | None:
-        """The only column whose header is a time with a unit."""
+        """The only column whose header is a time with a unit, or else the only one whose cells are times of day."""
         if stream not in self.tables:
             return None
-        times = [(name, match) for name in self.tables[stream].columns if (match := TIME_HEADER.fullmatch(name))]
-        if len(times) != 1:
-            return None
-        unit = times[0][1]["unit"].lower()
-        return f"{stream}.{times[0][0]}", units.unit_of(unit)
+        table = self.tables[stream]
+        found = {name: match["unit"].lower() for name in table.columns if (match := TIME_HEADER.fullmatch(name))}
+        found = {name: units.unit_of(unit) for name, unit in found.items()}
+        if not found:
+            found = {name: unit for name in table.columns if (unit := table.time_unit(name)) is not None}
+        return (f"{stream}.{next(iter(found))}", next(iter(found.values()))) if len(found) == 1 else None
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
