@@ -163,8 +163,11 @@ def bounds(
     state_field(tables, field_ut, config)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
+    if carried != "hand":
+        tables["carried"] = carried
     tables = mapping.as_written(tables, open_log(source, stated_csv(tables, stated), lenient=repair), repair=repair)
     configuration = mapping.configuration_of(tables, stated_in)
+    carried = configuration.carried or "hand"
     mode = _mode(mode, tables)
     repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
     recording, origin = mapping.read_recording(source, configuration)

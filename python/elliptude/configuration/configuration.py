@@ -66,7 +66,7 @@ from elliptude.configuration.estimator import (
     StatedRule,
 )
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
-from elliptude.configuration.rules import Rule
+from elliptude.configuration.rules import Carried, Rule
 from elliptude.configuration.sensors import (
     Accelerometer,
     AnyDirection,
@@ -111,6 +111,8 @@ class Configuration(Model):
     bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
     rule: Annotated[HandHeldRule | RuleFile | StatedRule, Field(discriminator="kind")] | None = None
+    # Whose numbers are the usual ones where each sensor states its own bounds; a rule says it itself.
+    carried: Carried | None = None
     # What `elliptude calibrate` found of the sensors: samples are corrected as they are read.
     calibration: StatedCalibration | None = None
     # The guaranteed mode starts from nothing if it is left out.
@@ -173,6 +175,8 @@ class Configuration(Model):
     def _require_what_a_rule_is_of(self) -> None:
         if self.start is not None:
             raise ValueError("start: a rule says how a recording starts")
+        if self.carried is not None:
+            raise ValueError("carried: is for the rule to say")
         if self.reference_frame not in {None, "ENU"}:
             raise ValueError("reference_frame: a rule's is ENU, with magnetic north where the recording starts")
         given = self.flow.model_fields_set - _SAID_OF_A_RULES_SENSOR

@@ -104,32 +104,32 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
             else of_rule(numbers.model_dump(mode="json"), carried=numbers.carried or "hand")
         )
     found: list[Suspicion] = []
-    flow = configuration.flow
+    flow, carried = configuration.flow, configuration.carried or "hand"
     if isinstance(flow, GyroFlow):
         # A number that is not stated is zero or has a meaning of its own, except the noise.
         there = flow.model_fields_set & {key for _, key in _USUAL}
-        found += _of_table("gyro", {key: getattr(flow, key) for key in there}, "the gyro", "stated")
+        found += _of_table("gyro", {key: getattr(flow, key) for key in there}, "the gyro", "stated", carried)
     for sensor in configuration.directions:
-        found += _of_sensor(sensor)
+        found += _of_sensor(sensor, carried)
     return found
 
 
-def _of_sensor(sensor: AnyDirection) -> Iterator[Suspicion]:
+def _of_sensor(sensor: AnyDirection, carried: Carried) -> Iterator[Suspicion]:
     bound = sensor.bound_from
     if isinstance(bound, VelocityWindowBound):
-        yield from _of_table("motion", bound.model_dump(exclude_none=True), sensor.name, "stated")
+        yield from _of_table("motion", bound.model_dump(exclude_none=True), sensor.name, "stated", carried)
     elif isinstance(bound, FieldBound):
-        yield from _of_table("magnetometer", bound.model_dump(exclude_none=True), sensor.name, "stated")
+        yield from _of_table("magnetometer", bound.model_dump(exclude_none=True), sensor.name, "stated", carried)
     if sensor.kind != "direction":
         errors = sensor.sensor_error.model_dump(exclude_none=True)
-        yield from _of_table(sensor.kind, errors, sensor.name, "stated")
+        yield from _of_table(sensor.kind, errors, sensor.name, "stated", carried)
     angle = getattr(bound, "angle_deg", sensor.bound_deg)
     if angle is not None and angle + math.degrees(sensor.added_angle) >= _NEXT_TO_NOTHING_DEG:
         yield Suspicion(sensor.name, f"a bound of {angle:.3g} degrees says next to nothing of where it points")
 
 
 def _of_table(
-    table: str, numbers: Mapping[str, Any], sensor: str, stated: str, carried: Carried = "hand"
+    table: str, numbers: Mapping[str, Any], sensor: str, stated: str, carried: Carried
 ) -> Iterator[Suspicion]:
     rule = rules.rule_for(carried).model_dump(mode="json")[table]
     where = "in the hand" if carried == "hand" else f"on a {carried}"

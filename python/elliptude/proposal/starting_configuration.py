@@ -280,6 +280,7 @@ def _stated(table: RuleTables) -> Tables:
 
 def _put_rule(full: Tables, comments: dict[Place, str], table: RuleTables, carried: Carried) -> None:
     full["rule"] = _stated(table)
+    full.pop("carried", None)  # a rule says it itself
     if carried != "hand":
         full["rule"]["carried"] = carried
         comments["rule", "carried"] = "whose numbers are usual: those that were not seen are of its rule"
@@ -309,15 +310,17 @@ def why_no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stam
     str, optional
         In words.
     """
+    # First, because no rest would mend it: with sensors that began apart, none has samples of all of them at its start.
+    if shared_stamps <= 0.5:
+        return f"all sensors were sampled together in {100.0 * shared_stamps:.3g} % of the rows alone"
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
         why = "" if proposed.no_rest is None else f"; {proposed.no_rest}"
         return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s{why}"
-    if shared_stamps <= 0.5:
-        return f"all sensors were sampled together in {100.0 * shared_stamps:.3g} % of the rows alone"
     try:
-        Configuration.model_validate(full | {"rule": _stated(table)})
+        of_sensors = {key: value for key, value in full.items() if key != "carried"}
+        Configuration.model_validate(of_sensors | {"rule": _stated(table)})
     except ValidationError as error:
         return error.errors()[0]["msg"].removeprefix("Value error, ")
     return None
@@ -339,6 +342,9 @@ def _put_by_sensor(
             "a configuration to start from needs two directions, such as accelerometer and magnetometer; one does "
             f"where a rule says all bounds, but {reason}"
         )
+    if carried != "hand":
+        full["carried"] = carried
+        comments["carried",] = "whose numbers are usual: those that were not seen are of its rule"
     moved = 0.0
     if "start" not in full and shared_stamps == 0.0:
         moved = _bring_together(full, comments, proposed)

@@ -440,6 +440,48 @@ def test_how_the_sensor_is_carried_says_what_the_recording_does_not(tmp_path):
     assert "suspicious" not in estimated
 
 
+def test_how_the_sensor_is_carried_is_stated_without_a_rule_too(tmp_path):
+    """The magnetometer is in few rows, so that no rule can be used: a drone's numbers are compared with a drone's."""
+    log = write_csv(tmp_path / "log.csv", HEADER)
+    header, *lines = log.read_text().splitlines()
+    cut = [line if i % 10 == 0 else ",".join(line.split(",")[:-3]) + ",,," for i, line in enumerate(lines)]
+    log.write_text("\n".join([header, *cut]) + "\n")
+    config, again = tmp_path / "drone.toml", tmp_path / "again.toml"
+    succeed("bounds", log, "--carried", "drone", "--out", config)
+    written = tomllib.loads(config.read_text())
+    assert (written["carried"], "rule" in written) == ("drone", False)
+    for command in (("check", log, config), ("estimate", log, "--config", config, "--out", tmp_path / "out")):
+        assert "suspicious" not in succeed(*command)
+    # What is missing in a configuration is proposed for what it says, without the option.
+    config.write_text(re.sub("noise_deg_per_s = .*", "", config.read_text()))
+    assert "by the rule for a sensor on a drone" in succeed("bounds", log, config, "--out", again)
+    assert tomllib.loads(again.read_text())["flow"]["noise_deg_per_s"] == 60.0
+    # Where a rule can be used, it says that itself.
+    ruled = tmp_path / "ruled.toml"
+    whole = write_csv(tmp_path / "whole.csv", HEADER)
+    given = {key: written[key] for key in ("time_column", "time_unit", "reference_frame", "carried") if key in written}
+    keys = ("kind", "columns", "unit")
+    given["flow"] = {key: written["flow"][key] for key in keys}
+    given["directions"] = [{key: one[key] for key in ("name", *keys)} for one in written["directions"]]
+    config.write_text(tomlkit.dumps(given))
+    said = succeed("bounds", whole, config, "--out", ruled)
+    assert "no rule can describe" not in said
+    found = tomllib.loads(ruled.read_text())
+    assert ("carried" in found, found["rule"]["carried"]) == (False, "drone")
+    ruled.write_text('carried = "drone"\n' + ruled.read_text())
+    assert "carried: is for the rule to say" in refused("check", whole, ruled)
+
+
+def test_sensors_that_begin_apart_are_why_no_rule_can_be_used(tmp_path):
+    """At its first row a recording whose sensors begin apart shows no rest, however long it rests."""
+    log = write_csv(tmp_path / "log.csv", HEADER)
+    header, *lines = log.read_text().splitlines()
+    cut = [line if i % 10 == 3 else ",".join(line.split(",")[:4]) + "," * 6 for i, line in enumerate(lines)]
+    log.write_text("\n".join([header, *cut]) + "\n")
+    said = succeed("bounds", log, "--out", tmp_path / "config.toml")
+    assert "no rule can describe this recording: all sensors were sampled together in 10 % of the rows alone" in said
+
+
 def test_statements_as_json(tmp_path):
     log = write_npz(tmp_path / "log.npz", made())
     summary = json.loads(succeed("bounds", log, "--like", "broad", "--carried", "boat", "--json"))
