@@ -122,10 +122,12 @@ def estimate(
         # An error at the end is better found before a long estimation.
         html_report.plotly_script()
         files.append(report)
-    require_outputs(files, force=force, folder=out, read=[log, config])
+    other = out / f"results.{'csv' if format == 'parquet' else 'parquet'}"
+    require_outputs([*files, other] if other.exists() else files, force=force, folder=out, read=[log, config])
     source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)
+        other.unlink(missing_ok=True)  # of an earlier estimation: a folder of results has one table
         if report is not None:
             run, label = read_run(out)
             html_report.write_report(replace(run, axes=axes), report, source.name, label=label)

@@ -73,3 +73,23 @@ def test_two_outputs_have_two_names(folder):
     assert result.exit_code == 1
     assert "new.toml: not written: two outputs have this name; give one of them another" in result.output
     assert not (folder / "new.toml").exists()
+
+
+def test_a_folder_of_results_has_one_table(tmp_path):
+    """A table of another format is of an earlier estimation: with both, `report` would not know which one counts."""
+    log, config, out = tmp_path / "log.csv", tmp_path / "config.toml", tmp_path / "out"
+    log.write_text(LOG)
+    config.write_text(CONFIG)
+    estimate = ["estimate", str(log), "--config", str(config), "--out", str(out)]
+    for extra, kept in (
+        ((), "results.csv"), (("--format", "parquet", "--force"), "results.parquet"), (("--force",), "results.csv"),
+    ):  # fmt: skip
+        done = CliRunner().invoke(cli.make_app(), [*estimate, *extra])
+        assert done.exit_code == 0, done.output
+        assert [one.name for one in out.glob("results.*")] == [kept]
+    (out / "summary.json").unlink()
+    (out / "estimate.png").unlink()
+    (out / "dropped.csv").unlink()
+    done = CliRunner().invoke(cli.make_app(), [*estimate, "--format", "parquet"])
+    assert done.exit_code == 1
+    assert "results.csv is there already; --force replaces it" in " ".join(done.output.split())
