@@ -225,7 +225,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     rate = summary["largest_rate_deg_per_s"]
     known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
     without = summary["rows_without_set"]
-    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "no row lost its set"
+    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "none ended with its set lost"
     lines = [
         f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
         f"({summary['total_s']:.3g} s in all; {known}): {lost}"

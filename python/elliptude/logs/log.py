@@ -216,9 +216,11 @@ def with_all_faults(error: FileError, path: LogSource, configuration: Configurat
         return error
     if not found.faults and not found.hopeless:
         return error
-    listed = "; ".join([*map(str, found.faults), *found.hopeless])
-    remedy = "" if found.hopeless else ". --repair leaves them out, and lists them (timing.repair = true)"
-    return FileError(f"{error}. In all: {listed}{remedy}")
+    listed = "; ".join(map(str, found.faults))
+    if found.hopeless:
+        # What a key would leave out is no advice for a file that no repair mends.
+        return FileError(f"{path}: {'; '.join(found.hopeless)}{f'. Besides: {listed}' if listed else ''}")
+    return FileError(f"{error}. In all: {listed}. --repair leaves them out, and lists them (timing.repair = true)")
 
 
 def _filled(configuration: Configuration) -> str:

@@ -141,7 +141,8 @@ def _require_plausible(log: Log, configuration: Configuration, name: str, heard:
         return is_told
     if configuration.implausible == "refuse":
         raise FileError(
-            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore', or --ignore-implausible"
+            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore' in the configuration, "
+            "or --ignore-implausible of estimate"
         )
     heard.ignored += errors
     heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
