@@ -178,7 +178,6 @@ def bounds(
     with _naming(source):
         proposed = proposals.propose(recording)
         if out is not None:
-            shared = recording.shared_stamps
             document = starting_configuration(
                 tables,
                 proposed,
@@ -186,7 +185,8 @@ def bounds(
                 mode=mode,
                 log=source.name,
                 origin=origin,
-                shared_stamps=shared,
+                shared_stamps=recording.shared_stamps,
+                shared_forces=recording.shared_forces,
                 carried=carried,
             )
     if out is not None:
@@ -334,7 +334,7 @@ def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: li
 def _say_no_rule(why: str | None, recording: Recording) -> None:
     if why is None:
         return
-    apart = "" if recording.shared_stamps > 0.5 else ": what is not sampled together is not averaged over windows"
+    apart = "" if recording.shared_forces > 0.5 else ": what is not sampled together is not averaged over windows"
     typer.secho(
         f"no rule can describe this recording: {why}. Each sensor states its own bounds, which say less{apart}",
         fg=typer.colors.YELLOW,

@@ -168,6 +168,7 @@ def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike
         log=_NAME,
         origin=origin,
         shared_stamps=recording.shared_stamps,
+        shared_forces=recording.shared_forces,
     )
     return validate(file.path, document.unwrap(), Configuration)
 

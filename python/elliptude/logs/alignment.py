@@ -339,7 +339,13 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
     row_of = np.cumsum(is_first) - 1
     times = every[is_first]
     rows = np.full(len(times), -1, dtype=np.int64)
-    for clock, own in zip(clocks, stamps, strict=True):
+    # First those that are filled in between samples, as a gyro is: a row has their stamp if it has one, so that a line
+    # between two samples has no corner within a row.
+    in_order = sorted(zip(clocks, stamps, strict=True), key=lambda one: not _is_filled_in(one[0]))
+    for clock, own in reversed(in_order):
+        if _is_filled_in(clock):
+            times[row_of[np.searchsorted(every, own[::-1])]] = own[::-1]  # of several in a row the first
+    for clock, own in in_order:
         numbers = _cut_rows(clock.rows, len(own))
         if rows_mean_something:
             at = row_of[np.searchsorted(every, own)]
@@ -369,6 +375,10 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
         if not len(channel.times[0]):
             channel.times, channel.values = [], []
     return Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin, sampled_at)
+
+
+def _is_filled_in(clock: Clock) -> bool:
+    return any(channel.fill != "none" for channel in clock.channels)
 
 
 def _begin_rows(stamps: FloatArray, within: float) -> BoolArray:

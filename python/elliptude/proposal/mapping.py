@@ -14,6 +14,7 @@ from importlib import resources
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude import units
 from elliptude.configuration import references
@@ -402,7 +403,7 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
             f"{name}: bounds cannot be proposed from fewer than 3 rows of the gyro, and it has {len(gyro.times)}"
         )
     vectors: dict[str, FloatArray] = {}
-    together = np.ones(len(gyro.times), dtype=np.bool_)
+    sampled: dict[str, NDArray[np.bool_]] = {}
     for sensor in configuration.directions:
         if sensor.kind != "direction" and sensor.kind not in vectors:
             there = samples[sensor.name]
@@ -413,7 +414,7 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
                     "by options that name the columns of the other sensors (--time, --gyro, --accelerometer)"
                 )
             vectors[sensor.kind] = _at(gyro.times, there.times, there.values[:, :3])
-            together &= np.isin(gyro.times, there.times)
+            sampled[sensor.kind] = np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
         reference = reference_attitudes.read_reference(name, configuration)
@@ -432,7 +433,8 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
         vectors.get("accelerometer"),
         None if fields is None else fields / units.FIELD["uT"],
         attitudes,
-        float(together.mean()),
+        float(np.logical_and.reduce(list(sampled.values())).mean()) if sampled else 1.0,
+        float(sampled["accelerometer"].mean()) if "accelerometer" in sampled else 1.0,
     )
     return recording, gyro.origin
 

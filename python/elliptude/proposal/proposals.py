@@ -41,6 +41,8 @@ class Recording:
     """The reference (qw, qx, qy, qz) from body to reference axes (third axis up), shape (N, 4)."""
     shared_stamps: float = 1.0
     """The share of rows at which all sensors were sampled; at the others their vectors are interpolated."""
+    shared_forces: float = 1.0
+    """The share of rows at which the accelerometer was sampled."""
 
 
 @dataclass(frozen=True)

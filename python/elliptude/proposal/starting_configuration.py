@@ -8,7 +8,7 @@ times a margin, and guarantee nothing about another recording.
 import copy
 import math
 from collections.abc import Mapping
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import tomlkit
@@ -54,6 +54,7 @@ def starting_configuration(
     log: str,
     origin: int,
     shared_stamps: float = 1.0,
+    shared_forces: float = 1.0,
     carried: Carried = "hand",
 ) -> tomlkit.TOMLDocument:
     """A configuration for `elliptude estimate`, with comments.
@@ -70,8 +71,8 @@ def starting_configuration(
         The recording's name.
     origin : int
         What was subtracted from the file's times, s.
-    shared_stamps : float
-        The share of rows at which all sensors were sampled.
+    shared_stamps, shared_forces : float
+        The share of rows at which all sensors were sampled, and the accelerometer.
     carried : {"hand", "drone", "car", "boat"}
         How the sensor is carried: it says what the recording does not show.
 
@@ -91,7 +92,8 @@ def starting_configuration(
         _first_order(full, comments, proposed, margin, origin)
         notes = []
     else:
-        notes = _guaranteed(full, comments, proposed, margin, origin, shared_stamps, carried)
+        shared = _Shared(shared_stamps, shared_forces)
+        notes = _guaranteed(full, comments, proposed, margin, origin, shared, carried)
     return _document(full, comments, margin, log, notes)
 
 
@@ -241,13 +243,20 @@ def _field_reference(proposed: Proposal, frame: Any, origin: int) -> tuple[str, 
 # --- guaranteed -------------------------------------------------------------------------------------------------------
 
 
+class _Shared(NamedTuple):
+    """The share of the gyro's rows at which all sensors were sampled, and the accelerometer."""
+
+    by_all: float
+    forces: float
+
+
 def _guaranteed(
     full: Tables,
     comments: dict[Place, str],
     proposed: Proposal,
     margin: float,
     origin: int,
-    shared_stamps: float,
+    shared: _Shared,
     carried: Carried,
 ) -> list[str]:
     """Put in what is missing; returns the comment at the top of the file."""
@@ -258,14 +267,14 @@ def _guaranteed(
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
     table = rule_tables(proposed, margin, carried=carried)
-    reason = why_no_rule(full, table, proposed, shared_stamps)
+    reason = why_no_rule(full, table, proposed, shared.by_all)
     if reason is None:
         _put_rule(full, comments, table, carried)
         return [
             "A [rule] says all bounds, as the recording starts at rest. The frame is ENU; north is magnetic north.",
             "There is no [start]: the recording's own rest is where it starts.",
         ]
-    _put_by_sensor(full, comments, proposed, margin, origin, shared_stamps, carried, reason)
+    _put_by_sensor(full, comments, proposed, margin, origin, shared, carried, reason)
     return [
         f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}.",
         "There is no [start]: it begins with the first measurements that determine an attitude.",
@@ -332,7 +341,7 @@ def _put_by_sensor(
     proposed: Proposal,
     margin: float,
     origin: int,
-    shared_stamps: float,
+    shared: _Shared,
     carried: Carried,
     reason: str,
 ) -> None:
@@ -346,7 +355,7 @@ def _put_by_sensor(
         full["carried"] = carried
         comments["carried",] = "whose numbers are usual: those that were not seen are of its rule"
     moved = 0.0
-    if "start" not in full and shared_stamps == 0.0:
+    if "start" not in full and shared.by_all == 0.0:
         moved = _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed)
@@ -358,7 +367,7 @@ def _put_by_sensor(
         vector = _vector_of(sensor, proposed)
         if sensor["kind"] == "accelerometer":
             on_lines = full["flow"].get("interval_rate", "mean_of_ends") == "mean_of_ends"
-            _bound_accelerometer(sensor, comments, table, vector, margin, over_windows=shared_stamps > 0.5 and on_lines)
+            _bound_accelerometer(sensor, comments, table, vector, margin, over_windows=shared.forces > 0.5 and on_lines)
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
         if moved > 0.0:

@@ -52,6 +52,35 @@ def test_a_rate_that_moves_between_its_samples(tmp_path, place):
     assert (errors <= rows.angles[:, 0])[bounded].all()
 
 
+@pytest.mark.parametrize("within", [0.0, 0.45 * STEP])
+def test_rows_of_another_sensor_break_no_window(tmp_path, within):
+    """A magnetometer has stamps of its own, and some make a row with the gyro's. Up is as well known as without it."""
+    random = np.random.default_rng(4)
+    times = STEP * np.arange(600)
+    rates = np.deg2rad(40.0) * np.column_stack([np.sin(0.7 * times), np.cos(0.9 * times), np.sin(1.1 * times)])
+    own = np.arange(0.05, times[-1], 0.0871)
+    forces = random.normal([0.0, 0.0, GRAVITY], 0.01, (600, 3))
+    arrays = {"t": times, "gyr": rates, "acc": forces}
+    np.savez(tmp_path / "log.npz", **arrays, other=own, mag=np.tile([20.0, 0.0, -40.0], (len(own), 1)))
+    alone = configuration()
+    alone["directions"][0]["bound_from"] |= {"velocity_m_per_s": 9.0, "position_m": 5.0}
+    field = {"name": "m", "kind": "magnetometer", "columns": [f"mag[{i}]" for i in range(3)], "unit": "uT"}
+    field |= {"time_column": "other", "time_unit": "s", "reference_ut": [0.0, 20.0, -40.0], "bound_deg": 5.0}
+    with_field = alone | {"directions": [*alone["directions"], field], "timing": {"same_within_s": within}}
+    found = []
+    for table in (alone, with_field):
+        fitted = Configuration.model_validate(table)
+        log = read_log(tmp_path / "log.npz", fitted)
+        rows = direction_rows(log, fitted)
+        sampled = np.isin(log.times, times)
+        assert sampled.sum() == len(times)
+        found.append((rows.directions[sampled, 0], rows.angles[sampled, 0]))
+        assert np.isnan(rows.angles[~sampled, 0]).all()
+    assert np.isfinite(found[0][1]).mean() > 0.5
+    np.testing.assert_allclose(found[1][0], found[0][0], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-9)
+
+
 def test_windows_need_rates_on_lines():
     with pytest.raises(
         ValueError, match=r"directions\[0\] \(up\): bound_from.kind = 'velocity_window' needs flow.inte"

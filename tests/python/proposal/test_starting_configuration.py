@@ -348,6 +348,7 @@ def test_what_cannot_be_configured_is_not_written(tmp_path):
     succeed("bounds", log, mapping, "--out", config)
     near = tomllib.loads(config.read_text())
     assert near["timing"]["same_within_s"] == pytest.approx(0.45 * STEP, rel=0.05)
+    assert near["directions"][0]["bound_from"]["kind"] == "velocity_window", "it is the magnetometer that is apart"
     assert all(sensor["time_offset_bound_s"] >= 0.45 * STEP for sensor in near["directions"])
     config.unlink()
     mapping.write_text(f"{text}\ndirections = [{accelerometer}]\n[start]\nkind = 'first_measurement'")
