@@ -309,7 +309,7 @@ GOOD = "0,0,0,0,1,0,0,1,0,0"
     ("rows", "timing", "message"),
     [
         ((GOOD, "1,0,0,0,1,0,0,1,0,0", "1,0,0,0,1,0,0,1,0,0"), {}, r"line 4, column 1 \(t\): not after .*'merge'"),
-        ((GOOD, "1,0,0,0,1,0,0,1,0,0", "0.5,0,0,0,1,0,0,1,0,0"), {}, r"line 4, column 1 \(t\): not after .*'drop'"),
+        ((GOOD, "1,0,0,0,1,0,0,1,0,0", "0.5,0,0,0,1,0,0,1,0,0"), {}, r"line 4, column 1 \(t\): the clock was set back"),
         ((GOOD, "nan,0,0,0,1,0,0,1,0,0"), {"not_a_number": "missing"}, r"line 3, column 1 \(t\): not a finite number"),
         ((GOOD, ",0,0,0,1,0,0,1,0,0"), {}, r"line 3, column 1 \(t\): empty"),
         ((GOOD, "1,0,0,0,1,nan,0,1,0,0"), {}, r"line 3, column 6 \(ay\): not a finite number; .* 'missing'"),
