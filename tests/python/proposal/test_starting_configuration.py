@@ -452,7 +452,7 @@ def test_how_the_sensor_is_carried_is_stated_without_a_rule_too(tmp_path):
     written = tomllib.loads(config.read_text())
     assert (written["carried"], "rule" in written) == ("drone", False)
     for command in (("check", log, config), ("estimate", log, "--config", config, "--out", tmp_path / "out")):
-        assert "suspicious" not in succeed(*command)
+        assert "suspicious: " not in succeed(*command)
     # What is missing in a configuration is proposed for what it says, without the option.
     config.write_text(re.sub("noise_deg_per_s = .*", "", config.read_text()))
     assert "by the rule for a sensor on a drone" in succeed("bounds", log, config, "--out", again)
