@@ -131,6 +131,20 @@ TEST_CASE("direction cap: nearly opposite centers, caps that nearly touch") {
   CHECK(worst <= 1);
 }
 
+TEST_CASE("direction cap: exactly opposite centers have a direction in common from a right angle on") {
+  const Vector3<double> up = Vector3<double>::UnitZ();
+  for (int k = 1; k < 60; ++k) {
+    const double angle = 0.025 * k;
+    Cap both{};
+    CAPTURE(angle);
+    // With equal angles the vector between the centers may be exactly zero, and points nowhere.
+    CHECK(intersection<double>({up, angle}, {-up, angle}, both) == Status::empty_intersection);
+    CHECK(intersection<double>({up, angle}, {-up, 1.5 - angle}, both) == Status::empty_intersection);
+    CHECK(intersection<double>({up, 1.6 + angle}, {-up, 1.6 + angle}, both) == Status::ok);
+    CHECK(both.angle >= 1.6);
+  }
+}
+
 TEST_CASE("direction cap: a turn takes the direction along, an unknown turn widens the cap by its angle") {
   Random random(20);
   double worst = 0;

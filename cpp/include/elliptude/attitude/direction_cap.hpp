@@ -79,20 +79,20 @@ template <typename Scalar>
   // 1 − αβD² would cancel for centers that are nearly opposite.
   const Vector3<Scalar> w = (Scalar(1) - beta) * smaller.center + beta * larger.center;
   const Scalar norm = scalar::length(w);
-  if (!(norm > Scalar(0))) {
-    result = smaller;
-    return Status::ok;
-  }
   const Scalar gain = Scalar(2) * product * distance / (Scalar(1) + norm);
   const Scalar sum = (Scalar(1) - beta) * v1 + beta * v2;
   // The centers are unit vectors to a few roundings: D² errs by as many times D.
   const Scalar lost =
       rounding::share<Scalar>(rounding::direction) * (sum + gain + scalar::sqrt(Scalar(sum + distance)));
-  const Scalar square_bound = (sum - gain + lost) / norm;
-  if (square_bound < Scalar(0)) {
+  const Scalar bound = sum - gain + lost;
+  if (bound < Scalar(0)) {
     return Status::empty_intersection;
   }
-  const Scalar sine_square = half * half * square_bound;
+  if (!(norm > Scalar(0))) {  // opposite centers: w points nowhere
+    result = smaller;
+    return Status::ok;
+  }
+  const Scalar sine_square = half * half * bound / norm;
   const Scalar angle =
       sine_square < Scalar(1)
           ? Scalar(Scalar(2) * scalar::atan2(scalar::sqrt(sine_square), scalar::sqrt(Scalar(Scalar(1) - sine_square))))
