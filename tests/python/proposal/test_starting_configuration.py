@@ -441,12 +441,19 @@ def test_how_the_sensor_is_carried_says_what_the_recording_does_not(tmp_path):
     assert "suspicious" not in estimated
 
 
+def in_tenth_rows(path, *, cells, first):
+    """A log whose last ``cells`` columns are empty but in every tenth row, from row ``first`` on."""
+    log = write_csv(path, HEADER)
+    header, *lines = log.read_text().splitlines()
+    emptied = [",".join(line.split(",")[:-cells]) + "," * cells for line in lines]
+    cut = [lines[i] if i % 10 == first else emptied[i] for i in range(len(lines))]
+    log.write_text("\n".join([header, *cut]) + "\n")
+    return log
+
+
 def test_how_the_sensor_is_carried_is_stated_without_a_rule_too(tmp_path):
     """The magnetometer is in few rows, so that no rule can be used: a drone's numbers are compared with a drone's."""
-    log = write_csv(tmp_path / "log.csv", HEADER)
-    header, *lines = log.read_text().splitlines()
-    cut = [line if i % 10 == 0 else ",".join(line.split(",")[:-3]) + ",,," for i, line in enumerate(lines)]
-    log.write_text("\n".join([header, *cut]) + "\n")
+    log = in_tenth_rows(tmp_path / "log.csv", cells=3, first=0)
     config, again = tmp_path / "drone.toml", tmp_path / "again.toml"
     succeed("bounds", log, "--carried", "drone", "--out", config)
     written = tomllib.loads(config.read_text())
@@ -475,10 +482,7 @@ def test_how_the_sensor_is_carried_is_stated_without_a_rule_too(tmp_path):
 
 def test_sensors_that_begin_apart_are_why_no_rule_can_be_used(tmp_path):
     """At its first row a recording whose sensors begin apart shows no rest, however long it rests."""
-    log = write_csv(tmp_path / "log.csv", HEADER)
-    header, *lines = log.read_text().splitlines()
-    cut = [line if i % 10 == 3 else ",".join(line.split(",")[:4]) + "," * 6 for i, line in enumerate(lines)]
-    log.write_text("\n".join([header, *cut]) + "\n")
+    log = in_tenth_rows(tmp_path / "log.csv", cells=6, first=3)
     said = succeed("bounds", log, "--out", tmp_path / "config.toml")
     assert "no rule can describe this recording: all sensors were sampled together in 10 % of the rows alone" in said
 
@@ -504,10 +508,7 @@ def test_what_has_no_preset_is_refused_with_its_reason(tmp_path):
 
 
 def test_a_sensor_in_every_tenth_row_is_said(tmp_path):
-    log = write_csv(tmp_path / "log.csv", HEADER)
-    header, *lines = log.read_text().splitlines()
-    cut = [line if i % 10 == 0 else ",".join(line.split(",")[:-3]) + ",,," for i, line in enumerate(lines)]
-    log.write_text("\n".join([header, *cut]) + "\n")
+    log = in_tenth_rows(tmp_path / "log.csv", cells=3, first=0)
     config, ruled = tmp_path / "config.toml", tmp_path / "ruled.toml"
     said = succeed("bounds", log, "--out", config)
     assert "no rule can describe this recording: all sensors were sampled together in 10 % of the rows alone" in said
