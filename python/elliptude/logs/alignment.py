@@ -358,12 +358,14 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
         sampled = np.concatenate(channel.times) if channel.times else np.empty(0)
         samples = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
         count = int(np.searchsorted(sampled, end, side="right"))
+        # A channel that is filled in has kept its sample before the rows.
+        first = int(np.searchsorted(sampled, every[0])) if len(every) else count
+        at = row_of[np.searchsorted(every, sampled[first:count])]
+        if (np.diff(at) == 0).any():
+            limit = f"timing.same_within_s = {timing.same_within_s:g}"
+            raise FileError(f"{limit} makes one row of several samples of {channel.name}")
         if channel.fill == "none":
             values[channel.name] = np.full((len(times), len(channel.columns)), np.nan)
-            at = row_of[np.searchsorted(every, sampled[:count])]
-            if (np.diff(at) == 0).any():
-                limit = f"timing.same_within_s = {timing.same_within_s:g}"
-                raise FileError(f"{limit} makes one row of several samples of {channel.name}")
             values[channel.name][at] = samples[:count]
             keep_from = count
         else:

@@ -2,6 +2,7 @@
 // Wahba's problem has it, and sets in float whose truth is in long double (tests/mutations/wahba_set.toml).
 #include <doctest/doctest.h>
 
+#include <Eigen/Eigenvalues>
 #include <elliptude/attitude/wahba_set.hpp>
 
 #include "support/independent_flow.hpp"
@@ -152,6 +153,47 @@ TEST_CASE("sets in float hold every attitude in all cones") {
   }
   CHECK(contradicted == 0);
   CHECK(near > 1000);
+}
+
+TEST_CASE("the curvatures of a sum of cones are lowered by what rounding may have added") {
+  Random random(5);
+  double added = 0;  // by rounding, in units of what is taken away
+  for (int trial = 0; trial < 20000; ++trial) {
+    const int count = 1 + trial % 6;
+    Matrix<float, 3, Eigen::Dynamic> reference(3, count);
+    Matrix<float, 3, Eigen::Dynamic> body(3, count);
+    DirectionCones<float>::Weights weights{};
+    const RealMatrix turned = random.rotation().cast<Real>();
+    for (int i = 0; i < count; ++i) {
+      // Of unit length, so that normalizing leaves them as they are, but for what is rounded.
+      reference.col(i) = scalar::unit(Vector3<float>(random.unit_vector<3>().cast<float>()));
+      const RealVector seen = turned.transpose() * reference.col(i).cast<Real>();
+      body.col(i) = scalar::unit(Vector3<float>((seen + 0.1L * random.unit_vector<3>().cast<Real>()).cast<float>()));
+      weights[static_cast<std::size_t>(i)] = i == 0 ? 1 : static_cast<float>(random.uniform(0.1, 1));
+    }
+    DirectionCones<float> cones;
+    REQUIRE(DirectionCones<float>::make(reference, body, Vector<float, Eigen::Dynamic>::Constant(count, 0.1F), cones) ==
+            Status::ok);
+    ConeSum<float> sum;
+    REQUIRE(cones.add_up(weights, sum) == Status::ok);
+    RealMatrix exact = RealMatrix::Zero();
+    Real total = 0;
+    for (int i = 0; i < count; ++i) {
+      const Real weight = weights[static_cast<std::size_t>(i)];
+      const RealVector e = scalar::unit(Vector3<float>(reference.col(i))).cast<Real>();
+      const RealVector b = scalar::unit(Vector3<float>(body.col(i))).cast<Real>();
+      const RealVector predicted = sum.attitude.cast<Real>().transpose() * e;
+      const RealMatrix product = predicted * b.transpose();
+      exact += weight * (2 * predicted.dot(b) * RealMatrix::Identity() - product - product.transpose());
+      total += weight;
+    }
+    const RealMatrix lowered = exact - sum.curvature.cast<Real>();
+    const RealVector room = Eigen::SelfAdjointEigenSolver<RealMatrix>(lowered).eigenvalues();
+    CHECK(room(0) >= 0);
+    const Real taken = static_cast<Real>(rounding::share<float>(rounding::cone_sum(count))) * total;
+    added = std::fmax(added, static_cast<double>(1 - room(0) / taken));
+  }
+  CHECK(added > 0.01);
 }
 
 TEST_CASE("the smaller of two sets is taken and a contradiction of found weights is told") {

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "elliptude/linear/eigen.hpp"
@@ -102,6 +103,21 @@ TEST_CASE("an eigenvalue is off by no more than what is left of the matrix says,
   check_errors<double, 6>();
   check_errors<float, 3>();
   check_errors<float, 6>();
+}
+
+TEST_CASE("a vector that is too short makes the residual as much smaller, and the bound is attained") {
+  Random random(11);
+  for (const double d : {1e-3, 0.1, 0.5, 0.9}) {
+    const Matrix3<double> q = random.rotation();
+    const Matrix3<double> a = q * Vector3<double>(1, 0.7, 0.4).asDiagonal() * q.transpose();
+    const Matrix3<double> v = q * Vector3<double>(1, std::sqrt(1 - d), 1).asDiagonal();
+    Shares shares;
+    add_shares<double, 3>(symmetrized(a), {Vector3<double>(1, 0.6, 0.4), v}, shares);
+    CHECK(shares.matrix <= 1);
+    CHECK(shares.matrix > 1 - 1e-12);
+  }
+  const SymmetricEigen<double, 3> none{Vector3<double>::Zero(), Matrix3<double>::Zero()};
+  CHECK(std::isinf(eigen_errors(Matrix3<double>(Matrix3<double>::Identity()), none).values));
 }
 
 TEST_CASE("a diagonal matrix, one of zeros, and one of the least numbers") {

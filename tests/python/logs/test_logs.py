@@ -279,6 +279,20 @@ def test_delays_that_make_stamps_meet(tmp_path):
         read(tmp_path, *rows, configuration=too_long)
 
 
+def test_stamps_so_near_that_they_hold_two_samples_of_the_gyro(tmp_path):
+    """Between the two the rate would be taken for a straight line, with an error that nobody stated."""
+    header = "t1,gx,gy,gz,t2,ax,ay,az"
+    rows = [f"{0.002 * i:.3f},0,0,{i},{0.01 * i + 0.001:.3f},0,0,1" for i in range(400)]
+    own = [{"time_column": f"t{i}", "time_unit": "s"} for i in (1, 2)]
+    near, too_wide = (
+        configured(UP | own[1], flow=GYRO | own[0], timing={"same_within_s": within}) for within in (0.0015, 0.003)
+    )
+    log = read(tmp_path, *rows, configuration=near, header=header)
+    assert len(log.times) == 400
+    with pytest.raises(FileError, match=r"same_within_s = 0\.003 makes one row of several samples of the gyro"):
+        read(tmp_path, *rows, configuration=too_wide, header=header)
+
+
 def test_control_torque_acts_until_its_time(tmp_path):
     flow = {
         "kind": "rigid_body",

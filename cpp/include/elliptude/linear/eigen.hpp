@@ -85,24 +85,27 @@ struct EigenErrors {
   Scalar vectors;
 };
 
-/// With R = AV − VΛ and d = ‖VᵀV − I‖, Q the nearest orthonormal matrix to V, ‖V − Q‖ ≤ d and
-/// ‖AQ − QΛ‖ ≤ ‖R‖ + d (‖A‖ + ‖Λ‖). (theory, section 17.8)
+/// With R = AV − VΛ, d = ‖VᵀV − I‖ and Q the nearest orthonormal matrix to V, ‖V − Q‖ ≤ d and ‖A − QΛQᵀ‖ ≤ ‖R‖/√(1 − d):
+/// what V lacks of being orthonormal adds to R an antisymmetric matrix alone. (theory, section 17.8)
+/// \return infinite errors of values if d is one or more.
 template <typename Scalar, int N>
 [[nodiscard]] EigenErrors<Scalar> eigen_errors(const Matrix<Scalar, N>& symmetric,
                                                const SymmetricEigen<Scalar, N>& eigen) noexcept {
-  const Scalar largest = symmetric.cwiseAbs().maxCoeff();
   const Matrix<Scalar, N>& v = eigen.vectors;
   const Matrix<Scalar, N> defect = gram_of(v) - Matrix<Scalar, N>::Identity();
   const Scalar vectors = defect.norm() + rounding::share<Scalar>(rounding::eigen_defect(N));
+  if (!(vectors < Scalar(1))) {
+    return {Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity()), vectors};
+  }
+  const Scalar largest = symmetric.cwiseAbs().maxCoeff();
   if (!(largest > Scalar(0))) {
     return {largest, vectors};
   }
   // In units of the largest entry, so that no square is lost.
   const Matrix<Scalar, N> residual = (symmetric.lazyProduct(v) - v * eigen.values.asDiagonal()) / largest;
   const Scalar norm = (symmetric / largest).norm();
-  const Scalar relative =
-      residual.norm() + (Scalar(2) * vectors + rounding::share<Scalar>(rounding::eigen_residual(N))) * norm;
-  return {largest * relative, vectors};
+  const Scalar relative = residual.norm() + rounding::share<Scalar>(rounding::eigen_residual(N)) * norm;
+  return {largest * relative / scalar::sqrt(Scalar(1) - vectors), vectors};
 }
 
 }  // namespace elliptude
