@@ -179,7 +179,7 @@ TEST_CASE("the curvatures of a sum of cones are lowered by what rounding may hav
     RealMatrix exact = RealMatrix::Zero();
     Real total = 0;
     for (int i = 0; i < count; ++i) {
-      const Real weight = weights[static_cast<std::size_t>(i)];
+      const auto weight = static_cast<Real>(weights[static_cast<std::size_t>(i)]);
       const RealVector e = scalar::unit(Vector3<float>(reference.col(i))).cast<Real>();
       const RealVector b = scalar::unit(Vector3<float>(body.col(i))).cast<Real>();
       const RealVector predicted = sum.attitude.cast<Real>().transpose() * e;
