@@ -76,7 +76,10 @@ class GyroBounds:
     longest_interval : float
         Between samples, s: up to it ``noise`` includes what the rate does there. No bound above covers a longer one.
     largest_rate : float
-        Bound of the true rate at every instant, rad/s: all that is known in a longer interval. Infinite if unknown.
+        Bound of the true rate at every instant, rad/s, also in a longer interval. Infinite if unknown.
+    angular_acceleration : float
+        Bound of how fast the true rate changes, rad/s², but for what ``noise`` covers: how far it leaves, in a longer
+        interval, the mean of the samples around it. Infinite if unknown.
     """
 
     noise: float
@@ -86,6 +89,7 @@ class GyroBounds:
     increment: float = np.inf
     longest_interval: float = np.inf
     largest_rate: float = np.inf
+    angular_acceleration: float = np.inf
 
     def __post_init__(self) -> None:
         """Check."""
@@ -96,11 +100,12 @@ class GyroBounds:
             raise ValueError(f"increment must be at least 0, not {self.increment}")
         if not self.longest_interval > 0.0:
             raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
-        if not self.largest_rate >= 0.0:
-            raise ValueError(f"largest_rate must be at least 0, not {self.largest_rate}")
+        for name in ("largest_rate", "angular_acceleration"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
 
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
-        """Steps between rows about which nothing but ``largest_rate`` is known.
+        """Steps between rows that are longer than the noise bound speaks of.
 
         Parameters
         ----------
@@ -121,6 +126,32 @@ class GyroBounds:
         """How far the body may turn in gaps of these lengths (s), rad: the angle of a rotation is at most pi."""
         angles: FloatArray = np.minimum(self.largest_rate * np.asarray(durations, dtype=np.float64), np.pi)
         return angles
+
+    def angle_across_gap(self, duration: float, begin: FloatArray, end: FloatArray, elapsed: float) -> float:
+        """Bound of the angle between the turn over a gap and one at the mean of the rates around it, (18.47).
+
+        Parameters
+        ----------
+        duration : float
+            Of the gap, s.
+        begin, end : (3,) array
+            The measured rates where it begins and ends, rad/s; NaN if there is none.
+        elapsed : float
+            The longest time between the gap and when the bias was known, s.
+
+        Returns
+        -------
+        float
+            rad; infinite or NaN where nothing is known.
+        """
+        if np.isinf(self.angular_acceleration):
+            return np.inf
+        error = float(self.rate_error(lengths_of(np.stack([begin, end])), elapsed).mean())
+        fastest = float(np.linalg.norm(0.5 * (begin + end))) + error
+        change = self.angular_acceleration * duration
+        # From their mean the rate is half of that away at most, and a quarter in the mean; the axes turn meanwhile.
+        away = min(0.5 * change, 0.25 * change * (1.0 + 0.5 * fastest * duration + 0.25 * change * duration))
+        return duration * (error + self.noise + away)
 
     def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
         """Bound of the rate's error without the noise, (18.9): the part that does not average out.
@@ -214,7 +245,8 @@ class GyroBounds:
         """Predictions that span a window, so that the increment bound helps, (18.12).
 
         Every row is reached from an anchor, the last one before it of rows about ``duration`` apart. Over a gap the row
-        behind it is reached from the one before it: the turn counts as zero, and may be any at the largest rate.
+        behind it is reached from the one before it, at the mean of their rates, if that says more than the largest rate
+        does; otherwise the turn counts as zero, and may be any at the largest rate.
 
         Parameters
         ----------
@@ -248,9 +280,16 @@ class GyroBounds:
         anchor = 0
         while anchor < len(stamps) - 1:
             if over_gap[anchor + 1]:
-                anchors[anchor + 1], noise[anchor + 1] = anchor, self.largest_rate
-                angles[anchor + 1] = self.turns_over_gaps(stamps[anchor + 1] - stamps[anchor])
-                anchor += 1
+                bridge = self._bridge(stamps, rates, since, anchor)
+                row = anchor + 1 if bridge is None else bridge[0]
+                gap = slice(anchor + 1, row + 1)
+                spans = stamps[gap] - stamps[anchor]
+                anchors[gap], noise[gap], angles[gap] = anchor, self.largest_rate, self.turns_over_gaps(spans)
+                if bridge is not None:
+                    _, mean_rates[row], angles[row] = bridge
+                    angles_turned[row] = spans[-1] * np.linalg.norm(mean_rates[row])
+                    noise[row] = _rate_of_angle(angles_turned[row], angles[row], spans[-1])
+                anchor = row
                 continue
             following = int(np.searchsorted(stamps, stamps[anchor] + duration * (1.0 + 1e-9), side="right")) - 1
             next_gap = int(np.searchsorted(gaps, anchor, side="right"))
@@ -272,14 +311,29 @@ class GyroBounds:
             # If this overflows, the turn may be any.
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
-            # Rotations within an angle of one another have rotation vectors that differ by more, (18.12).
-            half = np.minimum(0.5 * (lengths_of(turns) + errors), np.pi)
             rows = slice(anchor + 1, piece.stop)
             anchors[rows], angles[rows], angles_turned[rows] = anchor, errors[1:], turned[1:]
             mean_rates[rows] = turns[1:] / spans[1:, None]
-            noise[rows] = errors[1:] / np.sinc(half[1:] / np.pi) / spans[1:]
+            noise[rows] = _rate_of_angle(lengths_of(turns[1:]), errors[1:], spans[1:])
             anchor = piece.stop - 1
         return AnchoredTurns(anchors, mean_rates, noise, angles, angles_turned, over_gap)
+
+    def _bridge(
+        self, stamps: FloatArray, rates: FloatArray, since: FloatArray, before: int
+    ) -> tuple[int, FloatArray, float] | None:
+        """The row behind a gap, the mean of the rates around it, and how far that turn may be off.
+
+        None if the largest rate says more. The gap begins at row ``before``; in it are rows without a rate.
+        """
+        known = np.flatnonzero(np.isfinite(rates[before + 1 :]).all(axis=1))
+        if not len(known):
+            return None
+        behind = before + 1 + int(known[0])
+        span = float(stamps[behind] - stamps[before])
+        rate = 0.5 * (rates[before] + rates[behind])
+        angle = self.angle_across_gap(span, rates[before], rates[behind], float(since[[before, behind]].max()))
+        says_more = angle < self.turns_over_gaps(span) and span * float(np.linalg.norm(rate)) + angle < np.pi
+        return (behind, rate, angle) if says_more else None
 
     def swept_increment(self, turned: FloatArray, length: FloatArray | float = 1.0) -> FloatArray:
         """Bound of the noise's integral in axes that turn, (18.10), or of a mean of such integrals.
@@ -326,6 +380,13 @@ class GyroBounds:
         swept = self.swept_increment(np.asarray(turned, dtype=np.float64))
         angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
         return angle
+
+
+def _rate_of_angle(turned: FloatArray, angles: FloatArray, spans: FloatArray) -> FloatArray:
+    """How far rates differ whose turns over these spans are within angles of one another, rad/s, (18.12)."""
+    half = np.minimum(0.5 * (turned + angles), np.pi)
+    rates: FloatArray = angles / np.sinc(half / np.pi) / spans
+    return rates
 
 
 @dataclass(frozen=True, eq=False)

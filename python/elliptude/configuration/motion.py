@@ -102,9 +102,10 @@ class GyroFlow(Timed):
     # How fast the rate changes between samples, if that is not part of the noise.
     angular_acceleration_deg_per_s2: NotNegative = 0.0
     # The longest interval between samples that all of this covers; 1.5 times the usual one if left out. About a longer
-    # one only the largest rate of the body is known; without that the attitude is forgotten.
+    # one only the next two numbers are known, of the body; without the first the attitude is forgotten.
     longest_interval_s: Positive | None = None
     largest_rate_deg_per_s: Positive | None = None
+    largest_angular_acceleration_deg_per_s2: Positive | None = None
     # Bound of the noise's integral over any window; predictions span windows of this length, each from an anchor.
     increment_deg: Positive | None = None
     anchor_s: Positive | None = None
@@ -126,6 +127,7 @@ class GyroFlow(Timed):
     def bounds(self) -> GyroBounds:
         """Error bounds of the gyro, in SI units."""
         assert self.noise_deg_per_s is not None  # the configuration's check
+        acceleration = self.largest_angular_acceleration_deg_per_s2 or self.angular_acceleration_deg_per_s2
         return GyroBounds(
             noise=math.radians(self.noise_deg_per_s),
             bias=math.radians(self.bias_deg_per_s),
@@ -134,6 +136,7 @@ class GyroFlow(Timed):
             increment=math.inf if self.increment_deg is None else math.radians(self.increment_deg),
             longest_interval=math.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
+            angular_acceleration=math.radians(acceleration) if acceleration else math.inf,
         )
 
     def off_the_line(self, interval: float, drift: float = 0.0) -> float:

@@ -73,9 +73,11 @@ class GyroRule(Model):
     # As in `flow`, if there is no rule.
     longest_interval_s: Positive | None = None
     largest_rate_deg_per_s: Positive | None = None
+    largest_angular_acceleration_deg_per_s2: Positive | None = None
 
     def bounds(self) -> GyroBounds:
         """In SI units."""
+        acceleration = self.largest_angular_acceleration_deg_per_s2
         return GyroBounds(
             noise=np.deg2rad(self.noise_deg_per_s),
             bias=np.deg2rad(self.bias_deg_per_s),
@@ -84,6 +86,7 @@ class GyroRule(Model):
             increment=np.inf if self.increment_deg is None else np.deg2rad(self.increment_deg),
             longest_interval=np.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=np.inf if self.largest_rate_deg_per_s is None else np.deg2rad(self.largest_rate_deg_per_s),
+            angular_acceleration=np.inf if acceleration is None else np.deg2rad(acceleration),
         )
 
 

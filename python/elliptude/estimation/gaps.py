@@ -2,13 +2,15 @@
 
 Between two samples the rate is taken to follow a straight line, and the bound of its error includes what is wrong with
 that, for the usual interval. If samples were lost, this bounds nothing: about such a gap nothing is known but
-how fast the body turns at most, if that is stated. Derivation: docs/theory.md, section 17.6.
+how fast the body turns at most, and how fast that changes, if these are stated. Derivation: docs/theory.md, sections
+17.6 and 18.4.
 """
 
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.configuration.configuration import Configuration
@@ -91,7 +93,7 @@ class Gap:
     duration: float
     """Time to the next one, s."""
     turn: float
-    """How far the body may have turned in it, rad; pi, half a turn, means any attitude."""
+    """How far the turn over it may be off, rad; pi, half a turn, means any attitude."""
     before: float
     """Largest angle in the set in the last row before it, rad; NaN without a set."""
     after: float
@@ -100,18 +102,22 @@ class Gap:
     """Rows from the gap on until there is a set again; 0 if there was none before it."""
 
 
-def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog) -> tuple[Gap, ...]:
+def gaps_of(
+    log: Log,
+    gyro: GyroBounds,
+    found: GuaranteedLog,
+    crossed: tuple[NDArray[np.intp], FloatArray] | None = None,
+) -> tuple[Gap, ...]:
     """What an estimation lost in the gaps of a log.
 
     Parameters
     ----------
     log : Log
-    longest : float
-        s; a longer interval is a gap.
-    largest_rate : float
-        rad/s.
+    gyro : GyroBounds
     found : GuaranteedLog
         The sets at the log's rows.
+    crossed : pair of arrays (N,), optional
+        From which row each row was predicted, and how far that turn may be off, rad; step by step if left out.
 
     Returns
     -------
@@ -120,7 +126,7 @@ def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog)
     """
     samples = _samples(log)
     durations = np.diff(samples)
-    long = np.flatnonzero(durations > longest)
+    long = np.flatnonzero(durations > gyro.longest_interval)
     if not len(long):
         return ()
     angles = found.extents().largest_angles
@@ -131,12 +137,15 @@ def gaps_of(log: Log, longest: float, largest_rate: float, found: GuaranteedLog)
     for begin, duration, i, j in zip(samples[long], durations[long], first, last, strict=True):
         if i < 0 or j >= len(log.times):
             continue
+        turn = float(gyro.turns_over_gaps(duration))
+        if crossed is not None and crossed[0][j] == i:
+            turn = min(float(crossed[1][j]), np.pi)
         again = int(with_set[np.searchsorted(with_set, i + 1)])
         gaps.append(
             Gap(
                 time=float(begin),
                 duration=float(duration),
-                turn=float(min(largest_rate * duration, np.pi)),
+                turn=turn,
                 before=float(angles[i]),
                 after=float(angles[j]),
                 rows_without_set=again - int(i) - 1 if np.isfinite(angles[i]) else 0,
@@ -198,6 +207,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "longest_interval_s": None if gyro is None else finite(gyro.longest_interval),
         "largest_rate_deg_per_s": None if gyro is None else degrees(gyro.largest_rate),
+        "largest_angular_acceleration_deg_per_s2": None if gyro is None else degrees(gyro.angular_acceleration),
         "count": len(gaps),
         "total_s": sum(gap.duration for gap in gaps),
         "forgotten": sum(gap.turn >= np.pi for gap in gaps),
@@ -224,6 +234,8 @@ def _said(summary: dict[str, Any]) -> list[str]:
         return []
     rate = summary["largest_rate_deg_per_s"]
     known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
+    if rate is not None and (acceleration := summary["largest_angular_acceleration_deg_per_s2"]) is not None:
+        known += f", which changes by {acceleration:g} °/s² at most"
     without = summary["rows_without_set"]
     lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "none ended with its set lost"
     lines = [

@@ -139,16 +139,19 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         vertical=vertical_of(guaranteed, caps, rows.up),
         caps=caps,
         starts_heading=starts_heading,
-        gaps=gaps_between(log, configuration, rows, guaranteed),
+        gaps=gaps_between(log, configuration, rows, guaranteed, given.turns),
         turns=turns,
     )
 
 
-def gaps_between(log: Log, configuration: Configuration, rows: DirectionRows, found: GuaranteedLog) -> tuple[Gap, ...]:
-    """What sets of a log lost in the gaps of its gyro."""
+def gaps_between(
+    log: Log, configuration: Configuration, rows: DirectionRows, found: GuaranteedLog, turns: Turns | None
+) -> tuple[Gap, ...]:
+    """What sets of a log lost in the gaps of its gyro; ``turns`` are those by which rows follow from one another."""
     if not isinstance(configuration.flow, GyroFlow) or rows.gyro is None:
         return ()
-    return gaps.gaps_of(log, rows.gyro.longest_interval, rows.gyro.largest_rate, found)
+    crossed = None if turns is None else (turns.anchors, turns.angles)
+    return gaps.gaps_of(log, rows.gyro, found, crossed)
 
 
 def _anchor_duration(configuration: Configuration) -> float | None:

@@ -400,11 +400,8 @@ def _rule_numbers(table: RuleTables, section: str, *keys: str) -> dict[str, tupl
 
 
 def _bound_gyro(flow: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal) -> None:
-    numbers = _rule_numbers(
-        table,
-        "gyro",
-        *("noise_deg_per_s", "scale_error", "drift_deg_per_s2", "longest_interval_s", "largest_rate_deg_per_s"),
-    )
+    keys = ("noise_deg_per_s", "scale_error", "drift_deg_per_s2", "longest_interval_s", "largest_rate_deg_per_s")
+    numbers = _rule_numbers(table, "gyro", *keys, "largest_angular_acceleration_deg_per_s2")
     if not flow.keys() & {"known_bias_deg_per_s", "bias_deg_per_s"}:
         if proposed.gyro.bias is None:
             numbers["bias_deg_per_s"] = _BIAS_BY_DATASHEET, "not seen in the recording: datasheets of small sensors"

@@ -110,7 +110,7 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
         vertical=found.vertical,
         caps=found.caps,
         starts_heading=forward.starts_heading,
-        gaps=gaps_between(log, configuration, forward.rows, found.sets),
+        gaps=gaps_between(log, configuration, forward.rows, found.sets, forward.given.turns),
         forward=forward,
         disagreements=found.disagreements,
         contested=found.contested,

@@ -71,6 +71,82 @@ def test_a_drift_since_the_beginning(k):
     assert_reached(angle, turns.angles[-1], gyro.window_angle(times[last], shown[last], times[last]), share=0.98)
 
 
+# --- a gap ------------------------------------------------------------------------------------------------------------
+
+GAP = 0.1
+AROUND = np.array([0.0, GAP])
+
+
+def across(shown, **bounds):
+    """The row behind a gap, from the one before it."""
+    gyro = GyroBounds(**({"noise": 0.0, "longest_interval": 0.02, "largest_rate": 50.0} | bounds))
+    return gyro.anchored_turns(AROUND, np.asarray(shown, dtype=np.float64), 1.0)
+
+
+def test_a_rate_that_changes_in_a_gap_and_back():
+    """At both ends the gyro shows the same, and between them the rate rises and falls as fast as it may."""
+    acceleration, rate = 0.1, np.array([0.3, 0.0, 0.0])
+    turns = across([rate, rate], angular_acceleration=acceleration)
+    times = np.linspace(0.0, GAP, 2001)
+    true = rate + np.outer(acceleration * np.minimum(times, GAP - times), [1.0, 0.0, 0.0])
+    off = (Rotation.from_rotvec(GAP * turns.rates[1]).inv() * turn_of(times, true)).magnitude()
+    # Its axes turn by 0.03 rad meanwhile, which the bound counts and a fixed axis does not use.
+    assert_reached(off, turns.angles[1], share=0.98)
+    assert GAP * turns.noise[1] == pytest.approx(turns.angles[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(("error", "share"), [("bias", 1.0), ("noise", 2.0)])
+def test_errors_of_the_samples_around_a_gap(error, share):
+    """They hide the rate at its ends, and what the noise bound covers may be in the rate between them, too."""
+    turns = across(np.zeros((2, 3)), angular_acceleration=1e-9, **{error: 0.01})
+    assert_reached(share * 0.01 * GAP, turns.angles[1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rates_that_change_in_a_gap_in_any_way(seed):
+    """The true turn is within the bound of that at the mean of both ends, for changes of every direction."""
+    draws = np.random.default_rng(seed)
+    used = []
+    for _ in range(200):
+        acceleration, pieces = 10.0 ** draws.uniform(0.0, 3.0), int(draws.integers(1, 6))
+        kinks = np.concatenate([[0.0], np.sort(draws.uniform(0.0, GAP, pieces - 1)), [GAP]])
+        changes = draws.normal(size=(pieces, 3))
+        changes *= acceleration / np.linalg.norm(changes, axis=1)[:, None]
+        true = draws.normal(size=3) * draws.uniform(0.0, 10.0)
+        corners = true + np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(kinks)[:, None] * changes, axis=0)])
+        times = np.linspace(0.0, GAP, 2001)
+        rates = np.column_stack([np.interp(times, kinks, corner) for corner in corners.T])
+        turns = across(rates[[0, -1]], angular_acceleration=acceleration, largest_rate=1e6)
+        if turns.angles[1] < np.pi:
+            off = (Rotation.from_rotvec(GAP * turns.rates[1]).inv() * turn_of(times, rates)).magnitude()
+            used.append(off / turns.angles[1])
+    assert len(used) > 100
+    assert max(used) <= 1.0
+    assert max(used) > 0.4
+
+
+def test_what_a_gap_is_passed_with():
+    """The largest rate where it says more, or where nothing else is stated; rows without a rate are passed by."""
+    rates = np.tile([1.0, 0.0, 0.0], (2, 1))
+    for bounds in ({}, {"angular_acceleration": 1e4}, {"angular_acceleration": 10.0, "largest_rate": 0.1}):
+        turns = across(rates, **bounds)
+        assert not turns.rates[1].any()
+        assert turns.angles[1] == pytest.approx(min(GAP * bounds.get("largest_rate", 50.0), np.pi))
+    gyro = GyroBounds(noise=0.0, longest_interval=0.02, largest_rate=5.0, angular_acceleration=10.0)
+    times = np.array([0.0, 0.01, 0.04, 0.07, 0.11, 0.12])
+    rates = np.tile([1.0, 0.0, 0.0], (6, 1))
+    rates[[2, 3]] = np.nan  # other sensors' rows
+    turns = gyro.anchored_turns(times, rates, 1.0)
+    assert turns.anchors.tolist() == [0, 0, 1, 1, 1, 4]
+    np.testing.assert_allclose(turns.rates[[2, 3, 4]], [[0.0, 0.0, 0.0]] * 2 + [[1.0, 0.0, 0.0]])
+    np.testing.assert_allclose(turns.angles[[2, 3]], [0.15, 0.3])
+    assert 0.025 < turns.angles[4] < 0.03
+    rates[0] = np.nan  # no rate before the gap
+    assert gyro.anchored_turns(times, rates, 1.0).angles[1] == pytest.approx(0.05)
+    with pytest.raises(ValueError, match="angular_acceleration must be at least 0, not -1"):
+        GyroBounds(0.1, angular_acceleration=-1.0)
+
+
 # --- increments -------------------------------------------------------------------------------------------------------
 
 

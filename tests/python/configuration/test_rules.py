@@ -17,6 +17,7 @@ HAND = {
     "gyro": {
         "noise_deg_per_s": 1.0, "bias_deg_per_s": 0.25, "drift_deg_per_s2": 0.0, "scale_error": 0.02,
         "increment_deg": 0.2, "longest_interval_s": 0.015, "largest_rate_deg_per_s": 2000.0,
+        "largest_angular_acceleration_deg_per_s2": 60000.0,
     },
     "accelerometer": {
         "gravity_m_per_s2": 9.807, "gravity_error_m_per_s2": 0.027, "error_m_per_s2": 0.6,
