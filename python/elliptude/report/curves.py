@@ -20,7 +20,7 @@ from elliptude.report.thinning import (
     largest_of_each,
     pieces,
     prediction_shares,
-    spans_without_set,
+    spans_unknown,
     worst_claims,
 )
 from elliptude.typing import FloatArray
@@ -51,8 +51,7 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     if run.known.any():
         plots["bands"] = _bands(run, rows, label)
     for name, plot in plots.items():
-        # Below the size of the set there may be lanes of marks, to which this does not apply.
-        plot["layout"]["shapes"] = _without_set(run, "y domain" if name == "size" else "paper")
+        plot["layout"]["shapes"] = _unknown(run, name)
     if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
     if "strip" in plots or ("size" in plots and "yaxis2" in plots["size"]["layout"]):
@@ -62,12 +61,25 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     return plots
 
 
-def _without_set(run: Run, height: str) -> list[dict[str, Any]]:
-    """Grey shapes where no set is known, as high as this reference of Plotly's."""
-    shade = {"type": "rect", "xref": "x", "yref": height, "y0": 0, "y1": 1, "layer": "below"}
+def _unknown(run: Run, name: str) -> list[dict[str, Any]]:
+    """Grey shapes where what a plot shows is not known."""
+    shade = {"type": "rect", "xref": "x", "y0": 0, "y1": 1, "layer": "below"}
     # Darker than the grid, from which a narrow one must differ.
     shade |= {"fillcolor": "rgba(128,128,128,0.4)", "line": {"width": 0}}
-    return [shade | {"x0": begin, "x1": end} for begin, end in spans_without_set(run.times, run.known)]
+    if name == "angles":
+        assert run.roll_pitch_yaw is not None
+        shown = {f"{axis} domain": run.roll_pitch_yaw[:, 3 * i] for i, axis in enumerate(("y", "y2", "y3"))}
+        known = {height: np.isfinite(angle) for height, angle in shown.items()}
+    elif name == "size":
+        # Below it there may be lanes of marks, to which this does not apply.
+        known = {"y domain": run.known | run.up_alone}
+    else:
+        known = {"paper": run.known}
+    return [
+        shade | {"yref": height, "x0": begin, "x1": end}
+        for height, rows in known.items()
+        for begin, end in spans_unknown(run.times, rows)
+    ]
 
 
 def _list(values: FloatArray) -> list[float | None]:

@@ -20,13 +20,13 @@ import elliptude
 from elliptude.bounds.about_axes import ErrorAxes, about_axes
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
-from elliptude.report.thinning import spans_without_set
+from elliptude.report.thinning import spans_unknown
 from elliptude.typing import FloatArray
 
 # Okabe and Ito's colours, which the colour-blind can distinguish.
 BLUE, ORANGE, BLACK, GREY = "#0072B2", "#D55E00", "#000000", "#808080"
 HEADING_COLOUR, TILT_COLOUR, SIZE_COLOUR = "#009E73", "#CC79A7", "#E69F00"
-WITHOUT_SET = "no set is known"
+UNKNOWN = "not known"
 SHADE: dict[str, Any] = {"facecolor": GREY, "alpha": 0.18, "linewidth": 0}
 """How pictures show where that is."""
 # A strong and a light tone for each run that is compared.
@@ -113,6 +113,7 @@ def estimate_figure(
     entitle(figure, title, proposed_from)
     grid = figure.add_gridspec(above + 4, 2)
     time = result.times
+    has_set = np.isfinite(result.largest_angles)
     marks = _marks(result)
     first: Axes | None = None
     if angles is not None:
@@ -120,7 +121,7 @@ def estimate_figure(
         panels = [first, *(figure.add_subplot(grid[i, :], sharex=first) for i in (1, 2))]
         draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
         for i, panel in enumerate(panels):
-            _shade_gaps(panel, result)
+            shade_unknown(panel, time, np.isfinite(angles[:, 3 * i]))
             panel.tick_params(labelbottom=i == 2)
     columns = _error_columns(result, axes, frame, heading_from_start)
     for j, column in enumerate(columns):
@@ -128,18 +129,19 @@ def estimate_figure(
             place = grid[above + i, :] if len(columns) == 1 else grid[above + i, j]
             panel = figure.add_subplot(place, sharex=first)
             first = first or panel
-            _shade_gaps(panel, result)
+            shade_unknown(panel, time, has_set)
             _draw_band(panel, time, column, i, label, **marks)
             # Panels of the whole width are not aligned with those below.
             panel.tick_params(labelbottom=len(columns) == 1 and i == 2)
     compared = result.forms is not None and bool(np.isfinite(result.forms).any())
     size = figure.add_subplot(grid[above + 3, 1] if compared else grid[above + 3, :], sharex=first)
-    _shade_gaps(size, result)
+    # Up may be known where no set is.
+    shade_unknown(size, time, has_set if result.up_bounds is None else has_set | np.isfinite(result.up_bounds))
     _draw_size(size, result, **marks)
     size.set_xlabel("time (s)")
     if compared:
         place_in_set = figure.add_subplot(grid[above + 3, 0], sharex=first)
-        _shade_gaps(place_in_set, result)
+        shade_unknown(place_in_set, time, has_set)
         _draw_form(place_in_set, time, [("form", result.forms, BLACK)], inside_share, **marks)
         place_in_set.set_xlabel("time (s)")
     assert first is not None
@@ -224,6 +226,9 @@ def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
     for axes in panels:
         of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
+    # Grey may be in others alone.
+    shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == UNKNOWN]
+    entries |= {UNKNOWN: shade for shade in shades[:1]}
     columns = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
 
@@ -469,25 +474,21 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
-def shade_without_set(axes: Axes, time: FloatArray, has_set: NDArray[np.bool_]) -> None:
-    """Grey where no set is known.
+def shade_unknown(axes: Axes, time: FloatArray, known: NDArray[np.bool_]) -> None:
+    """Grey where what a panel shows is not known.
 
     Parameters
     ----------
     axes : Axes
     time : (N,) array
         s.
-    has_set : (N,) array of bool
+    known : (N,) array of bool
     """
-    spans = spans_without_set(time, has_set)
+    spans = spans_unknown(time, known)
     if spans:
         corners = [[(begin, 0.0), (begin, 1.0), (end, 1.0), (end, 0.0)] for begin, end in spans]
-        shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=WITHOUT_SET, **SHADE)
+        shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=UNKNOWN, **SHADE)
         axes.add_collection(shades, autolim=False)
-
-
-def _shade_gaps(axes: Axes, result: Result) -> None:
-    shade_without_set(axes, result.times, np.isfinite(result.largest_angles))
 
 
 def _marks(result: Result) -> Style:

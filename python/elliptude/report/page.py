@@ -246,7 +246,7 @@ def _angles_note(run: Run) -> str:
 
 def _grey(run: Run) -> str:
     """What grey means, if there is any."""
-    return "" if run.known.all() else "Where it is grey, no set is known. "
+    return "" if run.known.all() else "Where it is grey, nothing is known. "
 
 
 def _bands_note(run: Run) -> str:

@@ -26,14 +26,14 @@ from elliptude.report.figures import (
     ORANGE,
     SHADE,
     TILT_COLOUR,
-    WITHOUT_SET,
+    UNKNOWN,
     begin_above,
     draw_roll_pitch_yaw,
     entitle,
     error_limit,
     new_figure,
     plain_log_axis,
-    shade_without_set,
+    shade_unknown,
     true_roll_pitch_yaw,
 )
 from elliptude.report.run import Run
@@ -77,7 +77,8 @@ def angles_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     figure, panels, strip = _over_time(run, title, 3, 6.4)
     true = None if run.errors is None else true_roll_pitch_yaw(run.attitudes[rows], run.errors[rows])
     draw_roll_pitch_yaw(panels, run.times[rows], run.roll_pitch_yaw[rows], true, label)
-    _finish(figure, run, strip, *panels[0].get_legend_handles_labels())
+    known = np.isfinite(run.roll_pitch_yaw[:, ::3]).T
+    _finish(figure, run, strip, *panels[0].get_legend_handles_labels(), known=known)
     return figure
 
 
@@ -185,7 +186,7 @@ def size_figure(run: Run, title: str) -> Figure:
     if (known.any() and (largest[known] > 0.0).all()) or (alone.any() and not known.any()):
         plain_log_axis(panel)
         begin_above(panel, "bound of the heading")
-    _finish(figure, run, strip, *panel.get_legend_handles_labels())
+    _finish(figure, run, strip, *panel.get_legend_handles_labels(), known=[run.known | run.up_alone])
     return figure
 
 
@@ -398,15 +399,27 @@ def claims_of_up(run: Run) -> tuple[str, ...] | None:
     return run.up_claims if run.up_claims != run.claims else None
 
 
-def _finish(figure: Figure, run: Run, strip: Axes | None, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Show where no set is known, draw the strip, and put one legend below everything."""
+def _finish(
+    figure: Figure,
+    run: Run,
+    strip: Axes | None,
+    handles: Sequence[Artist],
+    labels: Sequence[str],
+    *,
+    known: Sequence[NDArray[np.bool_]] | None = None,
+) -> None:
+    """Show where what a panel shows is not known, draw the strip, and put one legend below everything.
+
+    ``known`` has the rows of each panel but the strip; those with a set if left out.
+    """
     handles, labels = list(handles), list(labels)
-    for panel in figure.axes:
-        if panel is not strip:
-            shade_without_set(panel, run.times, run.known)
-    if run.claims is None and not run.known.all():  # else the strip and its legend say it
+    panels = [panel for panel in figure.axes if panel is not strip]
+    shown = [run.known] * len(panels) if known is None else known
+    for panel, rows in zip(panels, shown, strict=True):
+        shade_unknown(panel, run.times, rows)
+    if not np.all(shown):
         handles.append(Patch(**SHADE))
-        labels.append(WITHOUT_SET)
+        labels.append(UNKNOWN)
     if strip is not None:
         names, lanes = _names(run), _lane_names(run)
         some = pieces(len(run.times), _MOST_STRIP_PIECES)

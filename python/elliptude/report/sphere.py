@@ -92,12 +92,18 @@ def sphere_frames(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
         "tips": _packed(frames.tips),
         "marks": None if frames.marks is None else _packed(frames.marks),
         "times": run.times[rows].tolist(),
+        "opens_at": _opening(run.known[rows], np.array(frames.drawn)),
         "labels": [frame_label(run, int(row), is_drawn) for row, is_drawn in zip(rows, frames.drawn, strict=True)],
         "patch_traces": [_STILL, _STILL + 1, _STILL + 2],
         "rim_traces": [_STILL + 3, _STILL + 4, _STILL + 5],
         "tip_traces": [_STILL + 6, _STILL + 7, _STILL + 8],
         "mark_trace": _STILL + 9,
     }
+
+
+def _opening(known: NDArray[np.bool_], drawn: NDArray[np.bool_]) -> int:
+    """The first time at which there is something to see: patches, or an attitude at least."""
+    return int(np.argmax(drawn if drawn.any() else known))
 
 
 def frame_label(run: Run, row: int, is_drawn: bool) -> str:

@@ -122,21 +122,21 @@ def prediction_shares(used: FloatArray, chunks: list[slice]) -> list[str]:
     return shares
 
 
-def spans_without_set(times: FloatArray, has_set: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Where no set is known: from the last row that has one to the next, for each such piece of a run.
+def spans_unknown(times: FloatArray, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Where something is not known: from the last row in which it is to the next, for each such piece of a run.
 
     Parameters
     ----------
     times : (N,) array
         s.
-    has_set : (N,) array of bool
+    known : (N,) array of bool
 
     Returns
     -------
     list of (float, float)
         In order, at most a thousand: pieces that are nearer than a pixel are one.
     """
-    changes = np.flatnonzero(np.diff(np.concatenate([[True], has_set, [True]])))
+    changes = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]])))
     if not len(changes):
         return []
     begins, ends = times[np.maximum(changes[::2] - 1, 0)], times[np.minimum(changes[1::2], len(times) - 1)]

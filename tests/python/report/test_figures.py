@@ -118,14 +118,19 @@ def test_no_two_entries_of_the_legend_look_alike(results):
         assert len(set(looks)) == len(looks)
 
 
-def test_angles_are_grey_where_no_set_is_known(results):
-    largest = results.largest_angles.copy()
+def test_each_angle_is_grey_where_it_is_not_known(results):
+    """Without a set there is no yaw, but roll and pitch where up is known."""
+    results, largest = with_angles(results), results.largest_angles.copy()
     largest[10:15] = np.nan
-    figure = figures.estimate_figure(dataclasses.replace(with_angles(results), largest_angles=largest), "Pendulum")
-    for panel in figure.axes[:3]:
-        (grey,) = [one for one in panel.collections if one.get_label() == figures.WITHOUT_SET]
-        (span,) = grey.get_paths()
-        assert span.get_extents().intervalx.tolist() == [results.times[9], results.times[15]]
+    angles = results.roll_pitch_yaw.copy()
+    angles[10:15, 6:] = np.nan
+    shown = dataclasses.replace(results, largest_angles=largest, roll_pitch_yaw=angles)
+    panels = figures.estimate_figure(shown, "Pendulum").axes[:3]
+    greys = [[one for one in panel.collections if one.get_label() == figures.UNKNOWN] for panel in panels]
+    assert greys[:2] == [[], []]
+    ((grey,),) = greys[2:]
+    spans = [span.get_extents().intervalx.tolist() for span in grey.get_paths()]
+    assert [results.times[9], results.times[15]] in spans
 
 
 def test_the_picture_says_that_bounds_are_proposals(results):
@@ -181,7 +186,7 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
     for panel in figure.axes[:3]:
         assert panel.get_ylim() == pytest.approx((-46.0, 46.0))
         assert panel.get_xlim() == (results.times[0], results.times[-1])
-        shade = next(one for one in panel.collections if one.get_label() == "no set is known")
+        shade = next(one for one in panel.collections if one.get_label() == figures.UNKNOWN)
         assert shade.get_paths()[0].get_extents().x0 == results.times[4]
     assert figure.axes[-1].get_title() == "size of the set: largest angle"
     figures.save(figure, tmp_path / "figure.png")

@@ -62,6 +62,17 @@ def test_the_patch_is_the_image_of_the_set(page):
     assert (tips[22] == -32768).all()
 
 
+def test_the_globe_opens_at_the_first_attitude():
+    run = full_run()
+    for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles, run.errors, run.forms):
+        values[:7] = np.nan
+    rows = np.arange(50)
+    frames = sphere.sphere_frames(run, rows)
+    assert frames["opens_at"] == 7
+    assert "within" in frames["labels"][7]
+    assert sphere.sphere_frames(run, rows[:5])["opens_at"] == 0
+
+
 def test_no_patch_cuts_through_the_globe():
     run = make_run(3)
     frames = sphere.sphere_frames(dataclasses.replace(run, largest_angles=np.array([0.3, 1.2, 0.3])), np.arange(3))
@@ -92,12 +103,14 @@ def test_roll_pitch_and_yaw_are_the_first_picture(page, tmp_path):
     assert "range" not in plots["angles"]["layout"]["yaxis2"]
 
 
-def test_plots_are_grey_where_no_set_is_known(page, tmp_path):
-    run = full_run()
-    for name in ("bands", "size"):
-        (grey,) = data_of(page)["plots"][name]["layout"]["shapes"]
-        assert (grey["x0"], grey["x1"]) == (run.times[19], run.times[25])
-    assert page.count("Where it is grey, no set is known.") == 3  # of angles, of bands, of the size
+def test_plots_are_grey_where_what_they_show_is_not_known(page, tmp_path):
+    run = angled(full_run())
+    report.write_report(run, tmp_path / "angles.html", "Angles")
+    plots = data_of((tmp_path / "angles.html").read_text(encoding="utf-8"))["plots"]
+    for name, height in (("bands", "paper"), ("size", "y domain"), ("angles", "y3 domain")):  # of the angles, yaw
+        (grey,) = plots[name]["layout"]["shapes"]
+        assert (grey["yref"], grey["x0"], grey["x1"]) == (height, run.times[19], run.times[25])
+    assert page.count("Where it is grey, nothing is known.") == 3  # of angles, of bands, of the size
     report.write_report(make_run(), tmp_path / "report.html", "Whole")
     whole = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert data_of(whole)["plots"]["bands"]["layout"]["shapes"] == []

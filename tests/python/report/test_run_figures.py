@@ -84,7 +84,7 @@ def test_angles(tmp_path):
     *panels, strip = figure.axes
     assert [panel.get_ylabel() for panel in panels] == ["roll (deg)", "pitch (deg)", "yaw (deg)"]
     assert panels[0].get_ylim() == (-180.0, 180.0)
-    bands = [[one for one in panel.collections if one.get_label() != figures.WITHOUT_SET] for panel in panels]
+    bands = [[one for one in panel.collections if one.get_label() != figures.UNKNOWN] for panel in panels]
     assert [len(one) for one in bands] == [3, 1, 1]
     assert strip.get_xlabel() == "time (s)"
     assert {"where it may be", "as estimated", "optical attitude", "claim: none"} <= set(legend_of(figure))
@@ -103,18 +103,24 @@ def pictures_of(run):
     }
 
 
-def test_all_panels_are_grey_where_no_set_is_known():
+def grey_spans(panel):
+    """From when to when a panel is grey."""
+    shades = [one for one in panel.collections if one.get_label() == figures.UNKNOWN]
+    return [span.get_extents().intervalx.tolist() for shade in shades for span in shade.get_paths()]
+
+
+def test_panels_are_grey_where_what_they_show_is_not_known():
+    """Without a set there is no yaw, but roll and pitch where up is known."""
     run = full_run()
+    gap = [[run.times[19], run.times[25]]]
     for with_claims in (True, False):
         shown = run if with_claims else dataclasses.replace(run, claims=None)
-        for name in ("angles", "bands", "size"):
+        for name, expected in (("angles", [[], [], gap]), ("bands", [gap] * 3), ("size", [gap])):
             figure = pictures_of(shown)[name]
-            panels = figure.axes[:-1]  # the last one is the strip
-            for panel in panels:
-                (grey,) = [one for one in panel.collections if one.get_label() == figures.WITHOUT_SET]
-                (span,) = grey.get_paths()
-                assert span.get_extents().intervalx.tolist() == [run.times[19], run.times[25]]
-            assert ("claim: none" if with_claims else figures.WITHOUT_SET) in legend_of(figure)
+            assert [grey_spans(panel) for panel in figure.axes[:-1]] == expected  # the last one is the strip
+            assert figures.UNKNOWN in legend_of(figure)
+    up = dataclasses.replace(run, up_bounds=np.full(50, 0.1))
+    assert grey_spans(run_figures.size_figure(up, "Run").axes[0]) == []
 
 
 def test_every_picture_says_that_bounds_are_proposals():

@@ -72,10 +72,10 @@ def test_spans_without_a_set():
         ([0, 1, 1, 0, 1, 0], [(0.0, 1.0), (2.0, 5.0)]),
         ([1, 0, 0, 1, 1, 1], [(0.0, 3.0)]),
     ):
-        assert thinning.spans_without_set(times, np.array(has_set, dtype=bool)) == expected
+        assert thinning.spans_unknown(times, np.array(has_set, dtype=bool)) == expected
     many = np.arange(20_000) % 2 == 0
-    assert len(thinning.spans_without_set(np.arange(20_000.0), many)) <= 1000
-    assert thinning.spans_without_set(np.zeros(1), np.array([False])) == [(0.0, 0.0)]
+    assert len(thinning.spans_unknown(np.arange(20_000.0), many)) <= 1000
+    assert thinning.spans_unknown(np.zeros(1), np.array([False])) == [(0.0, 0.0)]
 
 
 @pytest.mark.parametrize("text", ["{", "", "[]", '"said"'])

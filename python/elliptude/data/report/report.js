@@ -230,6 +230,7 @@
   if (each !== null) { listEach(); }
 
   slider.max = String(frames.labels.length - 1);
+  slider.value = String(frames.opens_at);
   slider.addEventListener("input", draw);
   button.addEventListener("click", () => play(!isPlaying));
 
