@@ -254,3 +254,60 @@ TEST_CASE_TEMPLATE("a linear measurement with a thin bound loses no point", Scal
   }
   CHECK(static_cast<double>(worst - 1) <= 0);
 }
+
+namespace {
+
+template <int rows>
+struct RowCount {
+  static constexpr int value = rows;
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("a linear measurement's quadric holds its rim, in exact arithmetic", Count, RowCount<1>, RowCount<2>,
+                   RowCount<3>) {
+  constexpr int rows = Count::value;
+  using Bound = Eigen::Matrix<Real, rows, rows>;
+  using Rows = Eigen::Matrix<Real, rows, 1>;
+  using Vector6r = Eigen::Matrix<Real, 6, 1>;
+  Random random(17);
+  Real least = 1;  // slack, of one
+  int tried = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    LinearMeasurement<float, rows> measurement;
+    measurement.h = random.normal_matrix<rows, 6>().template cast<float>();
+    Vector<double, rows> widths;
+    for (int k = 0; k < rows; ++k) {
+      widths(k) = random.log_uniform(1e-3, 1);
+    }
+    measurement.bound =
+        symmetrized(Matrix<float, rows>(random.symmetric<rows>(widths.cwiseAbs2()).template cast<float>()));
+    const Eigen::SelfAdjointEigenSolver<Bound> bound(Bound(measurement.bound.template cast<Real>()));
+    if (!(bound.eigenvalues()(0) > 0)) {
+      continue;  // rounding has made it flat
+    }
+    // The state is that far away, in widths of the bound.
+    const Vector6<float> reach = Vector6<float>::Constant(static_cast<float>(random.log_uniform(1e-3, 1e2)));
+    const Vector6r x = reach.cast<Real>().cwiseProduct(random.unit_vector<6>().cast<Real>());
+    const auto h = measurement.h.template cast<Real>().eval();
+    const Rows rim = bound.eigenvectors() *
+                     bound.eigenvalues().cwiseSqrt().cwiseProduct(random.unit_vector<rows>().template cast<Real>());
+    measurement.y = Rows(h * x + rim).template cast<float>();
+    const auto form_of = [&](const Rows& error) {
+      return (bound.eigenvectors().transpose() * error).cwiseAbs2().cwiseQuotient(bound.eigenvalues()).sum();
+    };
+    if (form_of(measurement.y.template cast<Real>() - h * x) > 1) {
+      continue;  // as y is rounded, it is outside
+    }
+    Quadric<float, 6> quadric;
+    if (covered_quadric(measurement, reach, quadric) != Status::ok) {
+      continue;
+    }
+    ++tried;
+    const Real slack = static_cast<Real>(quadric.c) - 2 * quadric.g.template cast<Real>().dot(x) -
+                       x.dot(quadric.a.template cast<Real>() * x);
+    least = std::fmin(least, slack);
+  }
+  CHECK(static_cast<double>(least) >= 0);
+  CHECK(tried > 2000);
+}
