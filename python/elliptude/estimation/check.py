@@ -18,6 +18,7 @@ from elliptude.logs import plausibility
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
+from elliptude.logs.saturation import Saturation
 from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
@@ -120,6 +121,9 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             findings += plausibility.contradictions(log, configuration)
             findings += _start(log, configuration)
             findings += _silent_gyro(log, configuration)
+            saturation = Saturation(configuration)
+            saturation.add(log)
+            findings += [Finding("warning", "", said) for said in saturation.said()]
             up = up_in_log(log, configuration)
     findings += [
         Finding("warning", one.sensor, f"suspicious: {one.message}")

@@ -38,6 +38,8 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
     "acc": units.ACCELERATION,
     "mag": units.FIELD,
 }
+# s; no gyro in a hand, a drone, a car or a boat is read so seldom.
+_NO_SECONDS = 0.9
 # Medians in SI units beyond these show that the unit is not what is stated.
 _PLAUSIBLE = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
 
@@ -76,6 +78,8 @@ def ahrs(
         if statements not in get_args(Carried):
             raise
         remedy = "statements='recording' takes bounds from what the recording itself shows"
+        if (step := float(np.median(np.diff(times_of(time))))) >= _NO_SECONDS:
+            remedy = f"time is in s, and its steps are {step:g} s (median): are they milliseconds?"
         raise ValueError(f"statements={statements!r}: {error}. {remedy}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
@@ -106,6 +110,7 @@ def ahrs(
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
         notes=(
             *heard.ignored,
+            *heard.saturated,
             *why_no_set(run, configuration),
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),

@@ -31,6 +31,7 @@ from elliptude.logs.quaternion_readings import (
     readings,
     slope,
 )
+from elliptude.logs.saturation import Saturation
 from elliptude.typing import FloatArray
 
 # T; the Earth's field at sea level.
@@ -85,6 +86,8 @@ class Heard:
     """The same as notes in a table."""
     up: UpAtRest | None = None
     """What was up in the first rest."""
+    saturated: list[str] = field(default_factory=list)
+    """Sensors that may have been at the end of their range; complete when all pieces are passed on."""
 
 
 def plausible_pieces(
@@ -117,8 +120,10 @@ def plausible_pieces(
     """
     waiting: list[Log] = []
     heard = Heard() if heard is None else heard
+    saturation = Saturation(configuration)
     is_told = False
     for piece in pieces:
+        saturation.add(piece)
         if is_told:
             yield piece
             continue
@@ -130,6 +135,7 @@ def plausible_pieces(
     if waiting:
         _require_plausible(joined(waiting), configuration, name, heard)
         yield from waiting
+    heard.saturated += saturation.said()
 
 
 def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:

@@ -29,6 +29,12 @@ _LEAST_REVERSED = 3
 MOST_PLACES = 20
 """How many places of a fault are kept, the first ones."""
 _MOST_SAID = 3
+# Counters of time, and what one of their ticks may be in the unit of the column.
+_COUNTER_BITS = (16, 24, 31, 32)
+_COUNTER_TICKS = (1.0, 1e-3, 1e-6, 1e-9)
+# Usual steps: a counter has so many at least, and a row or two may be lost where it begins anew.
+_LEAST_OF_COUNTER = 100.0
+_LOST_BESIDE = 3.0
 
 _Rows = NDArray[np.intp]
 
@@ -276,9 +282,15 @@ def _look_at_stamps(
     _add(found, file, kept[ahead], f"rows whose time in {clock.column!r} is after that of rows below", "left out")
     found.ahead += [file.place(clock.column, int(row)) for row in kept[ahead[:1]]]
     left_out[kept[late]] = left_out[kept[ahead]] = True
-    for row in kept[hopeless[:1]]:
+    for at in hopeless[:1]:
+        if (size := _counter_size(times[kept], int(at))) is not None:
+            found.hopeless.append(
+                f"{file.place(clock.column, int(kept[at]))}: the clock begins anew here, as a counter does after "
+                f"{size:.10g}. Add that to all times in {clock.column!r} from here on, and again wherever this happens"
+            )
+            break
         found.hopeless.append(
-            f"{file.place(clock.column, int(row))}: the clock was set back here"
+            f"{file.place(clock.column, int(kept[at]))}: the clock was set back here"
             + (f", and at {len(hopeless) - 1} more places" if len(hopeless) > 1 else "")
             + ": how much time went by is not known, and no repair finds it out. Cut the file here"
         )
@@ -288,6 +300,16 @@ def _look_at_stamps(
     again[1:] = same[1:] & (marks[kept[1:]] == marks[kept[:-1]]).all(axis=1)
     _add(found, file, kept[again], "rows that repeat the row above", "left out, nothing is lost")
     left_out[kept[again]] = True
+
+
+def _counter_size(times: FloatArray, row: int) -> float | None:
+    """After how much a counter begins anew that does so before a row; None if no usual one would go on at that row."""
+    steps = np.diff(times)
+    usual = float(np.median(steps[steps > 0.0]))
+    for size in (2.0**bits * tick for bits in _COUNTER_BITS for tick in _COUNTER_TICKS):
+        if size > _LEAST_OF_COUNTER * usual and 0.0 < size + steps[row - 1] < _LOST_BESIDE * usual:
+            return size
+    return None
 
 
 def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows, _Rows]:

@@ -228,7 +228,8 @@ def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
         entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
     # Grey may be in others alone.
     shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == UNKNOWN]
-    entries |= {UNKNOWN: shade for shade in shades[:1]}
+    if shades:
+        entries[UNKNOWN] = shades[0]
     columns = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
 

@@ -324,3 +324,10 @@ def test_what_is_of_a_wrong_type_is_named(recording, changes, said):
     arguments = {"time": times, "gyr": gyr, "acc": acc, "mag": mag, "mag_unit": "uT"} | changes
     with pytest.raises((TypeError, ValueError), match=re.escape(said)):
         el.ahrs(**arguments)
+
+
+def test_times_in_milliseconds_are_named():
+    count = 2000
+    still = np.ones((count, 1))
+    with pytest.raises(ValueError, match=r"time is in s, and its steps are 10 s \(median\): are they milliseconds\?"):
+        el.ahrs(10.0 * np.arange(count), still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])

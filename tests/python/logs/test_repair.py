@@ -162,6 +162,19 @@ def test_a_clock_that_was_set_back_is_not_repaired(tmp_path, step):
         assert "timing.backward" not in str(raised.value)  # it would not mend it either
 
 
+@pytest.mark.parametrize("size", [2.0**16, 2.0**32 * 1e-6])
+def test_a_counter_that_begins_anew_is_named(tmp_path, size):
+    """In 16 bits of a second, or in 32 of a microsecond: what to add is said."""
+    begin = size - 1.0
+    rows = [f"{(begin + H * i) % size:.6f};{i};0,5;0;0;0;1".replace(".", ",") for i in range(180)]
+    path = write(tmp_path, rows)
+    said = (
+        rf"line 102, .* the clock begins anew here, as a counter does after {size:.10g}\. Add that to all times"
+    )
+    with pytest.raises(FileError, match=said):
+        logs.read_log(path, configured(repair=True))
+
+
 def order(times, marks=None):
     marks = np.arange(len(times), dtype=np.uint64) if marks is None else np.array(marks, dtype=np.uint64)
     return tuple(part.tolist() for part in _out_of_order(np.array(times), marks[:, None]))

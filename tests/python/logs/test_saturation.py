@@ -1,0 +1,101 @@
+"""A sensor that shows its largest number for several samples on end: what is beyond it is not measured."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from elliptude.configuration.configuration import Configuration
+from elliptude.logs.log import Log
+from elliptude.logs.plausibility import Heard, plausible_pieces
+from elliptude.logs.saturation import Saturation
+
+CONFIGURATION = Configuration.model_validate(
+    {
+        "time_column": "t",
+        "reference_frame": "ENU",
+        "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"], "noise_deg_per_s": 1.0},
+        "directions": [
+            {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "m/s^2", "bound_deg": 5.0},
+            {"name": "north", "columns": ["nx", "ny", "nz"], "reference": [0, 1, 0], "bound_deg": 5.0},
+        ],
+        "start": {"kind": "first_measurement", "bias_bound_deg_per_s": 1.0},
+        "implausible": "ignore",
+    }
+)
+RANGE = np.deg2rad(500.0)
+
+
+FAST = np.deg2rad(700.0)
+
+
+def shaken(largest=FAST, count=2000):
+    """A body that is turned back and forth about z, with an accelerometer that shows up."""
+    times = 0.005 * np.arange(count)
+    rates = np.zeros((count, 3))
+    rates[:, 2] = largest * np.sin(2.0 * np.pi * 1.3 * times)
+    directions = np.full((count, 2, 3), np.nan)
+    directions[:, 0] = [0.0, 0.0, 9.81]
+    references = np.tile([[0.0, 0.0, 9.80665], [0.0, 1.0, 0.0]], (count, 1, 1))
+    return Log(times=times, directions=directions, references=references, rates=rates)
+
+
+def clipped(log, largest=RANGE):
+    return dataclasses.replace(log, rates=np.clip(log.rates, -largest, largest))
+
+
+def said(*pieces):
+    saturation = Saturation(CONFIGURATION)
+    for piece in pieces:
+        saturation.add(piece)
+    return saturation.said()
+
+
+def test_a_gyro_at_the_end_of_its_range():
+    log = clipped(shaken())
+    count = int((log.rates[:, 2] == RANGE).sum())
+    (found,) = said(log)
+    assert found.startswith(f"the gyro: its largest number, 500 deg/s, in {count} samples, 3 or more on end: ")
+    backward = dataclasses.replace(log, rates=-log.rates)
+    assert said(backward)[0].startswith("the gyro: its largest number, 500 deg/s")
+
+
+def test_an_accelerometer_at_the_end_of_its_range():
+    log = shaken()
+    directions = log.directions.copy()
+    directions[100:110, 0, 0] = -19.6133  # 2 g
+    (found,) = said(dataclasses.replace(log, directions=directions))
+    assert found.startswith("up: its largest number, 19.613 m/s², in 10 samples")
+
+
+@pytest.mark.parametrize("largest", [FAST, np.deg2rad(50.0)])
+def test_what_is_no_end_of_a_range(largest):
+    assert said(shaken(largest)) == []
+    # Peaks in a slow log, and a body that spins at one rate all the time.
+    assert said(clipped(shaken(np.deg2rad(90.0)), np.deg2rad(80.0))) == []
+    spinning = dataclasses.replace(shaken(), rates=np.tile([0.0, 0.0, 3.0], (2000, 1)))
+    assert said(spinning) == []
+
+
+def test_pieces_are_one_log():
+    """The largest number of a piece is none of the log's, if others have larger ones."""
+    low, high = clipped(shaken(), np.deg2rad(300.0)), shaken()
+    assert len(said(low)) == 1
+    assert said(low, high) == said(high, low) == []
+    assert said(clipped(shaken()), shaken(np.deg2rad(50.0)))[0] == said(clipped(shaken()))[0]
+
+
+def test_rates_between_samples_do_not_count():
+    """Where other sensors have rows, the rate is on a line between two equal samples."""
+    log = shaken()
+    rates = log.rates.copy()
+    top = int(np.argmax(rates[:, 2]))
+    rates[top : top + 4, 2] = rates[top, 2]
+    filled = np.delete(log.times, [top + 1, top + 2])
+    assert len(said(dataclasses.replace(log, rates=rates))) == 1
+    assert said(dataclasses.replace(log, rates=rates, gyro_times=filled)) == []
+
+
+def test_it_is_heard_when_all_pieces_are_passed_on():
+    heard = Heard()
+    assert len(list(plausible_pieces(iter([clipped(shaken())]), CONFIGURATION, "log.csv", heard))) == 1
+    assert [one[:9] for one in heard.saturated] == ["the gyro:"]
