@@ -77,7 +77,7 @@ def angles_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     figure, panels, strip = _over_time(run, title, 3, 6.4)
     true = None if run.errors is None else true_roll_pitch_yaw(run.attitudes[rows], run.errors[rows])
     draw_roll_pitch_yaw(panels, run.times[rows], run.roll_pitch_yaw[rows], true, label)
-    known = np.isfinite(run.roll_pitch_yaw[:, ::3]).T
+    known = [np.isfinite(run.roll_pitch_yaw[:, 3 * i]) for i in range(3)]
     _finish(figure, run, strip, *panels[0].get_legend_handles_labels(), known=known)
     return figure
 
@@ -414,10 +414,10 @@ def _finish(
     """
     handles, labels = list(handles), list(labels)
     panels = [panel for panel in figure.axes if panel is not strip]
-    shown = [run.known] * len(panels) if known is None else known
-    for panel, rows in zip(panels, shown, strict=True):
+    known = [run.known] * len(panels) if known is None else known
+    for panel, rows in zip(panels, known, strict=True):
         shade_unknown(panel, run.times, rows)
-    if not np.all(shown):
+    if not np.all(known):
         handles.append(Patch(**SHADE))
         labels.append(UNKNOWN)
     if strip is not None:
