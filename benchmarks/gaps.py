@@ -50,6 +50,8 @@ class Simulated:
     true_attitudes: Rotation
     largest_rate: float
     """rad/s."""
+    largest_acceleration: float
+    """Of the turn, rad/s²."""
 
     def attitudes_at(self, times: FloatArray) -> Rotation:
         """True attitudes; the simulation's own steps are 1 ms."""
@@ -57,7 +59,12 @@ class Simulated:
 
 
 def simulate(
-    seed: int, gaps: list[tuple[float, float]] | None = None, *, magnetometer: bool = True, own_stamps: bool = False
+    seed: int,
+    gaps: list[tuple[float, float]] | None = None,
+    *,
+    magnetometer: bool = True,
+    own_stamps: bool = False,
+    shortest: float = 0.1,
 ) -> Simulated:
     """A log with gaps.
 
@@ -70,6 +77,8 @@ def simulate(
         Whether there is one.
     own_stamps : bool
         Whether the gyro has stamps of its own; it alone then loses samples.
+    shortest : float
+        Of the gaps at random, s.
 
     Returns
     -------
@@ -83,6 +92,7 @@ def simulate(
     moving = moving**2 * (3.0 - 2.0 * moving)
     rates = moving[:, None] * _waves(draws, fine, 5, draws.uniform(0.2, 0.8))
     largest = float(np.linalg.norm(rates, axis=1).max())
+    fastest_change = float(np.linalg.norm(np.diff(rates, axis=0), axis=1).max()) / _FINE_S
     middles = Rotation.from_rotvec(_FINE_S * 0.5 * (rates[1:] + rates[:-1]))
     turns = np.empty((len(fine), 4))
     turns[0], steps = Rotation.random(rng=draws).as_quat(), middles.as_quat()
@@ -99,7 +109,7 @@ def simulate(
     errors = {"gyr": np.deg2rad(0.1), "acc": 0.03, "mag": 0.3}
     if gaps is None:
         count = int(draws.integers(1, 7))
-        lengths = np.exp(draws.uniform(np.log(0.1), np.log(10.0), count))
+        lengths = np.exp(draws.uniform(np.log(shortest), np.log(10.0), count))
         begins = draws.uniform(REST_S + 0.5, DURATION_S - 0.5, count)
         gaps = list(zip(begins.tolist(), lengths.tolist(), strict=True))
     stamps, values = {}, {}
@@ -114,7 +124,8 @@ def simulate(
             for begin, length in gaps:
                 keep &= (times < begin) | (times > begin + length)
         stamps[name], values[name] = times[keep], measured[keep]
-    return Simulated(stamps, values, [(begin, begin + length) for begin, length in gaps], fine, attitudes, largest)
+    spans = [(begin, begin + length) for begin, length in gaps]
+    return Simulated(stamps, values, spans, fine, attitudes, largest, fastest_change)
 
 
 def _unit(draws: np.random.Generator) -> FloatArray:
@@ -180,9 +191,9 @@ def write(simulated: Simulated, path: Path) -> None:
 
 
 def bounds_and_estimate(
-    path: Path, mapped: dict[str, Any], largest_rate_deg_per_s: float | None = None
+    path: Path, mapped: dict[str, Any], known: dict[str, float] | None = None
 ) -> tuple[Estimation, Configuration]:
-    """What `elliptude bounds` and `elliptude estimate` do, with a largest rate that the user knows if one is given."""
+    """What `elliptude bounds` and `elliptude estimate` do, with what the user knows of the gyro, if anything."""
     reading = mapping.configuration_of(mapped, path)
     recording, origin = mapping.read_recording(path, reading)
     document = starting_configuration(
@@ -195,9 +206,7 @@ def bounds_and_estimate(
         shared_stamps=recording.shared_stamps,
     )
     full = document.unwrap()
-    if largest_rate_deg_per_s is not None:
-        gyro = full["rule"]["gyro"] if "rule" in full else full["flow"]
-        gyro["largest_rate_deg_per_s"] = largest_rate_deg_per_s
+    (full["rule"]["gyro"] if "rule" in full else full["flow"]).update(known or {})
     configuration = Configuration.model_validate(full)
     return estimation.estimate(logs.read_log(path, configuration), configuration), configuration
 
@@ -226,16 +235,25 @@ def forms(estimated: Estimation, simulated: Simulated) -> FloatArray:
 
 
 def attempt(
-    seed: int, folder: Path, gaps: list[tuple[float, float]] | None = None, *, knows_rate: bool = False
+    seed: int,
+    folder: Path,
+    gaps: list[tuple[float, float]] | None = None,
+    *,
+    knows_motion: bool = False,
+    shortest: float = 0.1,
 ) -> dict[str, Any]:
-    """One log: what kind it was, and what came of it; with the true largest rate stated if that is known."""
+    """One log: what kind it was, and what came of it; with the true largest rate and change of it stated if known."""
     kind = seed % 4
     magnetometer, own_stamps = kind != 1, kind == 2
-    simulated = simulate(seed, gaps, magnetometer=magnetometer, own_stamps=own_stamps)
+    simulated = simulate(seed, gaps, magnetometer=magnetometer, own_stamps=own_stamps, shortest=shortest)
     path = folder / "log.npz"
     write(simulated, path)
-    rate = float(np.rad2deg(simulated.largest_rate)) if knows_rate else None
-    estimated, _ = bounds_and_estimate(path, tables(simulated, own_stamps=own_stamps), rate)
+    known = {
+        "largest_rate_deg_per_s": float(np.rad2deg(simulated.largest_rate)),
+        "largest_angular_acceleration_deg_per_s2": float(np.rad2deg(simulated.largest_acceleration)),
+    }
+    mapped = tables(simulated, own_stamps=own_stamps)
+    estimated, _ = bounds_and_estimate(path, mapped, known if knows_motion else None)
     found = forms(estimated, simulated)
     claims = np.array(estimated.result.claims)
     unconditional = claims == "unconditional"
@@ -256,7 +274,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=1000, help="how many")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--known-rate", action="store_true", help="state the true largest rate, not what bounds wrote")
+    parser.add_argument(
+        "--known-motion",
+        action="store_true",
+        help="state the true largest rate and change of it, not what bounds wrote",
+    )
+    parser.add_argument("--shortest", type=float, default=0.1, help="of the gaps, s")
     parser.add_argument("--json", type=Path, help="write what came of each log to this file")
     arguments = parser.parse_args()
     lines: list[dict[str, Any]] = []
@@ -265,7 +288,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         for seed in range(arguments.first, arguments.first + arguments.logs):
             try:
-                lines.append(attempt(seed, Path(name), knows_rate=arguments.known_rate))
+                lines.append(
+                    attempt(seed, Path(name), knows_motion=arguments.known_motion, shortest=arguments.shortest)
+                )
             except ValueError as error:
                 failed[str(error).split(";")[0]] += 1
             if len(lines) % 50 == 0 and lines:

@@ -50,11 +50,11 @@ def outside(estimated):
 # --- what a user does -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("knows_rate", [False, True])
+@pytest.mark.parametrize("knows_motion", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_bounds_then_estimate(simulation, tmp_path, seed, knows_rate):
+def test_bounds_then_estimate(simulation, tmp_path, seed, knows_motion):
     """As the campaign of benchmarks/gaps.py does at length."""
-    found = simulation.attempt(seed, tmp_path, knows_rate=knows_rate)
+    found = simulation.attempt(seed, tmp_path, knows_motion=knows_motion)
     assert found["outside"] == 0
     assert found["unconditional"] + found["none"] > 0.9 * found["rows"]
 

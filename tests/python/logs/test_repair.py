@@ -168,9 +168,7 @@ def test_a_counter_that_begins_anew_is_named(tmp_path, size):
     begin = size - 1.0
     rows = [f"{(begin + H * i) % size:.6f};{i};0,5;0;0;0;1".replace(".", ",") for i in range(180)]
     path = write(tmp_path, rows)
-    said = (
-        rf"line 102, .* the clock begins anew here, as a counter does after {size:.10g}\. Add that to all times"
-    )
+    said = rf"line 102, .* the clock begins anew here, as a counter does after {size:.10g}\. Add that to all times"
     with pytest.raises(FileError, match=said):
         logs.read_log(path, configured(repair=True))
 
