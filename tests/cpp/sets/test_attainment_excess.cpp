@@ -180,7 +180,7 @@ TEST_CASE("the curvatures of a sum of cones are lowered by what their eigenvalue
     const Matrix3d curvature = Vector3d(ratio * ratio, ratio * ratio, 1).asDiagonal();
     const double excess = excess_about(curvature, Vector3d::Zero(), 1e-9, 0);
     const double lowered = of_eigenvalues(curvature);
-    CHECK(lowered > 18 * ratio * ratio * epsilon);
+    CHECK(lowered > 8 * ratio * ratio * epsilon);
     CHECK(excess > 0.99 * lowered);
     CHECK(excess < 1.01 * lowered + 50 * epsilon);
   }
