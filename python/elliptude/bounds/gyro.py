@@ -78,8 +78,8 @@ class GyroBounds:
     largest_rate : float
         Bound of the true rate at every instant, rad/s, also in a longer interval. Infinite if unknown.
     angular_acceleration : float
-        Bound of how fast the true rate changes, rad/s², but for what ``noise`` covers: how far it leaves, in a longer
-        interval, the mean of the samples around it. Infinite if unknown.
+        Bound of how fast the true rate changes, rad/s², but for a part of at most ``noise``: how far it leaves, in a
+        longer interval, the mean of the samples around it. Infinite if unknown.
     """
 
     noise: float
@@ -146,7 +146,8 @@ class GyroBounds:
         """
         if np.isinf(self.angular_acceleration):
             return np.inf
-        error = float(self.rate_error(lengths_of(np.stack([begin, end])), elapsed).mean())
+        # Of the samples, and of what the rate does beside its slow change.
+        error = float(self.rate_error(lengths_of(np.stack([begin, end])), elapsed).mean()) + self.noise
         fastest = float(np.linalg.norm(0.5 * (begin + end))) + error
         change = self.angular_acceleration * duration
         # From their mean the rate is half of that away at most, and a quarter in the mean; the axes turn meanwhile.
@@ -240,7 +241,12 @@ class GyroBounds:
         return float(self._noise_angle(duration, turned, duration)) / duration
 
     def anchored_turns(
-        self, times: ArrayLike, angular_velocities: ArrayLike, duration: float, elapsed: ArrayLike | None = None
+        self,
+        times: ArrayLike,
+        angular_velocities: ArrayLike,
+        duration: float,
+        elapsed: ArrayLike | None = None,
+        measured: ArrayLike | None = None,
     ) -> "AnchoredTurns":
         """Predictions that span a window, so that the increment bound helps, (18.12).
 
@@ -258,6 +264,9 @@ class GyroBounds:
             Between anchors, s.
         elapsed : (N,) array, optional
             Time between each row and when the bias was known, s; that was at the first row if left out.
+        measured : (N,) array of bool, optional
+            Rows in which anything else is measured. An anchor is one of these if there is any: what is measured in
+            another row is not carried on.
 
         Returns
         -------
@@ -270,6 +279,8 @@ class GyroBounds:
         since = stamps - stamps[0] if elapsed is None else np.asarray(elapsed, dtype=np.float64)
         if since.shape != stamps.shape or not (since >= 0.0).all():
             raise ValueError(f"elapsed must be at least 0 at each of the {len(stamps)} rows")
+        with_more = np.arange(len(stamps)) if measured is None else np.flatnonzero(np.asarray(measured, dtype=np.bool_))
+        known = np.flatnonzero(np.isfinite(rates).all(axis=1))
         anchors = np.zeros(len(stamps), dtype=np.intp)
         mean_rates, noise = np.zeros((len(stamps), 3)), np.zeros(len(stamps))
         angles = np.zeros(len(stamps))
@@ -280,7 +291,7 @@ class GyroBounds:
         anchor = 0
         while anchor < len(stamps) - 1:
             if over_gap[anchor + 1]:
-                bridge = self._bridge(stamps, rates, since, anchor)
+                bridge = self._bridge(stamps, rates, since, anchor, known)
                 row = anchor + 1 if bridge is None else bridge[0]
                 gap = slice(anchor + 1, row + 1)
                 spans = stamps[gap] - stamps[anchor]
@@ -295,6 +306,9 @@ class GyroBounds:
             next_gap = int(np.searchsorted(gaps, anchor, side="right"))
             if next_gap < len(gaps):
                 following = min(following, int(gaps[next_gap]) - 1)
+            last = int(np.searchsorted(with_more, following, side="right")) - 1
+            if last >= 0 and with_more[last] > anchor:
+                following = int(with_more[last])
             piece = slice(anchor, max(following, anchor + 1) + 1)
             spans = stamps[piece] - stamps[anchor]
             with np.errstate(over="ignore", invalid="ignore"):
@@ -319,20 +333,23 @@ class GyroBounds:
         return AnchoredTurns(anchors, mean_rates, noise, angles, angles_turned, over_gap)
 
     def _bridge(
-        self, stamps: FloatArray, rates: FloatArray, since: FloatArray, before: int
+        self, stamps: FloatArray, rates: FloatArray, since: FloatArray, before: int, known: NDArray[np.intp]
     ) -> tuple[int, FloatArray, float] | None:
         """The row behind a gap, the mean of the rates around it, and how far that turn may be off.
 
-        None if the largest rate says more. The gap begins at row ``before``; in it are rows without a rate.
+        None if the largest rate says more: alone since the last row in the gap, in which something may be measured. The
+        gap begins at row ``before``; rows in it are not among the ``known``, which have a rate.
         """
-        known = np.flatnonzero(np.isfinite(rates[before + 1 :]).all(axis=1))
-        if not len(known):
+        place = int(np.searchsorted(known, before + 1))
+        if np.isinf(self.angular_acceleration) or place == len(known):
             return None
-        behind = before + 1 + int(known[0])
+        behind = int(known[place])
         span = float(stamps[behind] - stamps[before])
-        rate = 0.5 * (rates[before] + rates[behind])
-        angle = self.angle_across_gap(span, rates[before], rates[behind], float(since[[before, behind]].max()))
-        says_more = angle < self.turns_over_gaps(span) and span * float(np.linalg.norm(rate)) + angle < np.pi
+        with np.errstate(over="ignore", invalid="ignore"):
+            rate = 0.5 * (rates[before] + rates[behind])
+            angle = self.angle_across_gap(span, rates[before], rates[behind], float(since[[before, behind]].max()))
+            turned = span * float(np.linalg.norm(rate))
+        says_more = angle < self.turns_over_gaps(stamps[behind] - stamps[behind - 1]) and turned + angle < np.pi
         return (behind, rate, angle) if says_more else None
 
     def swept_increment(self, turned: FloatArray, length: FloatArray | float = 1.0) -> FloatArray:
@@ -404,7 +421,7 @@ class AnchoredTurns:
     turned: FloatArray
     """The integral of the measured rates' norm since the anchor, which rounding grows with, rad, shape (N,)."""
     over_gap: NDArray[np.bool_]
-    """Whether nothing but the largest rate is known between anchor and row, shape (N,)."""
+    """Whether the row is behind a gap or in one, so that no sample covers the time before it, shape (N,)."""
 
 
 def scale_effects(steps: FloatArray, attitudes: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -102,7 +102,7 @@ class GyroFlow(Timed):
     # How fast the rate changes between samples, if that is not part of the noise.
     angular_acceleration_deg_per_s2: NotNegative = 0.0
     # The longest interval between samples that all of this covers; 1.5 times the usual one if left out. About a longer
-    # one only the next two numbers are known, of the body; without the first the attitude is forgotten.
+    # one only the next two numbers are known, of the body; without them the attitude is forgotten.
     longest_interval_s: Positive | None = None
     largest_rate_deg_per_s: Positive | None = None
     largest_angular_acceleration_deg_per_s2: Positive | None = None

@@ -233,9 +233,12 @@ def _said(summary: dict[str, Any]) -> list[str]:
     if not count:
         return []
     rate = summary["largest_rate_deg_per_s"]
-    known = "nothing is known of them" if rate is None else f"at most {rate:g} °/s in them"
-    if rate is not None and (acceleration := summary["largest_angular_acceleration_deg_per_s2"]) is not None:
-        known += f", which changes by {acceleration:g} °/s² at most"
+    acceleration = summary["largest_angular_acceleration_deg_per_s2"]
+    stated = [
+        *([] if rate is None else [f"at most {rate:g} °/s in them"]),
+        *([] if acceleration is None else [f"a rate that changes by at most {acceleration:g} °/s²"]),
+    ]
+    known = ", ".join(stated) or "nothing is known of them"
     without = summary["rows_without_set"]
     lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "none ended with its set lost"
     lines = [

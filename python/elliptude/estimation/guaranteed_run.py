@@ -359,7 +359,8 @@ def turns_of(
         # What the rate does between samples is not part of the noise, nor of its integral.
         off = flow.off_the_line(gyro.longest_interval)
         gyro = replace(gyro, noise=gyro.noise + off, increment=np.inf)
-    turns = gyro.anchored_turns(times, rates - rows.bias, _ANCHOR if duration is None else duration, elapsed)
+    measured = (rows.angles < _NEXT_TO_NOTHING).any(axis=1)
+    turns = gyro.anchored_turns(times, rates - rows.bias, _ANCHOR if duration is None else duration, elapsed, measured)
     anchors = turns.anchors.copy()
     anchors[0] = -1
     spans = times - times[turns.anchors]

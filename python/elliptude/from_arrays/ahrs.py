@@ -79,7 +79,8 @@ def ahrs(
             raise
         remedy = "statements='recording' takes bounds from what the recording itself shows"
         if (step := float(np.median(np.diff(times_of(time))))) >= _NO_SECONDS:
-            remedy = f"time is in s, and its steps are {step:g} s (median): are they milliseconds?"
+            unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
+            remedy = f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
         raise ValueError(f"statements={statements!r}: {error}. {remedy}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result

@@ -305,7 +305,7 @@ def _look_at_stamps(
 def _counter_size(times: FloatArray, row: int) -> float | None:
     """After how much a counter begins anew that does so before a row; None if no usual one would go on at that row."""
     steps = np.diff(times)
-    usual = float(np.median(steps[steps > 0.0]))
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.inf
     for size in (2.0**bits * tick for bits in _COUNTER_BITS for tick in _COUNTER_TICKS):
         if size > _LEAST_OF_COUNTER * usual and 0.0 < size + steps[row - 1] < _LOST_BESIDE * usual:
             return size

@@ -1,6 +1,7 @@
-"""Finds a gyro or an accelerometer at the end of its range: it shows its largest number for several samples on end.
+"""Finds a gyro or an accelerometer at the end of its range: it stays at its largest number, and comes and goes fast.
 
-What is beyond that is not measured, and no bound of the sensor's error covers it.
+What is beyond is not measured, and no bound of the sensor's error covers it. Slow turns and coarse digits also show
+their largest number several times on end, but then the samples around are next to it.
 """
 
 from dataclasses import dataclass, field
@@ -14,30 +15,56 @@ from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 
 _ON_END = 3
-"""Samples; noise makes no sensor show its largest number so often by itself."""
+"""Samples with the largest number on end; fewer happen by themselves."""
+_LEAST_COUNT = 5
+"""So many in all."""
+# Steps between the numbers that a sensor shows: a peak in coarse digits is left by fewer on both sides.
+_LEFT_BY = 6.0
 # Less is no end of a range: small gyros have 125 deg/s or more, accelerometers 2 g or more.
 _LEAST_RATE = np.deg2rad(100.0)
 _LEAST_FORCE = 15.0
-# A sensor that shows one number most of the time does not move, or was made up.
-_LARGEST_SHARE = 0.5
+_ROUNDING = 1e-9
+"""Of the largest number: differences below are not of the sensor's digits."""
 
 
 @dataclass
 class _Component:
-    """The largest number of one component, in one direction, and how many samples had it on end."""
+    """One component in one direction: its largest number, and when it stayed there."""
 
     largest: float = -np.inf
-    count: int = 0
+    finest: float = np.inf
+    """The least step between two samples."""
+    stays: list[tuple[int, float]] = field(default_factory=list)
+    """For each time that it stayed at the largest number: how many samples, and how far below the nearer other is."""
+    _open: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    """The last two runs of equal numbers: number and length; the next piece may go on with them."""
 
     def add(self, values: FloatArray) -> None:
-        top = float(values.max())
-        if top < self.largest:
-            return
-        if top > self.largest:
-            self.largest, self.count = top, 0
-        edges = np.diff(np.concatenate([[0], (values == top).astype(np.int8), [0]]))
-        lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
-        self.count += int(lengths[lengths >= _ON_END].sum())
+        """The next samples."""
+        begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+        runs = np.column_stack([values[begins], np.diff(np.append(begins, len(values)))])
+        if len(self._open) and self._open[-1, 0] == runs[0, 0]:
+            runs[0, 1] += self._open[-1, 1]
+            runs = np.concatenate([self._open[:-1], runs])
+        else:
+            runs = np.concatenate([self._open, runs])
+        numbers, lengths = runs.T
+        steps = np.abs(np.diff(numbers))
+        steps = steps[steps > _ROUNDING * np.abs(numbers).max()]
+        self.finest = min(self.finest, float(steps.min(initial=np.inf)))
+        if (top := float(numbers.max())) > self.largest:
+            self.largest, self.stays = top, []
+        # The first run and the last one have no samples on both sides.
+        at = 1 + np.flatnonzero((numbers[1:-1] == self.largest) & (lengths[1:-1] >= _ON_END))
+        around = self.largest - np.maximum(numbers[at - 1], numbers[at + 1])
+        self.stays += list(zip(lengths[at].astype(int).tolist(), around.tolist(), strict=True))
+        self._open = runs[-2:]
+
+    @property
+    def count(self) -> int:
+        """How many samples were at the end of a range."""
+        count = sum(length for length, around in self.stays if around > _LEFT_BY * self.finest)
+        return count if count >= _LEAST_COUNT else 0
 
 
 @dataclass
@@ -48,21 +75,24 @@ class _Sensor:
     """Below this no number is an end of its range, SI."""
     scale: float
     """How many SI units the unit is."""
-    samples: int = 0
     components: list[_Component] = field(default_factory=lambda: [_Component() for _ in range(6)])
+    _last: FloatArray = field(default_factory=lambda: np.full((1, 3), np.nan))
 
     def add(self, values: FloatArray) -> None:
+        """The next samples, shape (N, 3); one that was not measured, or is the one before once more, does not count."""
         values = values[np.isfinite(values).all(axis=1)]
-        self.samples += len(values)
+        values = values[(np.diff(values, axis=0, prepend=self._last) != 0.0).any(axis=1)]
+        if not len(values):
+            return
+        self._last = values[-1:]
         for component, column in zip(self.components, np.hstack([values, -values]).T, strict=True):
-            if len(column):
-                component.add(column)
+            component.add(column)
 
     def said(self) -> str | None:
-        found = [one for one in self.components if one.largest >= self.least and one.count]
-        if not found or max(one.count for one in found) > _LARGEST_SHARE * self.samples:
+        """What was found, in words."""
+        worst = max(self.components, key=lambda one: one.count if one.largest >= self.least else 0)
+        if worst.largest < self.least or not worst.count:
             return None
-        worst = max(found, key=lambda one: one.count)
         return (
             f"{self.name}: its largest number, {worst.largest / self.scale:.5g} {self.unit}, in {worst.count} samples, "
             f"{_ON_END} or more on end: is that the end of its range? No bound covers what is beyond"

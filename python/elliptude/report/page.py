@@ -176,16 +176,16 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
         "angles_hidden": "" if "angles" in plots else "hidden",
-        "angles_note": _angles_note(run) + _grey(run),
+        "angles_note": _angles_note(run) + _grey(plots.get("angles")),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
-        "bands_note": _bands_note(run) + _grey(run),
+        "bands_note": _bands_note(run) + _grey(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
         "size_heading": "Size of the set" if run.headings is None else "How far the attitude may be off",
-        "size_note": _size_note(run) + _grey(run),
+        "size_note": _size_note(run) + _grey(plots.get("size")),
         "dropped": _spell_table(spells),
         "each_hidden": "hidden" if each is None else "",
         "footnote": _footnote(run, len(rows), len(shown)),
@@ -244,9 +244,10 @@ def _angles_note(run: Run) -> str:
     )
 
 
-def _grey(run: Run) -> str:
-    """What grey means, if there is any."""
-    return "" if run.known.all() else "Where it is grey, nothing is known. "
+def _grey(plot: dict[str, Any] | None) -> str:
+    """What grey means in a plot, if there is any."""
+    is_grey = plot is not None and bool(plot["layout"]["shapes"])
+    return "Where it is grey, what is shown is not known. " if is_grey else ""
 
 
 def _bands_note(run: Run) -> str:

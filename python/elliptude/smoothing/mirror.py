@@ -90,7 +90,7 @@ def _mirrored_turns(run: GuaranteedRun, configuration: Configuration) -> Turns |
     log = gaps.without_rates_in_gaps(log, gaps.longest_interval(log, configuration))
     assert log.rates is not None
     # What is known of the bias is subtracted there; its sign changes as the rate's does.
-    rows = replace(run.rows, bias=-run.rows.bias)
+    rows = replace(run.rows, bias=-run.rows.bias, angles=run.rows.angles[::-1])
     return turns_of(-log.times[::-1], -log.rates[::-1], configuration, rows, (log.times - log.times[0])[::-1])
 
 

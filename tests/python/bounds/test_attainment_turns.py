@@ -95,9 +95,9 @@ def test_a_rate_that_changes_in_a_gap_and_back():
     assert GAP * turns.noise[1] == pytest.approx(turns.angles[1], rel=1e-3)
 
 
-@pytest.mark.parametrize(("error", "share"), [("bias", 1.0), ("noise", 2.0)])
+@pytest.mark.parametrize(("error", "share"), [("bias", 1.0), ("noise", 3.0)])
 def test_errors_of_the_samples_around_a_gap(error, share):
-    """They hide the rate at its ends, and what the noise bound covers may be in the rate between them, too."""
+    """They hide the rate at its ends. So does a part of the rate that changes quickly, which is another one between them."""
     turns = across(np.zeros((2, 3)), angular_acceleration=1e-9, **{error: 0.01})
     assert_reached(share * 0.01 * GAP, turns.angles[1])
 
@@ -141,10 +141,26 @@ def test_what_a_gap_is_passed_with():
     np.testing.assert_allclose(turns.rates[[2, 3, 4]], [[0.0, 0.0, 0.0]] * 2 + [[1.0, 0.0, 0.0]])
     np.testing.assert_allclose(turns.angles[[2, 3]], [0.15, 0.3])
     assert 0.025 < turns.angles[4] < 0.03
+    # Where a row in the gap is so near its end that the largest rate says more from there, none is passed by.
+    late = gyro.anchored_turns(np.array([0.0, 0.01, 0.04, 0.109, 0.11, 0.12]), rates, 1.0)
+    assert late.anchors.tolist() == [0, 0, 1, 2, 3, 4]
+    assert late.angles[4] == pytest.approx(0.005)
     rates[0] = np.nan  # no rate before the gap
     assert gyro.anchored_turns(times, rates, 1.0).angles[1] == pytest.approx(0.05)
     with pytest.raises(ValueError, match="angular_acceleration must be at least 0, not -1"):
         GyroBounds(0.1, angular_acceleration=-1.0)
+
+
+def test_anchors_are_rows_with_measurements():
+    """What is measured in a row that is no anchor is not carried on."""
+    times, rates = 0.01 * np.arange(100), np.zeros((100, 3))
+    measured = np.zeros(100, bool)
+    measured[[3, 17, 18, 44]] = True
+    gyro = GyroBounds(noise=0.1)
+    anchors = gyro.anchored_turns(times, rates, 0.2, measured=measured).anchors
+    assert np.unique(anchors).tolist() == [0, 18, 38, 44, 64, 84]
+    every = gyro.anchored_turns(times, rates, 0.2, measured=np.ones(100, bool)).anchors
+    np.testing.assert_array_equal(every, gyro.anchored_turns(times, rates, 0.2).anchors)
 
 
 # --- increments -------------------------------------------------------------------------------------------------------

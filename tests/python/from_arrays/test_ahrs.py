@@ -326,8 +326,8 @@ def test_what_is_of_a_wrong_type_is_named(recording, changes, said):
         el.ahrs(**arguments)
 
 
-def test_times_in_milliseconds_are_named():
-    count = 2000
-    still = np.ones((count, 1))
-    with pytest.raises(ValueError, match=r"time is in s, and its steps are 10 s \(median\): are they milliseconds\?"):
-        el.ahrs(10.0 * np.arange(count), still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_that_are_no_seconds_are_named(factor, unit):
+    still = np.ones((2000, 1))
+    with pytest.raises(ValueError, match=rf"time is in s, and its steps are .* s \(median\): are they {unit}\?"):
+        el.ahrs(0.01 * factor * np.arange(2000), still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])

@@ -110,7 +110,7 @@ def test_plots_are_grey_where_what_they_show_is_not_known(page, tmp_path):
     for name, height in (("bands", "paper"), ("size", "y domain"), ("angles", "y3 domain")):  # of the angles, yaw
         (grey,) = plots[name]["layout"]["shapes"]
         assert (grey["yref"], grey["x0"], grey["x1"]) == (height, run.times[19], run.times[25])
-    assert page.count("Where it is grey, nothing is known.") == 3  # of angles, of bands, of the size
+    assert page.count("Where it is grey, what is shown is not known.") == 2  # of bands and of the size
     report.write_report(make_run(), tmp_path / "report.html", "Whole")
     whole = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert data_of(whole)["plots"]["bands"]["layout"]["shapes"] == []
