@@ -97,7 +97,7 @@ def test_a_rate_that_changes_in_a_gap_and_back():
 
 @pytest.mark.parametrize(("error", "share"), [("bias", 1.0), ("noise", 3.0)])
 def test_errors_of_the_samples_around_a_gap(error, share):
-    """They hide the rate at its ends. So does a part of the rate that changes quickly, which is another one between them."""
+    """They hide the rate at its ends. So does a part that changes quickly, which is another one between them."""
     turns = across(np.zeros((2, 3)), angular_acceleration=1e-9, **{error: 0.01})
     assert_reached(share * 0.01 * GAP, turns.angles[1])
 
@@ -107,20 +107,20 @@ def test_rates_that_change_in_a_gap_in_any_way(seed):
     """The true turn is within the bound of that at the mean of both ends, for changes of every direction."""
     draws = np.random.default_rng(seed)
     used = []
-    for _ in range(200):
+    for _ in range(40):
         acceleration, pieces = 10.0 ** draws.uniform(0.0, 3.0), int(draws.integers(1, 6))
         kinks = np.concatenate([[0.0], np.sort(draws.uniform(0.0, GAP, pieces - 1)), [GAP]])
         changes = draws.normal(size=(pieces, 3))
         changes *= acceleration / np.linalg.norm(changes, axis=1)[:, None]
         true = draws.normal(size=3) * draws.uniform(0.0, 10.0)
         corners = true + np.concatenate([np.zeros((1, 3)), np.cumsum(np.diff(kinks)[:, None] * changes, axis=0)])
-        times = np.linspace(0.0, GAP, 2001)
+        times = np.linspace(0.0, GAP, 501)
         rates = np.column_stack([np.interp(times, kinks, corner) for corner in corners.T])
         turns = across(rates[[0, -1]], angular_acceleration=acceleration, largest_rate=1e6)
         if turns.angles[1] < np.pi:
             off = (Rotation.from_rotvec(GAP * turns.rates[1]).inv() * turn_of(times, rates)).magnitude()
             used.append(off / turns.angles[1])
-    assert len(used) > 100
+    assert len(used) > 20
     assert max(used) <= 1.0
     assert max(used) > 0.4
 
