@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from elliptude import logs
 from elliptude.logs import Log
-from elliptude.logs.axes_check import look_at_axes
+from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.typing import FloatArray
 from real_recordings import TRIALS, broad_configuration
 

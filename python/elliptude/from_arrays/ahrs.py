@@ -77,11 +77,7 @@ def ahrs(
     except ValueError as error:
         if statements not in get_args(Carried):
             raise
-        remedy = "statements='recording' takes bounds from what the recording itself shows"
-        if (step := float(np.median(np.diff(times_of(time))))) >= _NO_SECONDS:
-            unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
-            remedy = f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
-        raise ValueError(f"statements={statements!r}: {error}. {remedy}") from error
+        raise ValueError(f"statements={statements!r}: {error}. {_remedy(times_of(time))}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
     dropped = dropped_columns(run)
@@ -118,6 +114,15 @@ def ahrs(
         ),
         columns=columns,
     )
+
+
+def _remedy(times: FloatArray) -> str:
+    """What to do where a rule does not fit the arrays."""
+    step = float(np.median(np.diff(times)))
+    if step < _NO_SECONDS:
+        return "statements='recording' takes bounds from what the recording itself shows"
+    unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
+    return f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
 
 
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:

@@ -18,7 +18,7 @@ from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
 from elliptude.io.files import FileError
-from elliptude.logs.axes_check import look_at_axes
+from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, joined
 from elliptude.logs.quaternion_readings import (

@@ -2,9 +2,9 @@
 
 A choice of axes is contradicted where the vectors that it gives cannot be those of one gravity, or of one field, in the
 frame that the gyro carries along: where they differ by more than motion, field, sensors and gyro may by what is stated
-of them (`elliptude.logs.sensor_axes`). A sign is contradicted where the angle between gravity and field is not the one
-that their references state, and its supplement is. What a configuration does not state is as for a sensor in the hand;
-no bound is taken to be less than that.
+of them (`elliptude.logs.axes.sensor_axes`). A sign is contradicted where the angle between gravity and field is not the
+one that their references state, and its supplement is. What a configuration does not state is as for a sensor in the
+hand; no bound is taken to be less than that.
 """
 
 import itertools
@@ -33,10 +33,10 @@ from elliptude.configuration.sensors import (
     WorldModel,
     rotation_of_axes,
 )
-from elliptude.logs import sensor_axes
+from elliptude.logs.axes import sensor_axes
+from elliptude.logs.axes.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
 from elliptude.logs.body_at_rest import axis_in_words, resting, up_in_log
 from elliptude.logs.log import Log
-from elliptude.logs.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
 from elliptude.typing import FloatArray
 
 # Other axes must fit this many times better than the stated ones, or nothing is sure.
@@ -48,7 +48,7 @@ _MOST_NAMED = 4
 # The signs of the gyro's rates that are tried.
 _SIGNS = (1.0, -1.0)
 _Choice: TypeAlias = tuple[int, int]
-"""Which of these signs, and which of `elliptude.logs.sensor_axes.ROTATIONS`."""
+"""Which of these signs, and which of `elliptude.logs.axes.sensor_axes.ROTATIONS`."""
 
 
 @dataclass(frozen=True)
