@@ -5,6 +5,7 @@ from typing import Literal, TypeAlias
 
 TimeUnit: TypeAlias = Literal["s", "ms", "0.1ms", "us", "ns"]
 AngularVelocityUnit: TypeAlias = Literal["rad/s", "deg/s"]
+VelocityUnit: TypeAlias = Literal["m/s", "km/h", "kn"]
 AccelerationUnit: TypeAlias = Literal["m/s^2", "g", "mg"]
 FieldUnit: TypeAlias = Literal["T", "mT", "G", "mG", "uT", "nT"]
 MagnetometerUnit: TypeAlias = Literal[FieldUnit, "normalized"]
@@ -17,6 +18,7 @@ STANDARD_GRAVITY = 9.80665
 
 TICKS_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 1_000, "0.1ms": 10_000, "us": 1_000_000, "ns": 1_000_000_000}
 ANGULAR_VELOCITY: dict[AngularVelocityUnit, float] = {"rad/s": 1.0, "deg/s": math.pi / 180.0}
+VELOCITY: dict[VelocityUnit, float] = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
 ACCELERATION: dict[AccelerationUnit, float] = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
 FIELD: dict[FieldUnit, float] = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "mG": 1e-7, "uT": 1e-6, "nT": 1e-9}
 

@@ -164,11 +164,14 @@ class Piece:
         if at == "middle":
             start = np.searchsorted(times, here - 0.5 * duration - slack)
             stop = np.searchsorted(times, here + 0.5 * duration + slack, side="right") - 1
-            top = rows
         else:
             start, stop = np.searchsorted(times, here - duration - slack), rows
-            middle = 0.5 * (times[start] + times[stop])
-            top = np.searchsorted(times, middle)
+        return self.between(start, stop, rows, at)
+
+    def between(self, start: NDArray[np.intp], stop: NDArray[np.intp], rows: NDArray[np.intp], at: Place) -> Window:
+        """The windows of the rows with these ends; a row is in the middle if it is not its window's end."""
+        times = self._times
+        top = rows if at == "middle" else np.searchsorted(times, 0.5 * (times[start] + times[stop]))
         missing = self._missing_rows[stop + 1] - self._missing_rows[start]
         long_steps = self._long_steps[stop] - self._long_steps[start]
         whole = (stop > start) & (missing == 0) & (long_steps == 0)

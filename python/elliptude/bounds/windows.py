@@ -3,7 +3,7 @@
 Needs only NumPy; SI units and radians; rows are instants. Derivations and proofs: docs/theory.md, section 18.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from elliptude.bounds.samples import (
 )
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.turns import lengths_of
+from elliptude.bounds.velocity import MeasuredVelocity, VelocityOfRows
 from elliptude.bounds.window_averages import Average, Piece, Place, Window, blocks
 from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
@@ -92,13 +93,14 @@ def gravity_bounds_over_windows(
     at: Place = "end",
     maximum_step: float = np.inf,
     every: int = 1,
+    velocity: MeasuredVelocity | None = None,
 ) -> WindowBounds:
     """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
 
     The mean linear acceleration is small if the speed or the place is bounded: 2v/T in a window of T with
-    equal weights, 16p/T² with weights like a triangle. The gyro's error over the window adds to it. All
-    windows are tried and, row by row, the one with the smallest bound is returned; a row where any of them contradicts
-    the bounds is contradicted.
+    equal weights, 16p/T² with weights like a triangle. Where the velocity was measured at both ends it is known. The
+    gyro's error over the window adds to it. All windows are tried and, row by row, the one with the smallest bound is
+    returned; a row where any of them contradicts the bounds is contradicted.
 
     Parameters
     ----------
@@ -125,6 +127,8 @@ def gravity_bounds_over_windows(
         No window reaches over a longer step between rows, s.
     every : int
         Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
+    velocity : MeasuredVelocity, optional
+        Measured velocities, (18.48).
 
     Returns
     -------
@@ -136,10 +140,16 @@ def gravity_bounds_over_windows(
     ValueError
         If an argument is out of its range.
     """
-    shapes = (motion.mean_acceleration_uniform, motion.mean_acceleration_triangular)
+
+    def uniform(window: Window) -> FloatArray:
+        return motion.mean_acceleration_uniform(window.before, window.after)
+
+    def triangular(window: Window) -> FloatArray:
+        return motion.mean_acceleration_triangular(window.before, window.after)
+
     return _over_windows(
-        times, specific_forces, angular_velocities, durations, shapes, gyro, sensor, gravity, gravity_error,
-        time_offset, at, maximum_step, every,
+        times, specific_forces, angular_velocities, durations, (uniform, triangular), gyro, sensor, gravity,
+        gravity_error, time_offset, at, maximum_step, every, velocity,
     )  # fmt: skip
 
 
@@ -176,8 +186,8 @@ def field_bounds_over_windows(
     """
     require_not_negative("disturbance", disturbance)
 
-    def constant(before: FloatArray, after: FloatArray) -> FloatArray:
-        return np.full_like(before, disturbance)
+    def constant(window: Window) -> FloatArray:
+        return np.full_like(window.before, disturbance)
 
     return _over_windows(
         times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
@@ -218,7 +228,7 @@ def cross_bounds(
     return bounded_directions(crossed, radii, horizontal, in_plane_error, 1.0, 0.0)
 
 
-MeanOffset = Callable[[FloatArray, FloatArray], FloatArray]
+MeanOffset = Callable[[Window], FloatArray]
 
 
 def _over_windows(
@@ -235,8 +245,12 @@ def _over_windows(
     at: Place,
     maximum_step: float,
     every: int,
+    velocity: MeasuredVelocity | None = None,
 ) -> WindowBounds:
-    """Bounds from means over windows: with equal weights and, if there is a second offset, weights like a triangle."""
+    """Bounds from means over windows: with equal weights and, if there is a second offset, weights like a triangle.
+
+    With equal weights, too, over windows that begin and end where a velocity was measured.
+    """
     stamps = increasing_times(times)
     count = len(stamps)
     rows, rates = vector_rows("vectors", vectors, count), vector_rows("angular_velocities", angular_velocities, count)
@@ -247,6 +261,7 @@ def _over_windows(
     if every < 1:
         raise ValueError(f"every must be at least 1, not {every}")
     turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro, vectors=rows)
+    known = None if velocity is None else velocity.at_rows(stamps, at, time_offset)
 
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
@@ -259,11 +274,10 @@ def _over_windows(
         matrix = OneMatrix(piece, gyro, 0.5 * max(durations), cell) if undoes else None
         wanted = np.arange(-(-block.start // every) * every, block.stop, every)
         here = wanted - needed.start
-        # The longest first: where other errors alone make a shorter one wider, its turns need no second look.
-        for duration in sorted(durations, reverse=True):
-            window = piece.window(here, duration, at)
-            averages = piece.averages(window, triangular=len(offsets) > 1)
-            for i, (average, offset) in enumerate(zip(averages, offsets, strict=True)):
+        there = None if known is None else known.take(needed)
+        for window, means in _tried(piece, here, durations, at, offsets, there):
+            averages = piece.averages(window, triangular=len(means) > 1)
+            for i, (average, offset) in enumerate(zip(averages, means, strict=True)):
                 others = errors.of_mean(average, window, offset)
                 radius = average.turn + others
                 if matrix is not None:
@@ -278,6 +292,25 @@ def _over_windows(
     excess = np.maximum(best.excess, found.excess)
     angles = np.where(excess > 0.0, np.nan, found.angles)
     return WindowBounds(found.directions, angles, excess, best.durations, lengths_of(best.means), best.radii)
+
+
+def _tried(
+    piece: Piece,
+    rows: NDArray[np.intp],
+    durations: Sequence[float],
+    at: Place,
+    offsets: tuple[MeanOffset, ...],
+    velocity: VelocityOfRows | None,
+) -> Iterator[tuple[Window, tuple[MeanOffset, ...]]]:
+    """Windows of the rows, and what may be in the means over them, with equal weights and with a triangle's.
+
+    The longest first: where other errors alone make a shorter one wider, its turns need no second look.
+    """
+    for duration in sorted(durations, reverse=True):
+        window = piece.window(rows, duration, at)
+        yield window, offsets
+        if velocity is not None:
+            yield piece.between(*velocity.ends(window), rows, at), (velocity.mean_acceleration,)
 
 
 @dataclass(frozen=True)
@@ -301,7 +334,7 @@ class _Errors:
         """All of (18.7) but what turns do, with what rounding does."""
         with np.errstate(invalid="ignore", divide="ignore"):
             own = self.mean_error + self.scale * (average.length + self.error) / (1.0 - self.scale)
-            errors: FloatArray = own + offset(window.before, window.after) + average.rounding / (1.0 - self.scale)
+            errors: FloatArray = own + offset(window) + average.rounding / (1.0 - self.scale)
         return errors
 
 

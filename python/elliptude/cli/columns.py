@@ -128,6 +128,9 @@ def in_words(tables: Tables) -> list[str]:
         field = f", 1 is {sensor['unit_ut']:g} µT" if "unit_ut" in sensor else ""
         columns = ", ".join(sensor["columns"])
         lines.append(f"{sensor.get('kind', 'direction')}: {columns} ({sensor.get('unit', '-')}{down}{field})")
+    if "velocity" in tables:
+        velocity = tables["velocity"]
+        lines.append(f"velocity: {', '.join(velocity['columns'])} ({velocity.get('unit', 'm/s')})")
     if "truth" in tables:
         lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
     return lines

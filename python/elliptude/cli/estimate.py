@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.cli.options import LOG_HELP, Force, Repair, ShownAxes, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration

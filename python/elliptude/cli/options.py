@@ -5,7 +5,7 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 
 # Between two samples a day apart nothing is known.

@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result

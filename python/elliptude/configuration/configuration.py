@@ -79,6 +79,7 @@ from elliptude.configuration.sensors import (
     SunByTime,
     Timing,
     Truth,
+    Velocity,
     VelocityWindowBound,
     WorldModel,
     rotation_of_axes,
@@ -107,6 +108,8 @@ class Configuration(Model):
     flow: Annotated[RigidBodyFlow | GyroFlow, Field(discriminator="kind")]
     directions: tuple[AnyDirection, ...] = ()
     rate: Rate | None = None
+    # For the windows of an accelerometer, by a rule or by `bound_from`.
+    velocity: Velocity | None = None
     # The recording that the bounds are proposals from; removed once there is a reason for each.
     bounds_from_recording: str | None = None
     # Bounds of an inertial sensor by a rule for all recordings of its kind; the guaranteed mode alone.
@@ -157,6 +160,12 @@ class Configuration(Model):
         if self.rule is not None:
             self._require_what_a_rule_is_of()
             return self
+        if self.velocity is not None and not any(
+            isinstance(sensor.bound_from, VelocityWindowBound) for sensor in self.directions
+        ):
+            raise ValueError(
+                "velocity: is for an accelerometer with bound_from.kind = 'velocity_window', or a rule; there is none"
+            )
         if isinstance(self.flow, GyroFlow) and self.flow.noise_deg_per_s is None:
             raise ValueError("flow.noise_deg_per_s: missing")
         for i, sensor in enumerate(self.directions):

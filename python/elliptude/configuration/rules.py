@@ -19,6 +19,7 @@ from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.bounds.rest import rest_rows, why_no_rest
 from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
 from elliptude.bounds.stamps import shift
+from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import (
     MotionBounds,
     WindowBounds,
@@ -274,6 +275,7 @@ def apply_rule(
     *,
     longest_interval: float | None = None,
     every: int = 1,
+    velocity: MeasuredVelocity | None = None,
 ) -> RuledRecording:
     """Work out the bounds that a rule gives for a recording.
 
@@ -292,6 +294,8 @@ def apply_rule(
         Between rows, that the gyro's bounds cover, s. If left out, the rule states it, or it follows from the times.
     every : int
         Only rows whose index is a multiple of this get directions, which saves time.
+    velocity : MeasuredVelocity, optional
+        Measured velocities: what of the specific forces is acceleration.
 
     Returns
     -------
@@ -328,13 +332,13 @@ def apply_rule(
             at=rule.motion.row_at,
             maximum_step=step,
             every=every,
+            velocity=velocity,
         )
 
     everywhere = slice(0, len(stamps))
     up = up_within(everywhere, rule.motion.bounds())
     up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
-    speeds = np.linalg.norm(rates, axis=1)
-    noise = gyro.rate_error(speeds, stamps - stamps[0])
+    noise = gyro.rate_error(np.linalg.norm(rates, axis=1), stamps - stamps[0])
     if fields is None or rule.magnetometer is None:
         return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
 

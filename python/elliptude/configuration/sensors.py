@@ -403,6 +403,20 @@ class Rate(Timed):
         return np.asarray(self.bound_rad2_per_s2, dtype=np.float64)
 
 
+class Velocity(Timed):
+    """A measured velocity, as of a receiver of satellites: it says how much of a specific force is acceleration.
+
+    The axes are any that do not turn, as north, east and down. Rows without it are empty in the log.
+    """
+
+    columns: Columns
+    unit: units.VelocityUnit = "m/s"
+    # The length of its error at the time on the stamp, of where the accelerometer is.
+    error_m_per_s: NotNegative
+    # How fast the velocity changes at most: between a stamp and a row, and while a stamp is off.
+    largest_acceleration_m_per_s2: NotNegative
+
+
 class Truth(Timed):
     """What the log has to compare with; the estimator never sees it. ``label`` names it in figures."""
 

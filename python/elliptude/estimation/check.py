@@ -205,6 +205,8 @@ def _unit(name: str, configuration: Configuration) -> tuple[str, float]:
         return truth.vector_unit, units.ANGULAR_VELOCITY[truth.vector_unit]
     if name == "the control torque":
         return "N m", 1.0
+    if name == "the velocity" and configuration.velocity is not None:
+        return configuration.velocity.unit, units.VELOCITY[configuration.velocity.unit]
     for sensor in configuration.directions:
         if sensor.name == name and isinstance(sensor, Accelerometer):
             return sensor.unit, units.ACCELERATION[sensor.unit]

@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, accelerometer_bounds, magnetometer_bounds
 from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from elliptude.configuration import references, rules
 from elliptude.configuration.configuration import Configuration
@@ -159,7 +161,8 @@ def _of_sensor(
             assert isinstance(flow, GyroFlow)
             off = flow.off_the_line(gyro.longest_interval)
             gyro = replace(gyro, noise=gyro.noise + off, increment=math.inf)
-        bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset)
+        velocity = measured_velocity(log, configuration)
+        bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset, velocity)
     else:
         turned = np.zeros(len(log.times))
         if offset > 0.0:
@@ -205,6 +208,20 @@ def _of_samples(
     return DirectionBounds(directions, angles, np.zeros_like(lengths))
 
 
+def measured_velocity(log: Log, configuration: Configuration) -> MeasuredVelocity | None:
+    """The velocities of a log, and how far each may be off; None where the configuration has none."""
+    stated = configuration.velocity
+    if stated is None or log.velocities is None:
+        return None
+    return MeasuredVelocity(
+        log.times,
+        log.velocities,
+        stated.error_m_per_s,
+        stated.largest_acceleration_m_per_s2,
+        stated.time_offset_bound_s,
+    )
+
+
 def _over_windows(
     sensor: Accelerometer,
     bound: VelocityWindowBound,
@@ -214,12 +231,13 @@ def _over_windows(
     gyro: GyroBounds | None,
     log: Log,
     offset: float,
+    velocity: MeasuredVelocity | None,
 ) -> DirectionBounds:
     if rates is None or gyro is None:
         raise ValueError(f"{sensor.name!r}: bound_from.kind = 'velocity_window' needs a gyro or a measured rate")
     # Rows of other sensors, with stamps of their own, are none of a window's. Their rates are on the line between the
     # gyro's, so that without them the turns are the same. (theory, section 18.3)
-    rows = np.flatnonzero(log.has_rate if log.gyro_times is None else np.isin(log.times, log.gyro_times))
+    rows = log.gyro_rows
     times, vectors_there = log.times[rows], vectors[rows]
     share = float(np.isfinite(vectors_there[:, 0]).mean()) if len(rows) else 0.0
     if share < 0.5:
@@ -244,9 +262,15 @@ def _over_windows(
         time_offset=offset,
         at=bound.at,
         maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(times))), gyro.longest_interval),
+        velocity=velocity,
     )
-    directions, angles = np.full_like(vectors, np.nan), np.full(len(vectors), np.nan)
-    excess = np.zeros(len(vectors))
+    return _among(found, rows, log)
+
+
+def _among(found: DirectionBounds, rows: NDArray[np.intp], log: Log) -> DirectionBounds:
+    """Bounds of some rows of a log among all of them; the others are not measured."""
+    count = len(log.times)
+    directions, angles, excess = np.full((count, 3), np.nan), np.full(count, np.nan), np.zeros(count)
     directions[rows], angles[rows], excess[rows] = found.directions, found.angles, found.excess
     return DirectionBounds(directions, angles, excess)
 
@@ -278,21 +302,26 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     assert log.rates is not None
     names = [sensor.name for sensor in configuration.directions]
     up_column = configuration.directions.index(configuration.accelerometer)
-    forces = log.directions[:, up_column]
-    fields = None if len(names) == 1 else log.directions[:, 1 - up_column] / _MICROTESLA
     require_shared_stamps(log, names)
-    longest = gaps.longest_interval(log, configuration)
+    # Rows of other sensors, with stamps of their own, are none of a window's.
+    rows = np.arange(len(log.times)) if log.gyro_times is None else log.gyro_rows
+    vectors = log.directions[rows]
     ruled = rules.apply_rule(
-        configuration.calibrated_rule(), log.times, log.rates, forces, fields, longest_interval=longest
+        configuration.calibrated_rule(),
+        log.times[rows],
+        log.rates[rows],
+        vectors[:, up_column],
+        None if len(names) == 1 else vectors[:, 1 - up_column] / _MICROTESLA,
+        longest_interval=gaps.longest_interval(log, configuration),
+        velocity=measured_velocity(log, configuration),
     )
-    found: list[tuple[str, DirectionBounds, FloatArray, str]] = [
-        (names[up_column], ruled.up, np.array([0.0, 0.0, 1.0]), "m/s^2")
-    ]
+    up = np.array([0.0, 0.0, 1.0])
+    found = [(names[up_column], _among(ruled.up, rows, log), up, "m/s^2")]
     if ruled.field is not None and ruled.east is not None and ruled.field_reference is not None:
         east = "east" if "east" not in names else "field_east"
         found += [
-            (names[1 - up_column], ruled.field, ruled.field_reference, "uT"),
-            (east, ruled.east, np.array([1.0, 0.0, 0.0]), "uT"),
+            (names[1 - up_column], _among(ruled.field, rows, log), ruled.field_reference, "uT"),
+            (east, _among(ruled.east, rows, log), np.array([1.0, 0.0, 0.0]), "uT"),
         ]
     contradictions = [one for name, bounds, _, unit in found for one in _contradictions(bounds, name, unit)]
     angles = np.stack([bounds.angles for _, bounds, _, _ in found], axis=1)
@@ -305,6 +334,6 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
         void=tuple(name for i, (name, _, _, _) in enumerate(found) if not np.isfinite(angles[:, i]).any()),
         gyro=ruled.gyro,
         bias=ruled.bias,
-        up=np.array([0.0, 0.0, 1.0]),
+        up=up,
         up_column=0,
     )

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.roll_pitch_yaw import roll_and_pitch, yaw
+from elliptude.bounds.angles.roll_pitch_yaw import roll_and_pitch, yaw
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import hand_held
@@ -124,12 +124,21 @@ def _roll_pitch_yaw(run: GuaranteedRun, vertical: Vertical, bounds: AttitudeBoun
 
 
 def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | None:
-    """Rows at rest, by gyro and accelerometer, shape (N,); None without both."""
+    """Rows at rest, by gyro and accelerometer, shape (N,); None without both.
+
+    Between two samples of the gyro, where other sensors have rows, it is as at the one before.
+    """
     accelerometer = configuration.accelerometer
     if accelerometer is None or log.rates is None:
         return None
     rule = configuration.rule.rule() if configuration.rule is not None else hand_held()
-    return rule.rest.rows(log.times, log.rates, log.directions[:, configuration.directions.index(accelerometer)])
+    forces = log.directions[:, configuration.directions.index(accelerometer)]
+    rows = np.arange(len(log.times)) if log.gyro_times is None else log.gyro_rows
+    resting = rule.rest.rows(log.times[rows], log.rates[rows], forces[rows])
+    before: NDArray[np.bool_] = resting[
+        np.maximum(np.searchsorted(rows, np.arange(len(log.times)), side="right") - 1, 0)
+    ]
+    return before
 
 
 def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers | None = None) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """What is read of a log: the columns of each sensor, by which clock, and how they become SI units and body axes."""
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -20,7 +21,8 @@ Sensor = tuple[Timed | None, Channel]
 def clocks_of(file: LogFile, configuration: Configuration, names: Sequence[str] | None = None) -> list[Clock]:
     """What is read, of all sensors or of those with these names: channels with the same stamps have one clock."""
     clocks: dict[tuple[str, str, float], Clock] = {}
-    for timed, channel in (*_of_motion(configuration), *_of_directions(configuration), *_of_truth(configuration)):
+    sensors = (_of_motion, _of_directions, _of_velocity, _of_truth)
+    for timed, channel in chain.from_iterable(of(configuration) for of in sensors):
         if names is not None and channel.name not in names:
             continue
         require_columns(file, channel.columns)
@@ -91,6 +93,13 @@ def _of_directions(configuration: Configuration) -> list[Sensor]:
         columns, vectors = (*sensor.columns, *moving), 2 if moving else 1
         found.append((sensor, Channel(sensor.name, columns, convert, vectors=vectors, companions=len(moving))))
     return found
+
+
+def _of_velocity(configuration: Configuration) -> list[Sensor]:
+    if (velocity := configuration.velocity) is None:
+        return []
+    convert = _converted(units.VELOCITY[velocity.unit], ("x", "y", "z"))
+    return [(velocity, Channel("the velocity", velocity.columns, convert))]
 
 
 def _of_truth(configuration: Configuration) -> list[Sensor]:

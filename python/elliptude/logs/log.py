@@ -53,6 +53,8 @@ class Log:
     """Measured angular velocities (rigid body) or gyro samples (gyro flow), rad/s, body axes, shape (N, 3)."""
     gyro_times: FloatArray | None = None
     """When a gyro was sampled, s, shape (M,), rates between being filled in; None where it was in every row."""
+    velocities: FloatArray | None = None
+    """Measured velocities, m/s, in axes that do not turn, shape (N, 3); NaN where none was measured."""
     control_torques: FloatArray | None = None
     """N m, body axes, row k acting until times[k], shape (N, 3)."""
     wheel_momenta: FloatArray | None = None
@@ -71,6 +73,11 @@ class Log:
     def has_rate(self) -> NDArray[np.bool_]:
         """Rows with a measured rate, shape (N,)."""
         return np.zeros(len(self.times), dtype=np.bool_) if self.rates is None else np.isfinite(self.rates[:, 0])
+
+    @property
+    def gyro_rows(self) -> NDArray[np.intp]:
+        """Rows that are samples of the gyro, or have a measured rate; the others are stamps of other sensors."""
+        return np.flatnonzero(self.has_rate if self.gyro_times is None else np.isin(self.times, self.gyro_times))
 
     def since(self, first: int) -> "Log":
         """The rows from one on."""
@@ -258,6 +265,7 @@ def sensor_names(configuration: Configuration) -> list[str]:
     names += ["the wheel momentum"] if not isinstance(flow, GyroFlow) and flow.wheel_momentum_columns else []
     names += [sensor.name for sensor in configuration.directions]
     names += ["rate"] if configuration.rate is not None else []
+    names += ["the velocity"] if configuration.velocity is not None else []
     names += ["true attitude"] if truth is not None else []
     return names + (["true vector"] if truth is not None and truth.vector_columns else [])
 
@@ -336,6 +344,7 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         references=vectors,
         rates=rates,
         gyro_times=piece.sampled.get("the gyro"),
+        velocities=values.get("the velocity"),
         control_torques=values.get("the control torque"),
         wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),

@@ -85,6 +85,8 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
     if "directions" in tables:
         tables["directions"] = [one for one in tables["directions"] if set(file.columns).issuperset(one["columns"])]
+    if "velocity" in tables and not set(file.columns).issuperset(tables["velocity"]["columns"]):
+        del tables["velocity"]
     turn_at_rest(tables, at_rest)
     if "truth" in tables and not set(file.columns).issuperset(tables["truth"]["attitude_columns"]):
         del tables["truth"]
@@ -367,7 +369,7 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
     if "rule" in full:
         full.setdefault("reference_frame", "ENU")  # a rule's own
     # Bounds are of samples as they are; `estimate` decides between them and what a calibration leaves.
-    for key in ("start", "estimator", "rule", "calibration"):
+    for key in ("start", "estimator", "rule", "calibration", "velocity"):
         full.pop(key, None)
     full["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}
     return validate(path, full, Configuration)

@@ -19,6 +19,7 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
 from elliptude.configuration.rules import Carried
+from elliptude.proposal.document import Place, document_of
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
@@ -26,8 +27,6 @@ from elliptude.proposal.statistics import Quantiles
 from elliptude.proposal.vectors import VectorProposal
 
 Mode: TypeAlias = Literal["guaranteed", "first_order"]
-Place: TypeAlias = tuple[str, ...]
-"""Where a number stands in a configuration: the names of the tables (of directions, their own names) and the key."""
 
 # A direction with a larger bound says next to nothing.
 _WIDEST_DEG = 90.0
@@ -94,7 +93,19 @@ def starting_configuration(
     else:
         shared = _Shared(shared_stamps, shared_forces)
         notes = _guaranteed(full, comments, proposed, margin, origin, shared, carried)
-    return _document(full, comments, margin, log, notes)
+    if "velocity" in full and not _over_windows(full):
+        del full["velocity"]
+        notes = [
+            *notes,
+            "The measured velocity is left out: it counts where forces are averaged over windows.",
+        ]
+    return document_of(full, comments, margin, log, notes)
+
+
+def _over_windows(full: Tables) -> bool:
+    """Whether an accelerometer is averaged over windows."""
+    bounds = [sensor.get("bound_from", {}) for sensor in full.get("directions", [])]
+    return "rule" in full or any(bound.get("kind") == "velocity_window" for bound in bounds)
 
 
 def ruled_configuration(tables: Tables, rule: Tables) -> Tables:
@@ -359,6 +370,8 @@ def _put_by_sensor(
         moved = _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed)
+    if moved > 0.0 and "velocity" in full:
+        _move(full["velocity"], comments, ("velocity",), moved)
     for sensor in directions:
         has_reference = bool(sensor.keys() & {"reference", "reference_ut"})
         _refer_field(sensor, full, comments, proposed, origin)
@@ -371,9 +384,14 @@ def _put_by_sensor(
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
         if moved > 0.0:
-            sensor["time_offset_bound_s"] = upward(sensor.get("time_offset_bound_s", 0.0) + moved)
-            place = ("directions", sensor["name"], "time_offset_bound_s")
-            comments[place] = f"{comments.get(place, 'no guarantee')}; and timing.same_within_s"
+            _move(sensor, comments, ("directions", sensor["name"]), moved)
+
+
+def _move(sensor: Tables, comments: dict[Place, str], place: Place, moved: float) -> None:
+    """Let a sensor's stamps be off by as much more as they are moved, s."""
+    key = "time_offset_bound_s"
+    sensor[key] = upward(sensor.get(key, 0.0) + moved)
+    comments[(*place, key)] = f"{comments.get((*place, key), 'no guarantee')}; and timing.same_within_s"
 
 
 def _bring_together(full: Tables, comments: dict[Place, str], proposed: Proposal) -> float:
@@ -496,57 +514,3 @@ def _reference_field_error(table: RuleTables, proposed: Proposal) -> float:
             tilt = max(tilt, proposed.field_angle[1])
         error += 2.0 * strength * math.sin(0.5 * tilt)
     return float(error)
-
-
-# --- the file ---------------------------------------------------------------------------------------------------------
-
-
-def _document(
-    full: Tables, comments: dict[Place, str], margin: float, log: str, notes: list[str]
-) -> tomlkit.TOMLDocument:
-    document = tomlkit.document()
-    for line in (
-        f"Proposed by `elliptude bounds` from {log}. Bounds are what was seen in that recording, times {margin:g}.",
-        "They guarantee nothing about another recording, or the next minute of this one. Replace each by a number for",
-        "which there is a reason, such as a datasheet or the size of the room.",
-        *notes,
-    ):
-        document.add(tomlkit.comment(line))
-    document.add(tomlkit.nl())
-    full = {"bounds_from_recording": log, **full}
-    comments["bounds_from_recording",] = "delete this line once there is a reason for each bound"
-    for key, value in full.items():
-        if not isinstance(value, dict | list):
-            document.add(key, value)
-            if (key,) in comments:
-                document[key].comment(comments[key,])
-    for key, value in full.items():
-        if key == "directions":
-            array = tomlkit.aot()
-            for sensor in value:
-                array.append(_section(sensor, (key, sensor["name"]), comments))
-            document.add(key, array)
-        elif isinstance(value, dict):
-            document.add(key, _section(value, (key,), comments))
-    return document
-
-
-def _section(table: Tables, place: Place, comments: dict[Place, str]) -> tomlkit.items.Table:
-    """A table of the file. Tables within it whose keys have comments get lines of their own and come last."""
-    section = tomlkit.table()
-    deeper = {key for key in table if any(one[:-1] == (*place, key) for one in comments)}
-    for key, value in table.items():
-        if key in deeper:
-            continue
-        if isinstance(value, dict):
-            inline = tomlkit.inline_table()
-            inline.update(value)
-            section.add(key, inline)
-        else:
-            section.add(key, value)
-        if (*place, key) in comments:
-            section[key].comment(comments[*place, key])
-    for key in table:
-        if key in deeper:
-            section.add(key, _section(table[key], (*place, key), comments))
-    return section

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.bounds.about_axes import half_widths_along
+from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.logs.quaternion_readings import Reading, misread, readings

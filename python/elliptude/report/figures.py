@@ -1,7 +1,7 @@
 """Pictures of estimates and their bounds, as PNG, without a display.
 
 A band is the half-width of the set along an axis, about zero error. Errors of the attitude are turns about the
-reference axes or, if wanted, about those of the body (`elliptude.bounds.about_axes`).
+reference axes or, if wanted, about those of the body (`elliptude.bounds.angles.about_axes`).
 """
 
 import os
@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.bounds.about_axes import ErrorAxes, about_axes
+from elliptude.bounds.angles.about_axes import ErrorAxes, about_axes
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.report.thinning import spans_unknown

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import PIECES, plots_over_time
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell

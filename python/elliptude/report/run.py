@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.bounds.about_axes import AboutAxes, ErrorAxes, about_axes
+from elliptude.bounds.angles.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms
 from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric
 from elliptude.io.files import FileError, system_fault

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from elliptude.bounds.about_axes import half_widths_along
+from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration import sun
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.io import column_files, tables

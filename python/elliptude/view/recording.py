@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import elliptude
-from elliptude.bounds.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.io.spool import recording

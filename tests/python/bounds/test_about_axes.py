@@ -3,7 +3,7 @@
 import elliptude
 import numpy as np
 import pytest
-from elliptude.bounds.about_axes import about_axes, half_widths_along
+from elliptude.bounds.angles.about_axes import about_axes, half_widths_along
 from scipy.spatial.transform import Rotation
 
 

@@ -3,7 +3,7 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from elliptude.bounds.roll_pitch_yaw import Bounded, roll_and_pitch, yaw
+from elliptude.bounds.angles.roll_pitch_yaw import Bounded, roll_and_pitch, yaw
 from scipy.spatial.transform import Rotation
 
 NEAR = 1e-9

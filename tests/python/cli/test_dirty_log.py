@@ -1,6 +1,7 @@
 """A dirty CSV file takes two commands and no TOML by hand; noisy sensors, no rest, bags and drones' logs likewise."""
 
 import dataclasses
+import tomllib
 
 import numpy as np
 import pytest
@@ -133,6 +134,37 @@ def test_like_px4(tmp_path):
     # The magnetometer never has the gyro's stamp.
     assert stated["timing"]["same_within_s"] == pytest.approx(0.45 * STEP, rel=0.05)
     assert np.isfinite(results.largest_angles).any()
+    assert "velocity" not in stated
+
+
+def test_like_px4_with_a_receiver_of_satellites(tmp_path):
+    """Something that turns in the hand and goes nowhere: the receiver says so, and up is known better by that."""
+    pytest.importorskip("pyulog")
+    recording = made()
+    stamps = np.rint(1e6 * recording.times).astype(int) + 10_000_000
+    imu = {
+        "timestamp": stamps,
+        "gyro_rad": recording.angular_velocities,
+        "accelerometer_m_s2": recording.specific_forces,
+    }
+    mag = {"timestamp": stamps[1::4] + 1700, "magnetometer_ga": recording.fields[1::4] / 100.0}
+    still = np.zeros(len(stamps[1::20]))
+    gps = {"timestamp": stamps[1::20] + 1300} | {f"vel_{axis}_m_s": still for axis in "ned"}
+    topics = [("sensor_combined", 0, imu), ("vehicle_magnetometer", 0, mag), ("vehicle_gps_position", 0, gps)]
+    log = tmp_path / "log.ulg"
+    found = {}
+    for name, there in (("with", topics), ("without", topics[:2])):
+        recorders.write_ulog(log, there)
+        folder = tmp_path / name
+        folder.mkdir()
+        stated, _, _, results = two_commands(folder, log, "--like", "px4", "--carried", "drone")
+        found[name] = np.nanmean(results.up_bounds)
+        assert ("velocity" in stated) == (name == "with")
+    stated = tomllib.loads((tmp_path / "with" / "config.toml").read_text())
+    # As for other sensors: what brings stamps together moves them.
+    moved = stated["timing"]["same_within_s"]
+    assert stated["velocity"]["time_offset_bound_s"] == pytest.approx(0.11 + moved, rel=0.01)
+    assert found["with"] < 0.6 * found["without"], found
 
 
 @pytest.mark.parametrize("options", [("--like", "ros"), ("--gyro",)])
