@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_fraction, require_not_negative, vector_rows
 from elliptude.bounds.turns import (
+    coning_angles,
+    from_the_first,
     lengths_of,
     quaternions_from_rates,
     rotation_vectors,
@@ -220,6 +222,7 @@ class GyroBounds:
             duration = stamps[stop - 1] - stamps[first]
             angle += float(self._noise_angle(duration, np.trapezoid(speeds[piece], stamps[piece]), duration))
             angle += float(np.trapezoid(errors[piece], stamps[piece]))
+            angle += float(coning_angles(np.diff(stamps[piece]), rates[piece]).sum())
         return angle
 
     def noise_rate(self, duration: float, turned: float) -> float:
@@ -314,14 +317,17 @@ class GyroBounds:
             with np.errstate(over="ignore", invalid="ignore"):
                 speeds = lengths_of(rates[piece])
                 known_for, turned = since[piece], running_integral(spans, speeds)
-                errors = running_integral(spans, self.steady_error(speeds, known_for))
+                coned = from_the_first(coning_angles(np.diff(spans), rates[piece]))
+                errors = running_integral(spans, self.steady_error(speeds, known_for)) + coned
                 errors += self._noise_angle(spans, turned, spans)
                 quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
                 turns = rotation_vectors(quaternions)
                 effects, chords = scale_effects(
                     np.diff(stamps[piece]), rotations_from_quaternions(quaternions), rates[piece]
                 )
-                errors = np.minimum(errors, self._angle_with_one_matrix(spans, known_for, turned, effects, chords))
+                errors = np.minimum(
+                    errors, self._angle_with_one_matrix(spans, known_for, turned, coned, effects, chords)
+                )
             # If this overflows, the turn may be any.
             lost = ~(np.isfinite(turns).all(axis=1) & np.isfinite(errors) & np.isfinite(turned))
             turns[lost], errors[lost], turned[lost] = 0.0, np.pi, 0.0
@@ -373,17 +379,23 @@ class GyroBounds:
         return swept
 
     def _angle_with_one_matrix(
-        self, spans: FloatArray, elapsed: FloatArray, turned: FloatArray, effects: FloatArray, chords: FloatArray
+        self,
+        spans: FloatArray,
+        elapsed: FloatArray,
+        turned: FloatArray,
+        coned: FloatArray,
+        effects: FloatArray,
+        chords: FloatArray,
     ) -> FloatArray:
         """Bound of the angle, (18.13): on the way back the scale error undoes itself."""
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
         scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
-        of_scale = scale * (_SQRT3 * _largest_stretch(effects) + chords)
+        of_scale = scale * (_SQRT3 * _largest_stretch(effects) + chords + coned * turned)
         of_noise = other * np.minimum(self.noise * spans, self.swept_increment(turned))
         farthest = np.maximum.accumulate(of_scale + of_noise)
         second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
         of_bias = other * running_integral(spans, self.bias + self.drift * elapsed)
-        angle: FloatArray = of_scale + of_noise + second_order + of_bias
+        angle: FloatArray = of_scale + of_noise + second_order + of_bias + coned
         return angle
 
     def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
@@ -440,14 +452,35 @@ def scale_effects(steps: FloatArray, attitudes: FloatArray, rates: FloatArray) -
     -------
     effects : (N, 3, 9) array
     chords : (N,) array
-        Bounds of how far C K' ω may be integrated wrongly, for a K' of norm one: on a chord instead of an arc.
+        Bounds of how far C K' ω may be integrated wrongly, for a K' of norm one: on a chord instead of an arc, and with
+        one rate for a step in which it is on a line; but for what coning turns C.
     """
     means = 0.5 * (rates[1:] + rates[:-1])
     halves = 0.5 * steps[:, None, None] * (attitudes[1:] + attitudes[:-1])
     in_steps = (halves[:, :, :, None] * means[:, None, None, :]).reshape(-1, 3, 9)
-    turns = steps * lengths_of(means)
     effects = np.concatenate([np.zeros((1, 3, 9)), np.cumsum(in_steps, axis=0)])
-    return effects, np.concatenate([[0.0], np.cumsum(turns**3 / 12.0)])
+    return effects, from_the_first(chord_errors(steps, rates))
+
+
+def chord_errors(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """Bounds of ‖∫ C K' ω - h (C₀ + C₁)/2 K' (ω₀ + ω₁)/2‖ in each step, for a K' of norm one, (18.50).
+
+    Parameters
+    ----------
+    steps : (N - 1,) array
+        h, s.
+    rates : (N, 3) array
+        ω at the ends, on a line between them, rad/s.
+
+    Returns
+    -------
+    (N - 1,) array
+        rad.
+    """
+    speeds = lengths_of(rates)
+    turns, changes = steps * np.maximum(speeds[1:], speeds[:-1]), steps * lengths_of(rates[1:] - rates[:-1])
+    errors: FloatArray = turns**3 / 12.0 + changes * turns / 6.0
+    return errors
 
 
 def _largest_stretch(matrices: FloatArray) -> FloatArray:

@@ -75,7 +75,8 @@ class OneMatrix:
         self._scale, self._other = gyro.scale_error / (1.0 - gyro.scale_error), 1.0 / (1.0 - gyro.scale_error)
         steps, attitudes = piece.steps, piece.attitudes
         self._effects, self._chords = scale_effects(steps, attitudes, piece.rates)
-        self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known)
+        # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the steps' coning.
+        self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known) + piece.coned / self._other
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
         # q: what the errors of the rate would turn if all had one direction.
         self._straight = self._scale * piece.turned + self._other * gyro.noise * piece.elapsed
@@ -129,7 +130,9 @@ class OneMatrix:
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
-        turns: FloatArray = self._scale * (push + chords) + self._other * (noise + biased)
+        # The matrix acts in the carried frame, which coning turns by no more than over the whole window.
+        coned = (self._piece.coned[of.stop] - self._piece.coned[of.start]) * swept
+        turns: FloatArray = self._scale * (push + chords + coned) + self._other * (noise + biased)
         return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
@@ -223,10 +226,10 @@ class OneMatrix:
         spread = np.einsum("nij,nij->n", squares, squares) / 3.0 - middle**2
         together = np.sqrt(3.0 * (middle + np.sqrt(2.0 * np.maximum(spread, 0.0)))) * _ROUNDED_NORM
         # Rounding of the sums as in 18.2; it is nothing beside the turns.
-        rounding = 64.0 * _EPSILON * (last + 1.0) * self._piece.turned[last]
-        turns: FloatArray = self._scale * (
-            np.minimum(by_rows, together) + self._chords[last] - self._chords[first] + rounding
-        )
+        turned, coned = self._piece.turned, self._piece.coned
+        others = 64.0 * _EPSILON * (last + 1.0) * turned[last] + self._chords[last] - self._chords[first]
+        others += (coned[last] - coned[first]) * (turned[last] - turned[first])
+        turns: FloatArray = self._scale * (np.minimum(by_rows, together) + others)
         return turns
 
     def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:

@@ -20,6 +20,7 @@ def time_offset_angles(
     angular_velocities: ArrayLike,
     offset: float,
     *,
+    at: ArrayLike | None = None,
     gyro: GyroBounds | None = None,
     bias_known: float | None = None,
     angular_acceleration: float = 0.0,
@@ -30,35 +31,40 @@ def time_offset_angles(
     Parameters
     ----------
     times : (N,) array
-        s, increasing.
+        Of the gyro's samples, s, increasing.
     angular_velocities : (N, 3) array
         Measured, rad/s, body axes.
     offset : float
         Bound τ of the difference between stamp and true time, s.
+    at : (M,) array, optional
+        The stamps, s; those of the gyro's samples if left out.
     gyro : GyroBounds, optional
-        Error bounds of the measured rates; exact if left out. In gaps the rate is at most its largest one.
+        Error bounds of the measured rates; exact if left out. In gaps the rate is at most its largest one, before the
+        first and after the last sample also what its angular acceleration makes of that sample's.
     bias_known : float, optional
         When the gyro's bias was known, s, from where on it drifts; at the first row if left out.
     angular_acceleration : float
         Bound between samples, rad/s². With 0 the rate between two samples is at most the larger of them.
     vectors : (N, 3) array, optional
-        Of the directions, body axes. If given, only the part of the measured rate across the row's own counts.
+        Of the directions, body axes, at the gyro's samples. If given, only the part of the measured rate across the
+        row's own counts.
 
     Returns
     -------
-    (N,) array
-        rad; NaN where a rate is missing near the row and no largest one is stated. Before the first and after the last
-        row the rate counts as that of the row, changing by the angular acceleration.
+    (M,) array
+        rad; NaN where a rate is missing near the row and no largest one is stated. Without ``gyro`` the rate before the
+        first and after the last sample counts as that sample's, changing by the angular acceleration.
     """
     require_not_negative("offset", offset)
     require_not_negative("angular_acceleration", angular_acceleration)
     stamps = increasing_times(times)
+    wanted = stamps if at is None else increasing_times(at)
     rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
     speeds = lengths_of(rates)
-    directions = None if vectors is None else _unit(vector_rows("vectors", vectors, len(stamps)))
+    directions = None if vectors is None else _unit(vector_rows("vectors", vectors, len(wanted)))
     if offset == 0.0:
-        return np.zeros_like(stamps)
-    # Between rows: at most the larger of both, but in a gap.
+        return np.zeros_like(wanted)
+    # Between samples: at most the larger of both, but in a gap.
     fastest = np.zeros_like(stamps)
     errors = np.zeros_like(stamps)
     if gyro is not None:
@@ -69,8 +75,8 @@ def time_offset_angles(
         if np.isfinite(gyro.largest_rate):
             speeds[np.isnan(speeds)] = gyro.largest_rate
     # The samples on both sides of the interval too: between two samples the rate is bounded by both.
-    first = np.maximum(np.searchsorted(stamps, stamps - offset, side="right") - 1, 0)
-    last = np.minimum(np.searchsorted(stamps, stamps + offset, side="left"), len(stamps) - 1)
+    first = np.maximum(np.searchsorted(stamps, wanted - offset, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(stamps, wanted + offset, side="left"), len(stamps) - 1)
     steps = np.append(np.diff(stamps), 0.0)
     between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
     in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
@@ -80,14 +86,51 @@ def time_offset_angles(
         across = _range_maximum_across(rates, directions, first, last) + _range_maximum(errors, first, last)
         largest = np.where(np.isnan(across), largest, np.minimum(across, largest))
     largest = np.maximum(largest, in_gaps)
+    if gyro is not None:
+        beyond = _beyond(stamps, speeds, wanted, offset, gyro, angular_acceleration)
+        largest = np.where(np.isnan(largest), largest, np.fmax(largest, beyond))
     angles: FloatArray = np.minimum(offset * (largest + between), np.pi)
     return angles
+
+
+def _beyond(
+    stamps: FloatArray,
+    speeds: FloatArray,
+    wanted: FloatArray,
+    offset: float,
+    gyro: GyroBounds,
+    angular_acceleration: float,
+) -> FloatArray:
+    """Bound of the mean rate in the part of each interval that no sample covers, rad/s; 0 without one.
+
+    Parameters
+    ----------
+    stamps, speeds : (N,) array
+        Of the samples, s, and what the true rate is at most, rad/s.
+    wanted : (M,) array
+        s; each interval is as far as the offset about one of these.
+
+    Returns
+    -------
+    (M,) array
+    """
+    # What changes the rate beside the noise does so on either side of the sample; what is beside the angular
+    # acceleration of gaps is a part of at most the noise.
+    growth, quick = gyro.angular_acceleration, gyro.noise
+    if 0.0 < angular_acceleration <= growth:
+        growth, quick = angular_acceleration, 0.0
+    found = np.zeros_like(wanted)
+    for lengths, speed in ((stamps[0] - wanted + offset, speeds[0]), (wanted + offset - stamps[-1], speeds[-1])):
+        outside = lengths > 0.0
+        grown = speed + quick + 0.5 * growth * lengths[outside]
+        found[outside] = np.maximum(found[outside], np.fmin(grown, gyro.largest_rate))
+    return found
 
 
 def _range_maximum(values: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
     """The largest of values[first..last], each: two overlapping powers of two make up any range."""
     counts = last - first + 1
-    result = np.empty_like(values)
+    result = np.empty(len(first))
     table, width = values, 1
     while True:
         rows = (counts >= width) & (counts < 2 * width)

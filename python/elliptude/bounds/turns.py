@@ -53,6 +53,32 @@ def attitudes_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
     return rotations_from_quaternions(quaternions_from_rates(steps, rates))
 
 
+def coning_angles(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """How far each step's turn at the mean of its ends is from that of a rate on the line between them, (18.49).
+
+    Parameters
+    ----------
+    steps : (N - 1,) array
+        s.
+    rates : (N, 3) array
+        At the ends, rad/s, body axes.
+
+    Returns
+    -------
+    (N - 1,) array
+        Bounds of the angle, rad.
+    """
+    (ax, ay, az), (bx, by, bz) = rates[:-1].T, rates[1:].T
+    crossed = np.sqrt((ay * bz - az * by) ** 2 + (az * bx - ax * bz) ** 2 + (ax * by - ay * bx) ** 2)
+    angles: FloatArray = steps * steps * crossed / 12.0 * (1.0 + 0.125 * steps * lengths_of(rates[1:] - rates[:-1]))
+    return angles
+
+
+def from_the_first(in_steps: FloatArray) -> FloatArray:
+    """What steps (N - 1,) add up to from the first row to each, shape (N,)."""
+    return np.concatenate([[0.0], np.cumsum(in_steps)])
+
+
 def quaternions_from_rates(steps: FloatArray, rates: FloatArray) -> FloatArray:
     """`attitudes_from_rates` as quaternions (qw, qx, qy, qz), shape (N, 4)."""
     turns = 0.5 * steps[:, None] * (rates[1:] + rates[:-1])

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import attitudes_from_rates, lengths_of, running_sum
+from elliptude.bounds.turns import (
+    attitudes_from_rates,
+    coning_angles,
+    from_the_first,
+    lengths_of,
+    running_sum,
+)
 from elliptude.typing import FloatArray
 
 _BLOCK_ROWS = 1 << 16
@@ -137,7 +143,8 @@ class Piece:
         self.elapsed = np.concatenate([[0.0], np.cumsum(steps)])
         speeds = lengths_of(rates)
         lengths = lengths_of(vectors)
-        self._steady = running_sum(steps, gyro.steady_error(speeds, self.since_known))
+        self.coned = from_the_first(coning_angles(steps, rates))
+        self._steady = running_sum(steps, gyro.steady_error(speeds, self.since_known)) + self.coned
         self.turned = running_sum(steps, speeds)
         self.carried = np.einsum("nij,nj->ni", self.attitudes, vectors)
         # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.

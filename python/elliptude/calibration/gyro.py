@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import attitudes_from_rates, running_integral
+from elliptude.bounds.gyro import GyroBounds, chord_errors
+from elliptude.bounds.turns import attitudes_from_rates, coning_angles, running_integral
 from elliptude.calibration.parameter_sets import ParameterSet, covering_directions
 from elliptude.calibration.vector_sensors import ContradictionError
 from elliptude.typing import FloatArray
@@ -138,12 +138,13 @@ def _slabs(turn: Turn, gyro: GyroBounds, middle: FloatArray, left: float) -> tup
     frames = 0.5 * (attitudes[1:] + attitudes[:-1])
     lever = np.einsum("n,nij,nk->ijk", steps, frames, means)
     stretch = 1.0 + float(np.linalg.norm(middle, 2))
-    sampled = left * stretch**2 * float(((steps * np.linalg.norm(means, axis=1)) ** 3).sum()) / 12.0
+    coned = float(coning_angles(steps, turn.rates).sum()) * stretch**2
     speeds = np.linalg.norm(turn.rates, axis=1)
     turned = float(running_integral(turn.times, speeds)[-1])
+    sampled = left * stretch**2 * float(chord_errors(steps, turn.rates).sum()) + left * coned * turned
     duration = float(turn.times[-1] - turn.times[0])
     noise = min(gyro.noise * duration, gyro.increment * (1.0 + turned * stretch))
-    other = (noise + turn.bias * duration) / (1.0 - k)
+    other = (noise + turn.bias * duration) / (1.0 - k) + coned
     all_rates = left * turned + (gyro.noise + turn.bias) * duration / (1.0 - k)
     error = left * turned + other
     first, last = 2.0 * np.sin(0.5 * turn.angle_before), 2.0 * np.sin(0.5 * turn.angle_after)

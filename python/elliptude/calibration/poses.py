@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import attitudes_from_rates, running_sum
+from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, running_sum
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -75,7 +75,8 @@ def pose_of(
     carried = np.einsum("ji,njk->nik", attitudes[middle], attitudes)
     speeds = np.linalg.norm(rates, axis=1)
     turned = np.abs(_from(middle, running_sum(steps, speeds)))
-    steady = np.abs(_from(middle, running_sum(steps, gyro.steady_error(speeds, times - bias_known))))
+    errors = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
+    steady = np.abs(_from(middle, errors + from_the_first(coning_angles(steps, rates))))
     duration = np.abs(times - times[middle])
     # By the gyro, (18.9); by the sensor's axes, (19.3); by the stamps, (18.8). All of it counts to second order only.
     off = (

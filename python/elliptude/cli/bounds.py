@@ -35,7 +35,15 @@ from elliptude.proposal import mapping, proposals
 from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
-from elliptude.proposal.proposed_rule import in_words, numbers_of, rule_tables, sections, statements_of, what_it_says
+from elliptude.proposal.proposed_rule import (
+    in_words,
+    numbers_of,
+    own_rest_of,
+    rule_tables,
+    sections,
+    statements_of,
+    what_it_says,
+)
 from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration, why_no_rule
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 from elliptude.units import STANDARD_GRAVITY
@@ -194,7 +202,7 @@ def bounds(
         _write(out, document)
     if rule is not None:
         _write(rule, _rule_document(proposed, margin, source, carried))
-    ruled = rule_tables(proposed, margin, carried=carried)
+    ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
     no_rule, says = None, list[str]()
     if mode == "guaranteed" and "rule" not in tables:

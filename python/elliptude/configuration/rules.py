@@ -238,7 +238,7 @@ class RuledRecording:
     """
 
     rest_at_start: slice
-    """Rows of the rest at the start."""
+    """Rows of the rest at the start, as long as the rule states that it lasts."""
     bias: FloatArray
     """The gyro's mean over that rest, rad/s, shape (3,)."""
     gyro: GyroBounds
@@ -407,7 +407,9 @@ def field_at_start(
 
 
 def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
-    """Rows of the rest at the start, up to the first gap: nothing is known about what happens in a gap.
+    """Rows of the rest at the start: as long as the rule says that it lasts at least.
+
+    What goes on being still is not taken for it: sensors do not tell a rest from turning and speeding up smoothly.
 
     Raises
     ------
@@ -422,15 +424,16 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
     lasted = times[count - 1] - times[0] if count else 0.0
     if lasted < 0.99 * rule.least_s:
         begin = times <= times[0] + rule.least_s
+        behind = slice(count, int(np.searchsorted(times, times[0] + rule.least_s + rule.duration_s)))
         why = (
-            why_no_rest(times[begin], rates[begin], forces[begin], **rule.limits())
+            why_no_rest(times[behind], rates[behind], forces[behind], **rule.limits())
             if not resting[begin].all()
             else ("the recording ends there" if count == len(times) else "the gyro has a gap there")
         )
         raise ValueError(
             f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s: {why}"
         )
-    return slice(0, count)
+    return slice(0, min(count, int(np.searchsorted(times, times[0] + (1.0 + 1e-9) * rule.least_s, side="right"))))
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:

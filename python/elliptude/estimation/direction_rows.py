@@ -20,7 +20,7 @@ from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from elliptude.configuration import references, rules
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.configuration.sensors import (
     AccelerationBound,
     Accelerometer,
@@ -166,11 +166,38 @@ def _of_sensor(
     else:
         turned = np.zeros(len(log.times))
         if offset > 0.0:
-            if rates is None:
-                raise ValueError(f"{sensor.name!r}: time_offset_bound_s needs a gyro or a measured rate in the log")
-            turned = time_offset_angles(log.times, rates, offset, gyro=gyro, angular_acceleration=acceleration)
+            turned = _turned_by_offset(sensor, log, rates, offset, gyro, acceleration, flow)
         bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned)
     return DirectionBounds(bounds.directions, np.minimum(bounds.angles + sensor.added_angle, np.pi), bounds.excess)
+
+
+def _turned_by_offset(
+    sensor: AnyDirection,
+    log: Log,
+    rates: FloatArray | None,
+    offset: float,
+    gyro: GyroBounds | None,
+    acceleration: float,
+    flow: GyroFlow | RigidBodyFlow,
+) -> FloatArray:
+    """How far the body may turn between a sensor's stamps and the true times, rad, shape (N,)."""
+    if rates is None or gyro is None:
+        raise ValueError(f"{sensor.name!r}: time_offset_bound_s needs a gyro or a measured rate in the log")
+    if isinstance(flow, RigidBodyFlow):
+        # Between two measurements of its rate a body is turned by torques: no line bounds that.
+        if flow.largest_rate_deg_per_s is None:
+            raise ValueError(
+                f"{sensor.name!r}: time_offset_bound_s of a rigid body needs flow.largest_rate_deg_per_s: how fast it "
+                "turns between the measurements of its rate"
+            )
+        gyro = replace(gyro, longest_interval=1e-9, largest_rate=math.radians(flow.largest_rate_deg_per_s))
+    # Rates between the gyro's samples are on lines, which do not show what the true rate does there.
+    rows = log.gyro_rows
+    if not len(rows):
+        return np.full(len(log.times), np.nan)
+    return time_offset_angles(
+        log.times[rows], rates[rows], offset, at=log.times, gyro=gyro, angular_acceleration=acceleration
+    )
 
 
 def _of_samples(

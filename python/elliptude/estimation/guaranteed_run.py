@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.turns import coning_angles, lengths_of
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import GyroFlow
@@ -287,6 +288,7 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
     largest_bias = gyro.bias + gyro.drift * float(log.times[-1] - log.times[0])
     between = gaps.filled_in_between(log, gyro.longest_interval)
     off = flow.off_the_line(between, gyro.drift if flow.estimate_bias else 0.0)
+    off += _coning_rate(log, rows, flow, largest_bias)
     gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + off)
     return FilterInput(
         log.times,
@@ -297,6 +299,23 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
         largest_bias if flow.estimate_bias else _NO_BIAS,
         estimates_vector=configuration.estimates_vector,
     )
+
+
+def _coning_rate(log: Log, rows: DirectionRows, flow: GyroFlow, bias: float) -> float:
+    """What a rate on lines turns beside its mean in a step, at most, in any step that its bounds cover, (18.49), rad/s.
+
+    A stated angular acceleration bounds all of what the rate does between samples.
+    """
+    if flow.interval_rate != "mean_of_ends" or flow.angular_acceleration_deg_per_s2 > 0.0 or len(log.times) < 2:
+        return 0.0
+    assert log.rates is not None
+    assert rows.gyro is not None
+    steps, rates = np.diff(log.times), log.rates - rows.bias
+    # The bias is another one in each set: it changes the product of the rates by its own with their difference.
+    changes = lengths_of(np.diff(rates, axis=0))
+    angles = coning_angles(steps, rates) + steps**2 / 12.0 * bias * changes * (1.0 + 0.125 * steps * changes)
+    within = ~rows.gyro.gaps(log.times, rates)
+    return float((angles / steps)[within].max(initial=0.0))
 
 
 def used_rates(log: Log, flow: GyroFlow, rows: DirectionRows) -> FloatArray:

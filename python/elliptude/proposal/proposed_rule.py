@@ -7,8 +7,9 @@ sensor is carried (`elliptude.configuration.rules.rule_for`), which has reasons 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import tomlkit
@@ -23,6 +24,8 @@ _DEGREES = math.degrees(1.0)
 # An increment with a reference is compared with the noise over this window, s.
 _SHORTEST_WINDOW_S = 1.0
 _LARGEST_SCALE_ERROR = 0.99
+# s; a piece of a recording that is looked at as a whole.
+_SHORTEST_REST_S = 0.5
 _GRAVITY = "gravity_m_per_s2"
 NOT_SEEN = "not seen in the recording"
 
@@ -38,6 +41,7 @@ class Proposed:
     """Why, if it is a number of the rule for how the sensor is carried."""
 
 
+OwnRest: TypeAlias = Literal["no", "longer", "any"]
 RuleTables: TypeAlias = dict[str, dict[str, Proposed]]
 """By table and key of `elliptude.configuration.rules.Rule`."""
 
@@ -55,7 +59,14 @@ def in_words(carried: Carried) -> str:
     return "the rule for a sensor in the hand" if carried == "hand" else f"the rule for a sensor on a {carried}"
 
 
-def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True, carried: Carried = "hand") -> RuleTables:
+def rule_tables(
+    proposed: Proposal,
+    margin: float,
+    *,
+    from_start: bool = True,
+    carried: Carried = "hand",
+    own_rest: OwnRest = "no",
+) -> RuleTables:
     """A rule to start from; each number says where it comes from.
 
     Parameters
@@ -67,6 +78,9 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True, c
         Whether bias and field come from the rest at the start, if there is one, or from all rest.
     carried : {"hand", "drone", "car", "boat"}
         How the sensor is carried: it says what the recording does not show.
+    own_rest : {"no", "longer", "any"}
+        Whether the rest at the start lasts as long as in this recording, and not as in all of its kind: if that is
+        longer, or in any case.
 
     Returns
     -------
@@ -87,6 +101,8 @@ def rule_tables(proposed: Proposal, margin: float, *, from_start: bool = True, c
     start = proposed.start if from_start else None
     _rest(tables["rest"], proposed)
     _gyro(tables["gyro"], proposed, start, margin)
+    if own_rest != "no" and proposed.start is not None:
+        _as_long_as_it_is(tables, proposed.start.duration, shorter=own_rest == "any")
     if proposed.accelerometer is not None:
         _accelerometer(tables["accelerometer"], proposed, margin)
     if proposed.magnetometer is not None:
@@ -105,6 +121,36 @@ def _rest(table: dict[str, Proposed], proposed: Proposal) -> None:
         limit = upward(scale * proposed.rest_limits[name])
         if limit > table[key].value:
             table[key] = Proposed(limit, "no guarantee: five times the noise between samples beside one another")
+
+
+def own_rest_of(tables: Mapping[str, Any]) -> OwnRest:
+    """Whether a shorter rest than usual may do for a recording: where there is no other way to begin.
+
+    Parameters
+    ----------
+    tables : mapping
+        Of a configuration; with two directions each sensor may state its own bounds instead.
+
+    Returns
+    -------
+    OwnRest
+    """
+    return "any" if "start" not in tables and len(tables.get("directions", [])) < 2 else "longer"
+
+
+def _as_long_as_it_is(tables: RuleTables, duration: float, *, shorter: bool) -> None:
+    """Let the rest last as long as it does in the recording, if it is long enough for a piece of it."""
+    shown = math.floor(100.0 * duration) / 100.0
+    usual = tables["rest"]["least_s"].value
+    if shown < (_SHORTEST_REST_S if shorter else usual):
+        return
+    tables["rest"]["least_s"] = Proposed(shown, "no guarantee: how long the sensors show nothing else than a rest")
+    gyro = tables["gyro"]
+    if shown < usual:
+        # The bias is the mean over the rest: what else turns in it counts the more, the shorter it is.
+        value = upward(gyro["bias_deg_per_s"].value * usual / shown)
+        how = f"no guarantee: what counts for {usual:g} s of rest, times {usual:g} / {shown:g}"
+        gyro["bias_deg_per_s"] = Proposed(value, how)
 
 
 def _seen(found: Quantiles | None, what: str, margin: float, standard: Proposed, *, in_full: bool) -> Proposed:

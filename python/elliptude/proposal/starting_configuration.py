@@ -22,7 +22,7 @@ from elliptude.configuration.rules import Carried
 from elliptude.proposal.document import Place, document_of
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
-from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, rule_tables, upward
+from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, own_rest_of, rule_tables, upward
 from elliptude.proposal.statistics import Quantiles
 from elliptude.proposal.vectors import VectorProposal
 
@@ -277,7 +277,7 @@ def _guaranteed(
         comments["estimator", "criterion"] = "sharper headings, and fewer sets lost; no effect on what holds"
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
-    table = rule_tables(proposed, margin, carried=carried)
+    table = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(full))
     reason = why_no_rule(full, table, proposed, shared.by_all)
     if reason is None:
         _put_rule(full, comments, table, carried)

@@ -4,6 +4,8 @@ Theory, sections 18.3 and 18.4. One source of error acts at its bound; a bound t
 is smaller than the error (`tests/mutations`).
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds, scale_effects
@@ -271,7 +273,7 @@ def test_a_stamp_that_is_off_while_the_gyro_shows_too_little():
     true = 1.0
     shown = np.tile([0.0, 0.0, 0.8 * true - 0.03], (201, 1))
     angles = time_offset_angles(times, shown, 0.05, gyro=gyro)
-    np.testing.assert_allclose(angles, 0.05 * true, rtol=1e-12)
+    np.testing.assert_allclose(angles[5:-5], 0.05 * true, rtol=1e-12)  # beyond the samples nothing is known
 
 
 def test_what_the_rate_may_do_between_samples():
@@ -296,6 +298,37 @@ def test_the_samples_beyond_the_offset_count(side):
     assert angles[row] >= 0.5 * 1.5 * 0.05
 
 
+def test_a_stamp_between_two_samples():
+    """The rate rises from zero at one sample and is zero again at the next; the stamps are in the middle between."""
+    step, acceleration, tau = 0.1, 2.0, 0.01
+    times = np.arange(0.0, 2.0, step)
+    between = times[:-1] + 0.5 * step
+    angles = time_offset_angles(times, np.zeros((20, 3)), tau, at=between, angular_acceleration=acceleration)
+    turned = tau * (0.5 * acceleration * step - 0.5 * acceleration * tau)
+    assert (angles >= turned).all()
+    assert (angles <= 1.2 * turned).all()
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_stamp_that_may_be_beyond_the_samples(end):
+    """Nothing was measured there: the largest rate counts, or how fast the rate changes; without either anything."""
+    times, rates, tau = 0.01 * np.arange(100), np.tile([0.1, 0.0, 0.0], (100, 1)), 0.02
+    known = GyroBounds(0.01, longest_interval=0.015)
+    assert time_offset_angles(times, rates, tau, gyro=known)[end] == np.pi
+    largest = dataclasses.replace(known, largest_rate=3.0)
+    np.testing.assert_allclose(time_offset_angles(times, rates, tau, gyro=largest)[end], tau * 3.0, rtol=1e-12)
+    # A rate that grows from its sample on, by the angular acceleration, and shows the noise the other way.
+    growing = dataclasses.replace(largest, angular_acceleration=5.0)
+    np.testing.assert_allclose(
+        time_offset_angles(times, rates, tau, gyro=growing)[end], tau * (0.1 + 2.0 * 0.01 + 0.5 * 5.0 * tau), rtol=1e-12
+    )
+    # One that is stated beside the noise, as between samples.
+    beside = time_offset_angles(times, rates, tau, gyro=growing, angular_acceleration=2.0)[end]
+    assert tau * (0.11 + 0.5 * 2.0 * tau) <= beside <= tau * (0.11 + 2.0 * tau)
+    # Within the samples nothing has changed.
+    np.testing.assert_allclose(time_offset_angles(times, rates, tau, gyro=growing)[50], tau * 0.11, rtol=1e-12)
+
+
 def test_only_what_is_across_a_direction_turns_it():
     """A body that turns about an axis 30° from the direction: half of the rate counts, and all of the gyro's error."""
     times, speed, tau = 0.01 * np.arange(200), 2.0, 0.03
@@ -307,7 +340,7 @@ def test_only_what_is_across_a_direction_turns_it():
     assert_reached(true, angles[100])
     gyro = GyroBounds(0.1, largest_rate=5.0)
     wrong = time_offset_angles(times, rates, tau, gyro=gyro, vectors=np.tile(direction, (200, 1)))
-    np.testing.assert_allclose(wrong, tau * (0.5 * speed + 0.1), rtol=1e-12)
+    np.testing.assert_allclose(wrong[3:-3], tau * (0.5 * speed + 0.1), rtol=1e-12)
     # Near a missing rate the largest one counts, or nothing is known.
     rates[100] = np.nan
     wrong = time_offset_angles(times, rates, tau, gyro=gyro, vectors=np.tile(direction, (200, 1)))

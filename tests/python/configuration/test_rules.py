@@ -135,3 +135,52 @@ def test_what_says_nothing_is_said():
     assert "Less than 7.1 s of an accelerometer that moves so say nothing" in said("drone")
     assert "No window is long enough for such a motion" in said("drone", windows_s=[2.0, 4.0])
     assert "say nothing" not in said("drone", acceleration_m_per_s2=2.0)
+
+
+# --- the rest at the start --------------------------------------------------------------------------------------------
+
+
+def smooth(carried, accelerations, rates):
+    """What exact sensors show that move as smoothly as a rest; the body's axes are level, x along the road."""
+    times = 0.01 * np.arange(3000)
+    speeds = np.cumsum(np.interp(times, *accelerations)) * 0.01
+    forces = np.stack([np.interp(times, *accelerations), np.zeros(3000), np.full(3000, 9.807)], axis=1)
+    shown = np.stack([np.zeros(3000), np.zeros(3000), np.deg2rad(np.interp(times, *rates))], axis=1)
+    rule = rules.rule_for(carried)
+    assert speeds.max() < rule.motion.velocity_m_per_s
+    return rule, times, shown, forces
+
+
+@pytest.mark.parametrize("carried", ["hand", *OTHERS])
+def test_a_smooth_start_is_no_longer_rest(carried):
+    """Parked, then slowly faster and faster: each half second is as still as a rest, and up is not where it seems."""
+    begin = rules.rule_for(carried).rest.least_s + 0.5
+    stop = 12.0 if carried == "hand" else 14.0
+    top = 0.2 if carried == "hand" else 2.0
+    accelerations = [0.0, begin, begin + 2.5, stop, stop + 2.0], [0.0, 0.0, top, top, 0.0]
+    rule, times, shown, forces = smooth(carried, accelerations, ([0.0], [0.0]))
+    ruled = rules.apply_rule(rule, times, shown, forces)
+    assert times[ruled.rest_at_start][-1] <= rule.rest.least_s + 1e-9
+    up = ruled.up
+    off = np.arccos(np.clip(up.directions[:, 2], -1.0, 1.0))
+    assert np.rad2deg(off.max()) > 0.5
+    there = ~np.isnan(up.angles)
+    assert (off <= up.angles)[there].all()
+    assert not up.contradicted.any()
+
+
+@pytest.mark.parametrize("carried", ["hand", *OTHERS])
+def test_a_smooth_turn_is_no_bias(carried):
+    """A level turn that comes up within seconds, slower than what an uncalibrated gyro may show at rest."""
+    begin = rules.rule_for(carried).rest.least_s + 0.5
+    rule, times, shown, forces = smooth(carried, ([0.0], [0.0]), ([0.0, begin, begin + 5.0], [0.0, 0.0, 4.0]))
+    ruled = rules.apply_rule(rule, times, shown, forces)
+    np.testing.assert_allclose(ruled.bias, 0.0, atol=1e-12)
+
+
+def test_why_a_rest_is_too_short_is_said_of_what_comes_after_it():
+    rule, times, shown, forces = smooth("hand", ([0.0], [0.0]), ([0.0], [0.0]))
+    shown[100:, 2] = np.deg2rad(3.0) * np.where(np.arange(2900) // 10 % 2, 1.0, -1.0)
+    said = r"a rest of 0.99 s; the rule asks for 2 s: in the quietest 0.5 s, from 1 s on, the gyro deviates"
+    with pytest.raises(ValueError, match=said):
+        rules.apply_rule(rule, times, shown, forces)

@@ -529,3 +529,31 @@ def test_a_sensor_in_every_tenth_row_is_said(tmp_path):
     ):
         assert "this one was sampled in 10 % of the rows alone" in refused(*arguments)
     assert not (tmp_path / "none.toml").exists()
+
+
+def test_the_rest_that_a_recording_has(tmp_path):
+    """A longer one than usual counts as a whole; a shorter one where there is no other way to begin."""
+    recording = made()
+    config = tmp_path / "config.toml"
+    log = write_npz(tmp_path / "log.npz", recording)
+    succeed("bounds", log, "--like", "broad", "--out", config)
+    rest = tomllib.loads(config.read_text())["rule"]["rest"]
+    assert 4.0 < rest["least_s"] < 5.5
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        """
+        time_column = "t"
+        flow = { kind = "gyro", columns = ["gyr[0]", "gyr[1]", "gyr[2]"] }
+        directions = [{ name = "up", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" }]
+        reference_frame = "ENU"
+        """
+    )
+    short = write_npz(tmp_path / "short.npz", recording, rows=recording.times > 3.5)
+    out = tmp_path / "out"
+    succeed("bounds", short, mapping, "--out", config, "--force")
+    rule = tomllib.loads(config.read_text())["rule"]
+    assert 0.5 <= rule["rest"]["least_s"] < 2.0
+    assert rule["gyro"]["bias_deg_per_s"] > 0.25
+    succeed("estimate", short, "--config", config, "--out", out)
+    results = tables.Result.read(out / "results.csv")
+    assert np.isfinite(results.up_bounds).mean() > 0.99

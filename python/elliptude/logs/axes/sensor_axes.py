@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import time_offset_angles
-from elliptude.bounds.turns import attitudes_from_rates, running_integral
+from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, running_integral
 from elliptude.typing import FloatArray
 
 # s; half-lengths of windows are multiples of a cell, which is at least this long, and longer for a slow sensor.
@@ -206,6 +206,7 @@ def _carried(
     short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
     clock = np.concatenate([[0.0], np.cumsum(short)])
     steady = running_integral(clock, gyro.steady_error(speeds, elapsed)) + gaps
+    steady += from_the_first(coning_angles(short, rates))
     frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
     attitudes = attitudes_from_rates(short, sign * rates)
     begin = max(float(clock[there][0]) for there in measured)
