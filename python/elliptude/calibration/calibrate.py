@@ -295,7 +295,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None
-    require_shared_stamps(log, [sensor.name for sensor in configuration.directions])
+    require_shared_stamps(log, [sensor.name for sensor in configuration.directions], np.arange(len(log.times)))
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
     forces = log.directions[:, accelerometer]
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)

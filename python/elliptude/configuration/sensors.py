@@ -412,9 +412,9 @@ class Velocity(Timed):
     columns: Columns
     unit: units.VelocityUnit = "m/s"
     # The length of its error at the time on the stamp, of where the accelerometer is.
-    error_m_per_s: NotNegative
+    error_m_per_s: Annotated[NotNegative, Field(le=1e6)]
     # How fast the velocity changes at most: between a stamp and a row, and while a stamp is off.
-    largest_acceleration_m_per_s2: NotNegative
+    largest_acceleration_m_per_s2: Annotated[NotNegative, Field(le=1e6)]
 
 
 class Truth(Timed):

@@ -162,6 +162,7 @@ def _of_sensor(
             off = flow.off_the_line(gyro.longest_interval)
             gyro = replace(gyro, noise=gyro.noise + off, increment=math.inf)
         velocity = measured_velocity(log, configuration)
+        _require_as_slow(velocity, sensor.bound_from.velocity_m_per_s or np.inf, f"{sensor.name!r}")
         bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset, velocity)
     else:
         turned = np.zeros(len(log.times))
@@ -240,6 +241,11 @@ def measured_velocity(log: Log, configuration: Configuration) -> MeasuredVelocit
     stated = configuration.velocity
     if stated is None or log.velocities is None:
         return None
+    if not np.isfinite(log.velocities[:, 0]).any():
+        raise ValueError(
+            f"velocity: {', '.join(stated.columns)} were measured at no row between the gyro's first and last sample: "
+            "leave the table out, or correct its time_column, time_unit and delay_s"
+        )
     return MeasuredVelocity(
         log.times,
         log.velocities,
@@ -247,6 +253,20 @@ def measured_velocity(log: Log, configuration: Configuration) -> MeasuredVelocit
         stated.largest_acceleration_m_per_s2,
         stated.time_offset_bound_s,
     )
+
+
+def _require_as_slow(velocity: MeasuredVelocity | None, largest: float, stated_by: str) -> None:
+    """Refuse a stated speed that velocities refute: twice as much is the most by which they may differ."""
+    if velocity is None or not np.isfinite(largest):
+        return
+    differences = np.ptp(np.asarray(velocity.velocities), axis=0)
+    proved = float(differences.max()) - 2.0 * (velocity.error + velocity.largest_acceleration * velocity.time_offset)
+    if proved > 2.0 * largest:
+        raise ValueError(
+            f"{stated_by} states a speed of at most {largest:g} m/s, but the measured velocity changes by "
+            f"{differences.max():.3g} m/s along an axis: state how fast this vehicle goes (--carried of `elliptude "
+            "bounds` has numbers for a car, a drone or a boat)"
+        )
 
 
 def _over_windows(
@@ -305,8 +325,8 @@ def _among(found: DirectionBounds, rows: NDArray[np.intp], log: Log) -> Directio
 # --- a rule -----------------------------------------------------------------------------------------------------------
 
 
-def require_shared_stamps(log: Log, names: Sequence[str]) -> None:
-    """Refuse a log that a rule cannot describe: its windows are of rows with all sensors.
+def require_shared_stamps(log: Log, names: Sequence[str], rows: NDArray[np.intp]) -> None:
+    """Refuse a log that a rule cannot describe, by these rows of it: its windows are of rows with all sensors.
 
     Raises
     ------
@@ -314,7 +334,7 @@ def require_shared_stamps(log: Log, names: Sequence[str]) -> None:
         If most rows lack a sensor; it is named.
     """
     for name, values in zip(names, log.directions.transpose(1, 0, 2), strict=True):
-        share = float(np.isfinite(values[:, 0]).mean())
+        share = float(np.isfinite(values[rows, 0]).mean())
         if share < 0.5:
             raise ValueError(
                 f"{name!r}: a rule needs all sensors at the same stamps, and this one was sampled in "
@@ -329,18 +349,25 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     assert log.rates is not None
     names = [sensor.name for sensor in configuration.directions]
     up_column = configuration.directions.index(configuration.accelerometer)
-    require_shared_stamps(log, names)
-    # Rows of other sensors, with stamps of their own, are none of a window's.
-    rows = np.arange(len(log.times)) if log.gyro_times is None else log.gyro_rows
-    vectors = log.directions[rows]
-    ruled = rules.apply_rule(
+    # Rows in which other sensors alone were sampled are none of a window's.
+    sampled = np.asarray(np.isfinite(log.directions[:, :, 0]).any(axis=1))
+    sampled[log.gyro_rows] = True
+    rows = np.flatnonzero(sampled) if log.gyro_times is not None else np.arange(len(log.times))
+    require_shared_stamps(log, names, rows)
+    vectors, rule, velocity = (
+        log.directions[rows],
         configuration.calibrated_rule(),
+        measured_velocity(log, configuration),
+    )
+    _require_as_slow(velocity, rule.motion.velocity_m_per_s, "the rule")
+    ruled = rules.apply_rule(
+        rule,
         log.times[rows],
         log.rates[rows],
         vectors[:, up_column],
         None if len(names) == 1 else vectors[:, 1 - up_column] / _MICROTESLA,
         longest_interval=gaps.longest_interval(log, configuration),
-        velocity=measured_velocity(log, configuration),
+        velocity=velocity,
     )
     up = np.array([0.0, 0.0, 1.0])
     found = [(names[up_column], _among(ruled.up, rows, log), up, "m/s^2")]

@@ -255,7 +255,7 @@ def _take_stamps(rows: _Rows, clock: Clock, origin: int) -> _Stamps:
     rows.refuse(~np.isfinite(cells.values) & present, column, "not a finite number")
     if not clock.is_own:
         rows.refuse(~present, column, "empty")
-    times = _seconds(rows.file, clock, cells.values, origin)
+    times = _seconds(rows.file, clock, cells.values, present, origin)
     # Compared with the latest stamp of all rows before.
     latest = np.maximum.accumulate(np.concatenate([[clock.last], np.where(present, times, -np.inf)]))[:-1]
     late, again = present & (times < latest), present & (times == latest)
@@ -273,13 +273,18 @@ def _take_stamps(rows: _Rows, clock: Clock, origin: int) -> _Stamps:
     return _Stamps(present, times[present])
 
 
-def _seconds(file: LogFile, clock: Clock, ticks: NDArray[np.float64] | NDArray[np.int64], origin: int) -> FloatArray:
-    """Stamps in s since the origin. Whole numbers are subtracted as such: nanoseconds since 1970 keep their digits."""
+def _seconds(
+    file: LogFile, clock: Clock, ticks: NDArray[np.float64] | NDArray[np.int64], present: BoolArray, origin: int
+) -> FloatArray:
+    """Stamps in s since the origin; only those that are present mean something.
+
+    Whole numbers are subtracted as such: nanoseconds since 1970 keep their digits.
+    """
     per_second = units.TICKS_PER_SECOND[clock.unit]
     seconds = np.asarray((ticks - ticks.dtype.type(origin * per_second)) / per_second, dtype=np.float64)
-    if _lose_digits(ticks - origin * per_second, clock.unit):
+    if _lose_digits(ticks[present] - origin * per_second, clock.unit):
         raise FileError(
-            f"{file.path}: column {clock.column!r}: {ticks[0]} {clock.unit} lose digits as seconds; "
+            f"{file.path}: column {clock.column!r}: {ticks[present][0]} {clock.unit} lose digits as seconds; "
             f"timing.origin = 'first' counts from the log's first second"
         )
     return seconds

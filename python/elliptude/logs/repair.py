@@ -188,7 +188,9 @@ def _look_at_stream(file: LogFile, clocks: Sequence[Clock], found: Survey) -> No
     samples = {name: np.concatenate(parts) for name, parts in marks.items()}
     left_out = np.zeros(first, bool)
     for column, clock in by_column.items():
-        _look_at_stamps(file, clock, times[column], np.column_stack(list(samples.values())), left_out, found)
+        own = np.column_stack([samples[channel.name] for channel in clock.channels])
+        measured = np.asarray(own.any(axis=1), dtype=np.bool_)
+        _look_at_stamps(file, clock, times[column], np.column_stack(list(samples.values())), measured, left_out, found)
     found.rows[clocks[0].stream] = np.flatnonzero(left_out)
     for clock in clocks:
         for channel in clock.channels:
@@ -263,11 +265,18 @@ def _marks(batch: Batch, channel: Channel) -> NDArray[np.uint64]:
 
 
 def _look_at_stamps(
-    file: LogFile, clock: Clock, times: FloatArray, marks: NDArray[Any], left_out: NDArray[np.bool_], found: Survey
+    file: LogFile,
+    clock: Clock,
+    times: FloatArray,
+    marks: NDArray[Any],
+    measured: NDArray[np.bool_],
+    left_out: NDArray[np.bool_],
+    found: Survey,
 ) -> None:
+    """Faults of a clock's stamps; ``marks`` tell all samples of a row, ``measured`` if the clock's own are there."""
     missing = np.isnan(times)
     if clock.is_own:
-        missing &= np.asarray(marks.any(axis=1), dtype=np.bool_)  # a row without stamp and samples does not count
+        missing &= measured  # a row without stamp and samples does not count: others may have samples there
     _add(found, file, np.flatnonzero(missing & ~left_out), f"rows without a time in {clock.column!r}", "left out")
     left_out |= missing
     kept = np.flatnonzero(~left_out & ~np.isnan(times))
