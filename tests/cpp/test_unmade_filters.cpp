@@ -31,9 +31,9 @@ const AngularVelocity<double> rate{Vector3d(0.1, 0, 0), 1e-4 * Matrix3d::Identit
 /// A filter in memory that held something else.
 template <typename Filter>
 struct Unmade {
-  Unmade() {
+  explicit Unmade(unsigned char before = 0x5A) {  // as a double about 1e126
     for (unsigned char& byte : memory) {
-      byte = 0x5A;  // as a double about 1e126
+      byte = before;
     }
     filter = new (memory) Filter;
   }
@@ -80,5 +80,41 @@ TEST_CASE("a guaranteed filter that was not made knows nothing and cannot predic
   input.angular_velocity = Vector3d(0.1, 0, 0);
   REQUIRE(gyro.filter->predict(1.0, input) == Status::ok);
   CHECK(!gyro.filter->knows_attitude());  // no rate is bounded: the attitude is forgotten
+  CHECK(!gyro.filter->knows_vector());    // nor is the drift: the bias, but for its bound, is too
   CHECK(gyro.filter->claim() == Claim::none);
+  REQUIRE(gyro.filter->update({axes.data(), axes.size(), nullptr, nullptr}, update) == Status::ok);
+  REQUIRE(gyro.filter->predict_turn(2.0, Vector3d(0.1, 0, 0), 0.01) == Status::ok);
+  CHECK(!gyro.filter->knows_attitude());
+  CHECK(!gyro.filter->knows_vector());
+}
+
+TEST_CASE("a guaranteed filter that was not made does not carry a vector on, and nothing is predicted to any time") {
+  Unmade<BodyFilter> body;
+  GuaranteedUpdate<double> update;
+  CHECK(body.filter->predict(2.0, {}) == Status::ok);
+  CHECK(body.filter->time() == 2);
+  REQUIRE(body.filter->update({nullptr, 0, &rate, nullptr}, update) == Status::ok);
+  REQUIRE(body.filter->knows_vector());
+  CHECK(body.filter->predict(3.0, {}) == Status::too_many_steps);
+  CHECK(body.filter->time() == 2);
+}
+
+TEST_CASE("a filter of one direction that was not made knows nothing") {
+  for (const int before : {0x00, 0x5A}) {
+    const Unmade<DirectionFilter<double>> unmade(static_cast<unsigned char>(before));
+    CHECK(!unmade.filter->knows_direction());
+    CHECK(unmade.filter->claim() == Claim::none);
+    CHECK(validate(unmade.filter->cap()) == Status::ok);
+    CHECK(unmade.filter->predict_turn(Vector3d(0.1, 0, 0), 0.01) == Status::ok);
+    CHECK(!unmade.filter->knows_direction());
+  }
+}
+
+TEST_CASE("bounds that were not asked for say nothing, and an input that was not given is no turn") {
+  const Unmade<AttitudeBounds<double>> bounds;
+  CHECK(bounds.filter->tilt == scalar::pi<double>());
+  CHECK(bounds.filter->heading() == scalar::pi<double>());
+  CHECK(bounds.filter->angle == scalar::pi<double>());
+  const Unmade<GyroFlow<double>::Input> input;
+  CHECK(input.filter->angular_velocity == Vector3d(0, 0, 0));
 }

@@ -106,3 +106,20 @@ TEST_CASE("gyro: what is not known of a gap forgets the attitude and keeps the b
   REQUIRE(filter.knows_vector());
   CHECK(filter.vector().shape(0, 0) >= std::pow(0.01 + 0.01 * 1.99, 2));
 }
+
+TEST_CASE("gyro: a rate that was not measured is not looked at, whatever it is") {
+  using Flow = GuaranteedGyroFlow<double>;
+  GyroUncertainty<double> uncertainty;
+  uncertainty.largest_rate = 1;
+  Flow flow;
+  REQUIRE(Flow::make(uncertainty, Flow::IntervalRate::mean_of_ends, flow) == Status::ok);
+  const GibbsEllipsoid<GyroState<double>> before{{Matrix3d::Identity(), Vector3d::Zero()},
+                                                 1e-4 * Matrix6<double>::Identity()};
+  for (const double stale : {0.0, 1e30, std::nan("")}) {
+    GuaranteedFilter<Flow> filter;
+    REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, 0, filter) == Status::ok);
+    REQUIRE(filter.start(before) == Status::ok);
+    CHECK(filter.predict(0.01, {Vector3d::Constant(stale), -1, false}) == Status::ok);
+    CHECK(filter.knows_attitude());
+  }
+}

@@ -10,11 +10,11 @@
 
 namespace elliptude {
 
-/// All directions within an angle of one.
+/// All directions within an angle of one; unless it is told, all there are.
 template <typename Scalar>
 struct DirectionCap {
-  Vector3<Scalar> center;  ///< a unit vector
-  Scalar angle;            ///< rad; from π on it holds all directions
+  Vector3<Scalar> center = Vector3<Scalar>::UnitZ();  ///< a unit vector
+  Scalar angle = scalar::pi<Scalar>();                ///< rad; from π on it holds all directions
 };
 
 /// \return `not_finite`, but an infinite angle is none; `zero_direction`; `out_of_range` of a negative angle.

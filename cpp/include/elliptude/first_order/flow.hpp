@@ -200,7 +200,7 @@ class GyroFlow {
  public:
   using State = GyroState<Scalar>;
   struct Input {
-    Vector3<Scalar> angular_velocity;  ///< ω̃, rad/s, body axes, as measured, for the interval
+    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
   };
 
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the

@@ -116,7 +116,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
 
   /// What remains known about the angular velocity without the attitude: ‖Jω + h_w‖ grows no faster than the torques.
   /// \return `not_finite`; `out_of_range` of a negative duration; `beyond_domain`, also of a body of which rounding
-  /// leaves no inverse; `callback_failed`.
+  /// leaves no inverse; `callback_failed`; `too_many_steps` of a flow that was not made.
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& input,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
@@ -130,6 +130,9 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     if (duration == Scalar(0)) {
       result = ellipsoid;
       return Status::ok;
+    }
+    if (!(longest_step_ > Scalar(0))) {
+      return Status::too_many_steps;
     }
     const Scalar error = uncertainty_.inertia;
     const Matrix3<Scalar>& j = body_.inertia();

@@ -21,7 +21,7 @@ struct DirectionUpdate {
 /// Holds a direction that does not move in reference axes, in the body axes of a turning body: in a cap of the sphere,
 /// which contains it if all bounds that the filter was told hold. A turn of the body with an error of at most φ makes
 /// the cap's angle larger by φ, whatever else is known of the attitude. A function that does not return `ok` has
-/// changed nothing.
+/// changed nothing. One that `make` has not made knows nothing, and has the settings that `Settings` begins with.
 template <typename Scalar_>
 class DirectionFilter {
  public:
@@ -48,7 +48,7 @@ class DirectionFilter {
 
   /// Forgets the direction, and what was dropped.
   void forget() noexcept {
-    cap_ = {Vector3<Scalar>::UnitZ(), scalar::pi<Scalar>()};
+    cap_ = {};
     trust_.forget();
   }
 
@@ -123,7 +123,7 @@ class DirectionFilter {
 
  private:
   Settings settings_;
-  DirectionCap<Scalar> cap_;
+  DirectionCap<Scalar> cap_;  // all directions
   Trust trust_;
 };
 

@@ -16,7 +16,8 @@ namespace elliptude {
 /// The guaranteed filter, in the Gibbs chart throughout. It may know nothing about the attitude, at the beginning or
 /// after a prediction has become too large to be useful. It then starts from the next measurements that determine one.
 /// A function that does not return `ok` has changed nothing. A filter that `make` has not made knows nothing at time
-/// zero, and cannot predict.
+/// zero. To predict nothing succeeds, but what such a filter was told is not carried on: of a rigid body the prediction
+/// fails (`too_many_steps`), of a gyro it forgets all but the bound of the bias.
 template <typename FlowType>
 class GuaranteedFilter {
  public:

@@ -27,7 +27,7 @@ struct GyroUncertainty {
 };
 
 /// A body about which only its gyro says something, at every time between its samples. One that `make` has not made has
-/// no rate for any interval: `unbounded`.
+/// no rate for any interval, and no bound of the drift: `unbounded`, and of the bias `beyond_domain`.
 template <typename Scalar>
 class GuaranteedGyroFlow {
  public:
@@ -106,6 +106,9 @@ class GuaranteedGyroFlow {
     if (!(duration >= Scalar(0)) || !(angle >= Scalar(0))) {
       return Status::out_of_range;
     }
+    if (!is_made()) {
+      return Status::unbounded;
+    }
     const Matrix3<Scalar> f = exp(turn);
     // What F and the center are off by rounding is one more turn of the body, and a little of the errors themselves
     // (theory, section 17.8).
@@ -169,6 +172,9 @@ class GuaranteedGyroFlow {
     }
     if (!(duration >= Scalar(0))) {
       return Status::out_of_range;
+    }
+    if (!is_made() && duration > Scalar(0)) {
+      return Status::beyond_domain;
     }
     Matrix3<Scalar> sum = ellipsoid.shape;
     if (duration > Scalar(0) && !uncertainty_.drift.isZero(Scalar(0))) {
@@ -352,6 +358,8 @@ class GuaranteedGyroFlow {
     others[1].template bottomRightCorner<3, 3>() = (duration * duration) * uncertainty_.drift;
     return with_added(ellipsoid.center, ellipsoid.shape, others, result);
   }
+
+  [[nodiscard]] bool is_made() const noexcept { return uncertainty_.scale >= Scalar(0); }
 
   /// No interval is covered, and no rate is known. By the scale error it is none that `make` takes.
   [[nodiscard]] static GyroUncertainty<Scalar> unmade() noexcept {

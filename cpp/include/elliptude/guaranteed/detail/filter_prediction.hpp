@@ -100,7 +100,8 @@ class FilterPrediction {
                                      Set& predicted) const noexcept {
     if constexpr (!Memory::measures_rate) {
       const Vector3<Scalar> turn = duration * input.angular_velocity;
-      if (scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) && turns_too_far(turn)) {
+      if (input.is_measured && scalar::isfinite(duration) && scalar::all_finite(input.angular_velocity) &&
+          turns_too_far(turn)) {
         return beyond_all_turns();
       }
       if (filter_.leaves_vector()) {
