@@ -1,6 +1,8 @@
-// SPDX-License-Identifier: MIT The C interface: the guaranteed filters of elliptude.h, compiled once. Compile this file
-// with -ffp-contract=off and without -ffast-math (the core refuses that), as cpp/c_interface/CMakeLists.txt does; the
-// rest of a program may have any flags.
+// SPDX-License-Identifier: MIT
+
+// The C interface: the guaranteed filters of elliptude.h, compiled once. Compile this file with -ffp-contract=off and
+// without -ffast-math (the core refuses that), as cpp/c_interface/CMakeLists.txt does; the rest of a program may have
+// any flags.
 
 // One order of sums on every processor.
 #ifndef EIGEN_DONT_VECTORIZE

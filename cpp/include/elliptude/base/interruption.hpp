@@ -24,7 +24,8 @@ struct Interruption {
   }
 };
 
-/// What flows that predict in steps have in common.
+/// What flows that predict in steps have in common. The `make` of a flow sets both limits back to what they are by
+/// default: they are to be set after it.
 class PredictionLimits {
  public:
   /// The most steps of one prediction; more are refused.

@@ -21,8 +21,7 @@ class TurningDirection {
 
   /// \param direction at time 0, reference axes; any length above zero.
   /// \param turn the angular velocity of the direction, rad/s, reference axes: zero, or at right angles to the
-  /// direction:
-  ///        what is off by rounding is put right, so that the direction turns about the turn's axis.
+  /// direction: what is off by rounding is put right, so that the direction turns about the turn's axis.
   /// \return `not_finite`; `zero_direction`; `out_of_range` of a turn that is not at right angles.
   [[nodiscard]] static Status make(const Vector3<Scalar>& direction, const Vector3<Scalar>& turn,
                                    TurningDirection& result) noexcept {
@@ -229,8 +228,7 @@ class StatedTorque {
   StatedTorque() = default;
 
   /// \param torque any type with `torque` and `torque_jacobian` as in dynamics/potential.hpp. A torque that is not
-  /// finite makes
-  ///        a prediction fail with `callback_failed`.
+  /// finite makes a prediction fail with `callback_failed`.
   /// \return `not_finite`; `out_of_range` of a negative number.
   [[nodiscard]] static Status make(const Torque& torque, const TorqueStatement<Scalar>& statement,
                                    StatedTorque& result) noexcept {

@@ -4,12 +4,21 @@
 /// The guaranteed flow of a rigid body: the set that it predicts holds the state of the continuous motion, with nothing
 /// left out (theory, section 17). The errors are y = [γ; δω] in the Gibbs chart.
 ///
-/// A guaranteed flow has a `State`, an `Input` and
+/// A guaranteed flow can be default-constructed and assigned, as a filter holds one. It has a `State`, an `Input` and
 ///
 ///     Status predict(time, duration, input, ellipsoid, result) const noexcept
 ///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
 ///
-/// the second for an unknown attitude.
+/// the second for an unknown attitude. One of `RigidBodyState` factors the shapes that it predicts itself, and returns
+/// `unbounded` of one that is not positive definite: the filter does not try again. One of `GyroState` need not, but has
+/// an `Input` with `angular_velocity` and `is_measured`, and also
+///
+///     Status predict_attitude(time, duration, input, ellipsoid of the bias, ellipsoid, result) const noexcept
+///     Status predict_turn(duration, turn, angle, ellipsoid, result) const noexcept
+///     Status predict_attitude_turn(duration, turn, angle, ellipsoid of the bias, ellipsoid, result) const noexcept
+///
+/// as `GuaranteedGyroFlow` has them: for a bias that is left to its bound, for `GuaranteedFilter::predict_turn`, and
+/// for both.
 
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/base/interruption.hpp"
@@ -34,8 +43,8 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   using Input = BodyInput<Scalar>;
 
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
-  /// The set is valid for any
-  ///        step; a shorter one makes it smaller, until the terms that do not depend on the step outweigh.
+  /// The set is valid for any step; a shorter one makes it smaller, until the terms that do not depend on the step
+  /// outweigh.
   /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia
   /// error reaches the least principal moment, or rounding might; `not_symmetric`, `not_positive_definite` of the
   /// torque.

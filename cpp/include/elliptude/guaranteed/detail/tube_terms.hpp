@@ -21,8 +21,7 @@ template <typename Scalar, typename Potential>
 
 /// The terms of second order of u' in the middle of the step, as forms of u: their part from entry `begin` on.
 /// \param gyroscopic the forms of δω in δω', and `curvature` those of γ, null for none; of products of two components
-/// √2 times what
-///        `expansion::RowForms` has.
+/// √2 times what `expansion::RowForms` has.
 template <typename Scalar>
 ELLIPTUDE_OUT_OF_LINE void put_forms(const LinearPart<Scalar>& linear, const expansion::RowForms<Scalar>& gyroscopic,
                                      const expansion::RowForms<Scalar>* curvature, int begin,
