@@ -31,6 +31,12 @@ template <typename Scalar>
   return state.gyro_bias;
 }
 
+/// Whether every number of a state is finite.
+template <typename State>
+[[nodiscard]] bool is_finite(const State& state) noexcept {
+  return scalar::all_finite(state.attitude) && scalar::all_finite(vector_part(state));
+}
+
 /// The scalar type of a state.
 template <typename State>
 struct ScalarOfState;

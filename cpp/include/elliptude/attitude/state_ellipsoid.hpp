@@ -30,7 +30,7 @@ using GibbsEllipsoid = StateEllipsoid<State, GibbsChart>;
 template <typename State, typename Chart>
 [[nodiscard]] Status validate(const StateEllipsoid<State, Chart>& ellipsoid) noexcept {
   using Scalar = StateScalar<State>;
-  if (!scalar::all_finite(ellipsoid.center.attitude) || !scalar::all_finite(vector_part(ellipsoid.center))) {
+  if (!is_finite(ellipsoid.center)) {
     return Status::not_finite;
   }
   if (!is_rotation(ellipsoid.center.attitude, rotation_tolerance<Scalar>())) {
@@ -125,7 +125,7 @@ template <typename State>
 [[nodiscard]] Status recentred(const State& center, const Ellipsoid<StateScalar<State>, 6>& ellipsoid,
                                StateEllipsoid<State, GibbsChart>& result) noexcept {
   using Scalar = StateScalar<State>;
-  if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
+  if (!is_finite(center) || !scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
     return Status::not_finite;
   }
   const Vector3<Scalar> g = scalar::constant<Scalar>(0.5L) * ellipsoid.center.template head<3>();

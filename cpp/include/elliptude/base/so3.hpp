@@ -363,12 +363,16 @@ template <typename Scalar>
   if (!scalar::all_finite(matrix)) {
     return Status::not_finite;
   }
-  const Scalar size = scalar::sqrt(Scalar(matrix.squaredNorm()));
-  if (!(size > Scalar(0))) {
-    return Status::not_a_rotation;
+  Matrix3<Scalar> x = matrix;
+  if (!scalar::is_precise_square(Scalar(matrix.squaredNorm()))) {
+    const Scalar largest = matrix.cwiseAbs().maxCoeff();
+    if (!(largest > Scalar(0))) {
+      return Status::not_a_rotation;
+    }
+    x /= largest;
   }
+  x /= scalar::sqrt(Scalar(x.squaredNorm()));
   const Scalar tolerance = rounding::root<Scalar>();  // the step after it would be its square
-  Matrix3<Scalar> x = matrix / size;
   constexpr int most_steps = 60;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar determinant = x.determinant();

@@ -214,6 +214,9 @@ template <typename Body, typename Method, typename Scalar, typename Potential, t
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
+  if (steps < 0) {
+    return Status::out_of_range;
+  }
   if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
     return status;
   }
@@ -239,7 +242,8 @@ template <typename Body, typename Method, typename Scalar, typename Potential, t
 /// \param body a `RigidBody` for the variational step; an `ExactRotor` for the splitting with the exact free body.
 /// \param method a `Composition`; a `Splitting` with an `ExactRotor`.
 /// \param visit called as visit(k, state) after step k = 1 … `steps`; pass an empty lambda if only the end matters.
-/// \return the status of `validate_step`; `step_too_long`, `callback_failed`; `next` changes only on success.
+/// \return the status of `validate_step`; `out_of_range` of a negative number of steps; `step_too_long`,
+/// `callback_failed`; `next` changes only on success.
 template <typename Body, typename Method, typename Scalar, typename Potential, typename Visit>
 [[nodiscard]] Status integrate(const Body& body, const Potential& potential, const Method& method, const Scalar& time,
                                const Scalar& h, long steps, const Vector3<Scalar>& control_torque,

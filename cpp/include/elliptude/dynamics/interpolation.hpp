@@ -25,17 +25,27 @@ struct MovingState {
 };
 
 /// The motion from one state to another: the polynomial of degree five in the Gibbs vector from the first attitude that
-/// has the attitude, angular velocity and acceleration of both (theory, eqs. 4.13 and 4.14).
+/// has the attitude, angular velocity and acceleration of both (theory, eqs. 4.13 and 4.14). One that `make` has not
+/// made rests at the identity.
 template <typename Scalar>
 class MotionBetween {
  public:
   /// \param duration from the first to the last, s, positive.
-  /// \return `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more
+  /// \return `not_finite`; `out_of_range` of a duration that is not positive; `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more
   /// in that time: the polynomial says nothing of such a motion.
   [[nodiscard]] static Status make(const MovingState<Scalar>& first, const MovingState<Scalar>& last,
                                    const Scalar& duration, MotionBetween& motion) noexcept {
+    if (!scalar::isfinite(duration)) {
+      return Status::not_finite;
+    }
+    if (!(duration > Scalar(0))) {
+      return Status::out_of_range;
+    }
     const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
     for (const MovingState<Scalar>* end : {&first, &last}) {
+      if (!is_finite(end->state) || !scalar::all_finite(end->acceleration)) {
+        return Status::not_finite;
+      }
       if (!(duration * scalar::sqrt(Scalar(end->state.angular_velocity.squaredNorm())) < right_angle)) {
         return Status::step_too_long;
       }
@@ -56,6 +66,9 @@ class MotionBetween {
     result.coefficients_.col(2) = Scalar(10) * d - Scalar(4) * e + half * f;
     result.coefficients_.col(3) = Scalar(-15) * d + Scalar(7) * e - f;
     result.coefficients_.col(4) = Scalar(6) * d - Scalar(3) * e + half * f;
+    if (!scalar::all_finite(result.coefficients_)) {
+      return Status::not_finite;
+    }
     motion = result;
     return Status::ok;
   }
@@ -94,9 +107,9 @@ class MotionBetween {
     return {c, slope, curvature};
   }
 
-  Matrix3<Scalar> attitude_;
-  Matrix<Scalar, 3, 5> coefficients_;  // of the powers 1 to 5 of the share
-  Scalar duration_;
+  Matrix3<Scalar> attitude_ = Matrix3<Scalar>::Identity();
+  Matrix<Scalar, 3, 5> coefficients_ = Matrix<Scalar, 3, 5>::Zero();  // of the powers 1 to 5 of the share
+  Scalar duration_{1};
 };
 
 /// The states at any times within the steps of `integrate`: between two steps by `MotionBetween`, at a step that step's

@@ -117,6 +117,9 @@ template <typename Body, typename Method, typename Scalar, typename Potential>
   if (const Status status = validate_step(time, h, control_torque, state); status != Status::ok) {
     return status;
   }
+  if (steps < 0) {
+    return Status::out_of_range;
+  }
   Stage<Scalar> stage;
   if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
     return status;

@@ -20,7 +20,9 @@
 ///
 /// (theory, section 20.1). A guaranteed flow needs more of a potential: a `TorqueExpansion`
 /// (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the integrator then
-/// returns `Status::callback_failed`.
+/// returns `Status::callback_failed`. The integrators need no more than this. A flow holds a potential, which must also
+/// be default-constructible and assignable: a `GradientPotential` of lambda expressions is not, and fits no flow; one of
+/// function objects with a default is.
 
 #include <tuple>
 #include <utility>
@@ -101,7 +103,7 @@ class UniformGravity {
   /// \param mass m in kg, not negative.
   /// \param gravity g in m/s², not negative.
   /// \param center_of_mass ρ in m, body axes, from the fixed point.
-  /// \return `not_finite`, `out_of_range`.
+  /// \return `not_finite`, `out_of_range`; `beyond_domain` if m g ρ overflows.
   [[nodiscard]] static Status make(const Scalar& mass, const Scalar& gravity, const Vector3<Scalar>& center_of_mass,
                                    UniformGravity& potential) noexcept {
     if (!scalar::isfinite(mass) || !scalar::isfinite(gravity) || !scalar::all_finite(center_of_mass)) {
@@ -110,7 +112,11 @@ class UniformGravity {
     if (!(mass >= Scalar(0)) || !(gravity >= Scalar(0))) {
       return Status::out_of_range;
     }
-    potential.moment_ = (mass * gravity) * center_of_mass;
+    const Vector3<Scalar> moment = (mass * gravity) * center_of_mass;
+    if (!scalar::all_finite(moment)) {
+      return Status::beyond_domain;
+    }
+    potential.moment_ = moment;
     return Status::ok;
   }
 
@@ -167,9 +173,8 @@ class GravityGradient {
   /// \param body whose inertia the torque acts on.
   /// \param orbit_rate n in rad/s, not negative.
   /// \param orbit a rotation whose columns are, in reference axes, the radial direction at t = 0, the direction of
-  /// motion and
-  ///        the orbit normal: r(t) = cos(nt) column 0 + sin(nt) column 1.
-  /// \return `not_finite`, `out_of_range`, `not_a_rotation`.
+  /// motion and the orbit normal: r(t) = cos(nt) column 0 + sin(nt) column 1.
+  /// \return `not_finite`, `out_of_range`, `not_a_rotation`; `beyond_domain` if 3n² or 3n²J overflows.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Scalar& orbit_rate,
                                    const Matrix3<Scalar>& orbit, GravityGradient& potential) noexcept {
     if (!scalar::isfinite(orbit_rate) || !scalar::all_finite(orbit)) {
@@ -180,6 +185,10 @@ class GravityGradient {
     }
     if (!is_rotation(orbit, rotation_tolerance<Scalar>())) {
       return Status::not_a_rotation;
+    }
+    const Scalar strength = strength_of(orbit_rate);
+    if (!scalar::isfinite(strength) || !scalar::isfinite(Scalar(strength * body.principal_moments()(0)))) {
+      return Status::beyond_domain;
     }
     potential.inertia_ = body.inertia();
     potential.orbit_ = renormalized(orbit);
@@ -232,7 +241,8 @@ class GravityGradient {
   friend class GravityGradient;
 
   /// 3n², in 1/s².
-  [[nodiscard]] Scalar strength() const noexcept { return Scalar(3) * rate_ * rate_; }
+  [[nodiscard]] Scalar strength() const noexcept { return strength_of(rate_); }
+  [[nodiscard]] static Scalar strength_of(const Scalar& rate) noexcept { return Scalar(3) * rate * rate; }
 
   /// b = Cᵀ r(t).
   [[nodiscard]] Vector3<Scalar> radial(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {

@@ -27,8 +27,9 @@ class RigidBody {
         greatest_moment_(1) {}
 
   /// \param inertia J in kg m², about the point that the body turns about.
-  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `invalid_inertia` if a principal moment exceeds
-  /// the sum of the others (equality, a flat body, is allowed).
+  /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `beyond_domain` if the sum of the moments or the
+  /// inverse overflows; `invalid_inertia` if a principal moment exceeds the sum of the others (equality, a flat body, is
+  /// allowed).
   [[nodiscard]] static Status make(const Matrix3<Scalar>& inertia, RigidBody& body) noexcept {
     if (!scalar::all_finite(inertia)) {
       return Status::not_finite;
@@ -36,11 +37,17 @@ class RigidBody {
     if (!is_symmetric(inertia)) {
       return Status::not_symmetric;
     }
+    if (!scalar::isfinite(Scalar(inertia.cwiseAbs().sum()))) {
+      return Status::beyond_domain;
+    }
     RigidBody result;
     result.inertia_ = symmetrized(inertia);
     if (const Status status = inverse_positive_definite(result.inertia_, result.inertia_inverse_);
         status != Status::ok) {
       return status;
+    }
+    if (!scalar::all_finite(result.inertia_inverse_)) {
+      return Status::beyond_domain;
     }
     SymmetricEigen<Scalar, 3> eigen;
     if (const Status status = symmetric_eigen(result.inertia_, eigen); status != Status::ok) {

@@ -35,8 +35,7 @@ class RigidBodyFlow : public PredictionLimits {
   /// \param longest_step s; an interval is divided into the fewest equal steps that are no longer but for a thousandth.
   /// \param order of the integrator: 2, 4, 6 or 8.
   /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and
-  /// anything
-  ///        in the ellipsoid from step to step. Zero for none.
+  /// anything in the ellipsoid from step to step. Zero for none.
   /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the
   /// torque.
   [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
@@ -206,8 +205,7 @@ class GyroFlow {
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the
   /// next.
   /// \param drift shape of the ellipsoid of β' = dβ/dt, (rad/s²)², constant over an interval and anything in it from
-  /// one to
-  ///        the next.
+  /// one to the next.
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`.
   [[nodiscard]] static Status make(const Matrix3<Scalar>& noise, const Matrix3<Scalar>& drift,
                                    GyroFlow& flow) noexcept {
@@ -225,7 +223,8 @@ class GyroFlow {
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const StateEllipsoid<State>& ellipsoid, const SizeCriterion<Scalar, 6>& criterion,
                                Prediction<State>& prediction) const noexcept {
-    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity)) {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(input.angular_velocity) ||
+        !is_finite(ellipsoid.center)) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {

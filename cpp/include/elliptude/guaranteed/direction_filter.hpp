@@ -35,10 +35,10 @@ class DirectionFilter {
   };
 
   /// A filter that knows nothing.
-  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, and of a `regain_after`
-  /// below one.
+  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, of what is no policy, and of a
+  /// `regain_after` below one.
   [[nodiscard]] static Status make(const Settings& settings, DirectionFilter& filter) noexcept {
-    if (settings.policy == Policy::relaxed || settings.regain_after < 1) {
+    if (settings.policy >= Policy::relaxed || settings.regain_after < 1) {
       return Status::out_of_range;
     }
     filter.settings_ = settings;

@@ -37,8 +37,8 @@ class GuaranteedFilter {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
-    if (settings.most_wrong < 0 || settings.most_wrong > 2 || settings.regain_after < 1 ||
-        (measures_rate && !settings.estimates_vector)) {
+    if (settings.policy > Policy::relaxed || settings.most_wrong < 0 || settings.most_wrong > 2 ||
+        settings.regain_after < 1 || (measures_rate && !settings.estimates_vector)) {
       return Status::out_of_range;
     }
     if (const Status status = validate(settings.criterion); status != Status::ok) {

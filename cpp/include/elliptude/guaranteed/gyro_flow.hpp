@@ -47,15 +47,16 @@ class GuaranteedGyroFlow {
     bool is_measured = true;  ///< false: there is no rate for this interval, as if it were longer than the longest
   };
 
-  /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration; `not_symmetric`,
-  /// `not_positive_definite`.
+  /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration, and of what is no
+  /// `IntervalRate`; `not_symmetric`, `not_positive_definite`.
   [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
                                    GuaranteedGyroFlow& flow) noexcept {
     if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration) ||
         !scalar::isfinite(uncertainty.longest_interval) || !scalar::isfinite(uncertainty.largest_rate)) {
       return Status::not_finite;
     }
-    if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0))) {
+    if (!(uncertainty.scale >= Scalar(0)) || !(uncertainty.angular_acceleration >= Scalar(0)) ||
+        interval_rate > IntervalRate::last_sample) {
       return Status::out_of_range;
     }
     for (const Matrix3<Scalar>* shape : {&uncertainty.noise, &uncertainty.drift}) {
@@ -77,7 +78,8 @@ class GuaranteedGyroFlow {
   [[nodiscard]] Status predict(const Scalar& time, const Scalar& duration, const Input& input,
                                const GibbsEllipsoid<State>& ellipsoid, GibbsEllipsoid<State>& result) const noexcept {
     if (!scalar::isfinite(time) || !scalar::isfinite(duration) ||
-        (input.is_measured && (!scalar::all_finite(input.angular_velocity) || !scalar::isfinite(input.increment)))) {
+        (input.is_measured && (!scalar::all_finite(input.angular_velocity) || !scalar::isfinite(input.increment))) ||
+        !is_finite(ellipsoid.center)) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {
@@ -100,7 +102,7 @@ class GuaranteedGyroFlow {
   [[nodiscard]] Status predict_turn(const Scalar& duration, const Vector3<Scalar>& turn, const Scalar& angle,
                                     const GibbsEllipsoid<State>& ellipsoid,
                                     GibbsEllipsoid<State>& result) const noexcept {
-    if (!scalar::isfinite(duration) || !scalar::all_finite(turn) || !(angle == angle)) {
+    if (!scalar::isfinite(duration) || !scalar::all_finite(turn) || !(angle == angle) || !is_finite(ellipsoid.center)) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0)) || !(angle >= Scalar(0))) {
@@ -167,7 +169,7 @@ class GuaranteedGyroFlow {
   [[nodiscard]] Status predict_vector(const Scalar& time, const Scalar& duration, const Input& /*input*/,
                                       const Ellipsoid<Scalar, 3>& ellipsoid,
                                       Ellipsoid<Scalar, 3>& result) const noexcept {
-    if (!scalar::isfinite(time) || !scalar::isfinite(duration)) {
+    if (!scalar::isfinite(time) || !scalar::isfinite(duration) || !scalar::all_finite(ellipsoid.center)) {
       return Status::not_finite;
     }
     if (!(duration >= Scalar(0))) {

@@ -139,10 +139,13 @@ template <typename Scalar>
 ///     Uᵀ S(b̃) a = Uᵀ S(b̃) J_r(a) ζ + Uᵀ S(b̃) ν,   J_r(a) a = a,
 ///
 /// with the columns of U two axes across b̃; about b̃ itself the direction says nothing. (theory, section 10)
-/// \return the status of `validate`.
+/// \return `not_finite` of the center; the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status linear_direction(const Matrix3<Scalar>& center, const Direction<Scalar>& direction,
                                       LinearMeasurement<Scalar, 2>& linear) noexcept {
+  if (!scalar::all_finite(center)) {
+    return Status::not_finite;
+  }
   if (const Status status = validate(direction); status != Status::ok) {
     return status;
   }
@@ -191,10 +194,11 @@ template <typename Scalar>
 
 /// A whole attitude as three linear rows of ζ about a center: ζ̃ = log(ĈᵀC̃) and C = C̃ exp(S(ν)) make ζ = ζ̃ +
 /// J_r⁻¹(ζ̃) ν.
+/// \return `not_finite`; `not_a_rotation` of what was measured.
 template <typename Scalar>
 [[nodiscard]] Status linear_attitude(const Matrix3<Scalar>& center, const MeasuredAttitude<Scalar>& measured,
                                      LinearMeasurement<Scalar, 3>& linear) noexcept {
-  if (!scalar::all_finite(measured.attitude)) {
+  if (!scalar::all_finite(center) || !scalar::all_finite(measured.attitude) || !scalar::all_finite(measured.bound)) {
     return Status::not_finite;
   }
   if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {

@@ -40,15 +40,22 @@ struct SizeCriterion {
   }
 };
 
+/// \return `not_finite`; `out_of_range` of what is no `Kind`, and of a weight that is not the identity unless the trace
+/// is weighted; `not_symmetric`, `not_positive_definite`.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
-  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::weighted_trace) {
-    return Status::ok;
-  }
-  Matrix<Scalar, N> factor;
+  using Kind = typename SizeCriterion<Scalar, N>::Kind;
   if (!scalar::all_finite(criterion.weight)) {
     return Status::not_finite;
   }
+  if (criterion.kind > Kind::volume) {
+    return Status::out_of_range;
+  }
+  if (criterion.kind != Kind::weighted_trace) {
+    const Scalar off = (criterion.weight - Matrix<Scalar, N>::Identity()).squaredNorm();
+    return scalar::all(off == Scalar(0)) ? Status::ok : Status::out_of_range;
+  }
+  Matrix<Scalar, N> factor;
   return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
 }
 

@@ -69,7 +69,8 @@ template <typename Scalar, int N>
 /// An ellipsoid as a quadric: A = P⁻¹, g = −Ax̂, c = 1 − x̂ᵀAx̂. A is a little less and c a little more, so that no
 /// point of the ellipsoid is lost by rounding: for |yᵢ| ≤ |x̂ᵢ| + √Pᵢᵢ, as it is in there, g and c err by less than 4Nε
 /// |x̂|ᵀ|A||y|.
-/// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite`, also of a flat one.
+/// \return `not_finite`; `beyond_domain`, also of a center so far away that c overflows; `not_symmetric`;
+/// `not_positive_definite`, also of a flat one.
 template <typename Scalar, int N>
 [[nodiscard]] Status to_quadric(const Ellipsoid<Scalar, N>& ellipsoid, Quadric<Scalar, N>& quadric) noexcept {
   if (!scalar::all_finite(ellipsoid.center) || !scalar::all_finite(ellipsoid.shape)) {
@@ -90,27 +91,35 @@ template <typename Scalar, int N>
   const Vector<Scalar, N> reach = offset + Vector<Scalar, N>(ellipsoid.shape.diagonal().cwiseSqrt());
   const Scalar lost = offset.dot(result.a.cwiseAbs().lazyProduct(reach));
   result.c = Scalar(1) + result.g.dot(ellipsoid.center) + rounding::share<Scalar>(rounding::quadric(N)) * lost;
+  if (!scalar::isfinite(result.c)) {
+    return Status::beyond_domain;
+  }
   quadric = result;
   return Status::ok;
 }
 
 /// The slab |nᵀy − middle| ≤ half_width, unbounded along N − 1 directions.
-/// \return `not_finite`; `zero_direction`; `out_of_range` of a negative half-width.
+/// \return `not_finite`; `zero_direction`; `out_of_range` of a negative half-width; `beyond_domain` if the square of the
+/// normal's length, or another number of the quadric, overflows or loses digits to underflow.
 template <typename Scalar, int N>
 [[nodiscard]] Status slab(const Vector<Scalar, N>& normal, const Scalar& middle, const Scalar& half_width,
                           Quadric<Scalar, N>& quadric) noexcept {
   if (!scalar::all_finite(normal) || !scalar::isfinite(middle) || !scalar::isfinite(half_width)) {
     return Status::not_finite;
   }
-  if (!(normal.squaredNorm() > Scalar(0))) {
+  if (!(normal.cwiseAbs().maxCoeff() > Scalar(0))) {
     return Status::zero_direction;
   }
   if (!(half_width >= Scalar(0))) {
     return Status::out_of_range;
   }
-  quadric.a = normal.lazyProduct(normal.transpose());
-  quadric.g = -middle * normal;
-  quadric.c = (half_width - middle) * (half_width + middle);
+  const Quadric<Scalar, N> result{normal.lazyProduct(normal.transpose()), -middle * normal,
+                                  (half_width - middle) * (half_width + middle)};
+  if (!scalar::is_precise_square(Scalar(result.a.trace())) || !scalar::all_finite(result.g) ||
+      !scalar::isfinite(result.c)) {
+    return Status::beyond_domain;
+  }
+  quadric = result;
   return Status::ok;
 }
 
