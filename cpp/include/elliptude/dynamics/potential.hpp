@@ -20,9 +20,8 @@
 ///
 /// (theory, section 20.1). A guaranteed flow needs more of a potential: a `TorqueExpansion`
 /// (guaranteed/torque_expansion.hpp). A potential reports a failure by a torque that is not finite: the integrator then
-/// returns `Status::callback_failed`. The integrators need no more than this. A flow holds a potential, which must also
-/// be default-constructible and assignable: a `GradientPotential` of lambda expressions is not, and fits no flow; one of
-/// function objects with a default is.
+/// returns `Status::callback_failed`. The integrators need no more than this. A flow holds a potential, which must
+/// also be default-constructible and assignable: a `GradientPotential` is not, and fits no flow.
 
 #include <tuple>
 #include <utility>

@@ -10,8 +10,8 @@
 ///     Status predict_vector(time, duration, input, ellipsoid of the vector alone, result) const noexcept
 ///
 /// the second for an unknown attitude. One of `RigidBodyState` factors the shapes that it predicts itself, and returns
-/// `unbounded` of one that is not positive definite: the filter does not try again. One of `GyroState` need not, but has
-/// an `Input` with `angular_velocity` and `is_measured`, and also
+/// `unbounded` of one that is not positive definite, as the filter does not factor them. One of `GyroState` need not,
+/// but has an `Input` with `angular_velocity` and `is_measured`, and also
 ///
 ///     Status predict_attitude(time, duration, input, ellipsoid of the bias, ellipsoid, result) const noexcept
 ///     Status predict_turn(duration, turn, angle, ellipsoid, result) const noexcept
