@@ -202,5 +202,5 @@ TEST_CASE("times that are not within the steps and steps that turn too far are r
   const Turn turn{Vector3<double>(0, 0, 1), Matrix3<double>::Identity()};
   CHECK(MotionBetween<double>::make(turn.at(0), turn.at(0.1), 1.6, motion) == Status::step_too_long);
   CHECK(MotionBetween<double>::make(turn.at(0), turn.at(1), 1.3, motion) == Status::step_too_long);
-  CHECK(MotionBetween<double>::make(turn.at(0), turn.at(1), not_a_number, motion) == Status::step_too_long);
+  CHECK(MotionBetween<double>::make(turn.at(0), turn.at(1), not_a_number, motion) == Status::not_finite);
 }
