@@ -30,9 +30,9 @@ struct MovingState {
 template <typename Scalar>
 class MotionBetween {
  public:
-  /// \param duration from the first to the last, s, positive.
-  /// \return `not_finite`; `out_of_range` of a duration that is not positive; `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more
-  /// in that time: the polynomial says nothing of such a motion.
+  /// \param duration from the first to the last, s, positive. \return `not_finite`; `out_of_range` of another duration;
+  /// `step_too_long` if, at the angular velocity of either state, the body would turn by a right angle or more in that
+  /// time: the polynomial says nothing of such a motion.
   [[nodiscard]] static Status make(const MovingState<Scalar>& first, const MovingState<Scalar>& last,
                                    const Scalar& duration, MotionBetween& motion) noexcept {
     if (!scalar::isfinite(duration)) {
