@@ -424,7 +424,7 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
     lasted = times[count - 1] - times[0] if count else 0.0
     if lasted < 0.99 * rule.least_s:
         begin = times <= times[0] + rule.least_s
-        behind = slice(count, int(np.searchsorted(times, times[0] + rule.least_s + rule.duration_s)))
+        behind = slice(count, int(np.searchsorted(times, times[min(count, len(times) - 1)] + rule.duration_s)))
         why = (
             why_no_rest(times[behind], rates[behind], forces[behind], **rule.limits())
             if not resting[begin].all()

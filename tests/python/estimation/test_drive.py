@@ -147,6 +147,61 @@ def test_an_estimate_of_up_by_the_velocity(drive, tmp_path):
     assert widths["with"] < 0.6 * widths["without"], widths
 
 
+def test_a_repair_leaves_the_rows_without_a_fix(drive, tmp_path):
+    """Most rows have no stamp of the receiver, and are none the worse for it."""
+    table = pd.read_csv(drive)
+    table.loc[3000, "ax"] = np.nan
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    config, out = tmp_path / "drive.toml", tmp_path / "out"
+    config.write_text(tomlkit.dumps(BY_RULE | {"velocity": VELOCITY}))
+    run("estimate", tmp_path / "drive.csv", "--config", config, "--out", out, "--repair")
+    assert len(Result.read(out / "results.csv").times) > 5900
+    repaired = json.loads((out / "summary.json").read_text())["repaired"]
+    assert [one["count"] for one in repaired] == [1]
+
+
+def test_stamps_of_the_receiver_in_nanoseconds(drive, tmp_path):
+    table = pd.read_csv(drive)
+    begin = 1_700_000_000_000_000_000
+    for name in ("time_s", "gps_s"):
+        table[name] = begin + (1e9 * table[name]).round().astype("Int64")
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    own = VELOCITY | {"time_unit": "ns"}
+    stated = BY_RULE | {"time_unit": "ns", "timing": {"origin": "first"}, "velocity": own}
+    configuration = Configuration.model_validate(stated)
+    log = logs.read_log(tmp_path / "drive.csv", configuration)
+    assert np.isfinite(log.velocities[:, 0]).sum() > 280
+
+
+def test_a_speed_that_the_velocity_refutes(drive):
+    slow = rule_for("car").model_dump(mode="json", exclude_none=True)
+    slow["motion"]["velocity_m_per_s"] = 5.0
+    stated = SENSORS | {"rule": {"kind": "stated", "anchor_s": 4.0} | slow, "velocity": VELOCITY}
+    configuration = Configuration.model_validate(stated)
+    with pytest.raises(ValueError, match="the rule states a speed of at most 5 m/s, but the measured velocity changes"):
+        direction_rows(logs.read_log(drive, configuration), configuration)
+
+
+def test_a_velocity_that_never_counts(drive):
+    configuration = Configuration.model_validate(BY_RULE | {"velocity": VELOCITY | {"delay_s": 1e6}})
+    with pytest.raises(ValueError, match="velocity: ve, vn, vu were measured at no row between the gyro's"):
+        direction_rows(logs.read_log(drive, configuration), configuration)
+
+
+def test_samples_of_the_accelerometer_without_the_gyro_count(drive, tmp_path):
+    """A rule's windows are of all that the accelerometer shows, also where the gyro is read half as often."""
+    table = pd.read_csv(drive)
+    table.loc[1::2, ["gx", "gy", "gz"]] = np.nan
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    rule = rule_for("car").model_dump(mode="json", exclude_none=True)
+    rule["gyro"]["longest_interval_s"] = 0.03
+    stated = SENSORS | {"rule": {"kind": "stated", "anchor_s": 4.0} | rule, "timing": {"largest_gap_s": 0.05}}
+    configuration = Configuration.model_validate(stated)
+    log = logs.read_log(tmp_path / "drive.csv", configuration)
+    assert log.gyro_times is not None
+    assert np.isfinite(direction_rows(log, configuration).directions[:, 0, 0]).mean() > 0.99
+
+
 def test_check_lists_the_velocity(drive, tmp_path):
     config = tmp_path / "drive.toml"
     config.write_text(tomlkit.dumps(BY_RULE | {"velocity": VELOCITY}))
