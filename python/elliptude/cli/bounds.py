@@ -180,7 +180,8 @@ def bounds(
     repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
     recording, origin = mapping.read_recording(source, configuration)
     _require_gravity(recording, source)
-    implausible = _look(source, configuration, refuse=out is not None or rule is not None)
+    heard = _look(source, configuration, refuse=out is not None or rule is not None)
+    implausible = heard.ignored
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     with _naming(source):
@@ -204,11 +205,12 @@ def bounds(
         _write(rule, _rule_document(proposed, margin, source, carried))
     ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
     suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
+    suspicious += heard.suspicious
     no_rule, says = None, list[str]()
     if mode == "guaranteed" and "rule" not in tables:
         no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
         says = what_it_says(numbers_of(ruled), proposed)
-    up = _up_at_rest(recording, origin)
+    up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
@@ -241,19 +243,19 @@ def _require_gravity(recording: Recording, log: NamedFile) -> None:
         )
 
 
-def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> list[str]:
-    """Contradictions between the log and its configuration: degrees declared as radians, or wrong axes.
+def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> plausibility.Heard:
+    """What contradicts between the log and its configuration, as degrees declared as radians, or may.
 
     Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
     if refuse:
         next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
-        return heard.ignored
+        return heard
     ignoring = configuration.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
         next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
-    return heard.ignored
+    return heard
 
 
 @contextmanager
@@ -280,11 +282,13 @@ def _up_as_json(up: body_at_rest.UpAtRest | None) -> dict[str, Any] | None:
     return None if up is None else dataclasses.asdict(up) | {"in_words": str(up)}
 
 
-def _up_at_rest(recording: Recording, origin: float) -> body_at_rest.UpAtRest | None:
+def _up_at_rest(recording: Recording, origin: float, limits: dict[str, float] | None) -> body_at_rest.UpAtRest | None:
     if recording.specific_forces is None:
         return None
     times = recording.times + origin
-    return body_at_rest.up_at_rest(times, recording.angular_velocities, recording.specific_forces, recording.fields)
+    return body_at_rest.up_at_rest(
+        times, recording.angular_velocities, recording.specific_forces, recording.fields, limits
+    )
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------

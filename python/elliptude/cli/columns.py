@@ -80,8 +80,10 @@ def tables_of(
     file = open_log(log, stated)
     has_stamps = any(file.stamps(stream) is not None for stream in {file.stream(column) for column in file.columns})
     if (time is None) != has_stamps or "gyroscope" not in sensors:
-        needed = "needed with columns by name" if not has_stamps else "topics have stamps of their own: no --time"
-        raise typer.BadParameter(needed, param_hint="--gyro" if has_stamps else "--time, --gyro")
+        if time is not None and has_stamps:
+            raise typer.BadParameter("topics have stamps of their own: leave it out", param_hint="--time")
+        missing = "--gyro" if "gyroscope" not in sensors else "--time"
+        raise typer.BadParameter("needed with columns by name", param_hint=missing)
     found = mapping.of_sensors(time, time_unit or "s", sensors, _listed(truth, 4, "--truth") if truth else ())
     turn_at_rest(found, at_rest)
     return found, log

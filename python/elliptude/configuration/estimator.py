@@ -1,6 +1,6 @@
 """The estimator, its start, and the rule for its bounds, as a configuration states them."""
 
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,6 +21,7 @@ from elliptude.io.toml import (
 )
 from elliptude.typing import FloatArray
 
+Mode: TypeAlias = Literal["paper", "first_order", "guaranteed"]
 BestEstimate: TypeAlias = Literal["vqf", "kalman", "center", "none"]
 """Whose estimate stands beside the sets of the guaranteed mode."""
 Question: TypeAlias = Literal["reference_turns", "body_turns", "vector", "attitude"]
@@ -30,7 +31,7 @@ Question: TypeAlias = Literal["reference_turns", "body_turns", "vector", "attitu
 class Estimator(Model):
     """Which estimator, what it minimises, and what it does when sets do not meet."""
 
-    mode: Literal["paper", "first_order", "guaranteed"] = "first_order"
+    mode: Mode = "first_order"
     # If left out: the volume in the guaranteed mode, the trace in the others.
     criterion: Literal["trace", "weighted_trace", "volume"] = "trace"
     weight_diagonal: Diagonal6 | None = None
@@ -50,6 +51,8 @@ class Estimator(Model):
     def _by_mode(cls, table: Any) -> Any:
         if not isinstance(table, dict):
             return table
+        if table.get("mode", "first_order") not in get_args(Mode):
+            return table  # which is said by itself
         guaranteed = table.get("mode") == "guaranteed"
         others = (
             ("when_sets_do_not_meet",) if guaranteed else ("policy", "most_wrong", "regain_after", "best", "questions")

@@ -30,8 +30,6 @@ _GRAVITY_TOLERANCE = 0.1
 _FULL_RANGE = 2000.0 * np.pi / 180.0
 _HIGHEST_SAMPLE_RATE = 1e5
 _UNIT_NORM_TOLERANCE = 1e-3
-# rad; a direction that moves so far in the body shows a turn, whatever its noise.
-_CLEAR_TURN = 0.35
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,6 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
         else:
             findings += plausibility.contradictions(log, configuration)
             findings += _start(log, configuration)
-            findings += _silent_gyro(log, configuration)
             saturation = Saturation(configuration)
             saturation.add(log)
             findings += [Finding("warning", "", said) for said in saturation.said()]
@@ -147,26 +144,6 @@ def _start(log: Log, configuration: Configuration) -> list[Finding]:
     return [
         Finding("warning", "start", f"{first} rows are left out: the first with two directions is {log.place(first)}")
     ]
-
-
-def _silent_gyro(log: Log, configuration: Configuration) -> list[Finding]:
-    """Whether the rate is zero in all rows of a body that turns."""
-    if log.rates is None:
-        return []
-    shown = log.rates[np.isfinite(log.rates[:, 0])]
-    if not len(shown) or shown.any():
-        return []
-    name = "the gyro" if isinstance(configuration.flow, GyroFlow) else "rate"
-    for i, sensor in enumerate(configuration.directions):
-        vectors = log.directions[np.isfinite(log.directions[:, i, 0]), i]
-        if not len(vectors):
-            continue
-        unit = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-        turned = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(unit - unit[0], axis=1), 0.0, 1.0))
-        if np.mean(turned > _CLEAR_TURN) > 0.05:
-            turns = f"{sensor.name!r} turns by up to {np.rad2deg(turned.max()):.0f} degrees"
-            return [Finding("warning", name, f"0 in all of {len(shown)} rows, though {turns}: is it off?")]
-    return []
 
 
 def _report(samples: Samples, configuration: Configuration) -> SensorReport:

@@ -203,14 +203,15 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     def degrees(angle: float) -> float | None:
         return finite(float(np.rad2deg(angle)))
 
-    listed = sorted(sorted(gaps, key=lambda gap: -gap.duration)[:MOST_LISTED], key=lambda gap: gap.time)
+    worst = sorted(gaps, key=lambda gap: (-gap.rows_without_set, -gap.duration))
+    listed = sorted(worst[:MOST_LISTED], key=lambda gap: gap.time)
     summary: dict[str, Any] = {
         "longest_interval_s": None if gyro is None else finite(gyro.longest_interval),
         "largest_rate_deg_per_s": None if gyro is None else degrees(gyro.largest_rate),
         "largest_angular_acceleration_deg_per_s2": None if gyro is None else degrees(gyro.angular_acceleration),
         "count": len(gaps),
         "total_s": sum(gap.duration for gap in gaps),
-        "forgotten": sum(gap.turn >= np.pi for gap in gaps),
+        "forgotten": sum(gap.turn >= np.pi or gap.rows_without_set > 0 for gap in gaps),
         "rows_without_set": sum(gap.rows_without_set for gap in gaps),
         "listed": [
             {
@@ -246,7 +247,8 @@ def _said(summary: dict[str, Any]) -> list[str]:
         f"({summary['total_s']:.3g} s in all; {known}): {lost}"
     ]
     listed: list[dict[str, Any]] = summary["listed"]
-    for gap in sorted(sorted(listed, key=lambda gap: -gap["duration_s"])[:_MOST_SAID], key=lambda gap: gap["time_s"]):
+    worst = sorted(listed, key=lambda gap: (-gap["rows_without_set"], -gap["duration_s"]))[:_MOST_SAID]
+    for gap in sorted(worst, key=lambda gap: gap["time_s"]):
         before, after = gap["largest_angle_before_deg"], gap["largest_angle_after_deg"]
         rows = gap["rows_without_set"]
         forgotten = gap["turn_bound_deg"] >= 180.0
@@ -259,5 +261,5 @@ def _said(summary: dict[str, Any]) -> list[str]:
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost
         lines.append(f"  {gap['duration_s']:.4g} s from {gap['time_s']:.4f} s on: {cost}")
     if count > _MOST_SAID:
-        lines.append(f"  and {count - _MOST_SAID} shorter ones; summary.json lists {len(listed)}")
+        lines.append(f"  and {count - _MOST_SAID} more; summary.json lists {len(listed)}")
     return lines

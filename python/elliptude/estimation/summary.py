@@ -142,7 +142,7 @@ class Summary:
             "bounds_from_recording": configuration.proposed_from,
             "implausible": list(heard.ignored),
             "calibrated": configuration.corrected_sensors(),
-            "suspicious_statements": [*map(str, suspicions.of_configuration(configuration)), *heard.saturated],
+            "suspicious_statements": [*map(str, suspicions.of_configuration(configuration)), *heard.suspicious],
             "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,
         }

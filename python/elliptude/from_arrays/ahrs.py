@@ -107,7 +107,7 @@ def ahrs(
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
         notes=(
             *heard.ignored,
-            *heard.saturated,
+            *(f"suspicious: {one}" for one in heard.suspicious),
             *why_no_set(run, configuration),
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),

@@ -56,29 +56,32 @@ def axis_in_words(direction: FloatArray) -> str:
     return name if off < 0.5 else f"{name} ({off:.0f} degrees off)"
 
 
-def resting(times: FloatArray, rates: FloatArray | None, forces: FloatArray) -> NDArray[np.bool_]:
-    """Rows at rest by the rule for a sensor in the hand, shape (N,); rows without the specific force are not."""
+def usual_limits() -> dict[str, float]:
+    """What counts as a rest by the rule for a sensor in the hand, as `rest_rows` has it."""
+    return rules.hand_held().rest.limits()
+
+
+def resting(
+    times: FloatArray, rates: FloatArray | None, forces: FloatArray, limits: dict[str, float] | None = None
+) -> NDArray[np.bool_]:
+    """Rows at rest, shape (N,), by the limits of `rest_rows`, or the usual ones; not those without a specific force."""
     result = np.zeros(len(times), dtype=np.bool_)
     there = np.isfinite(forces).all(axis=1)
     if rates is not None:
         there &= np.isfinite(rates).all(axis=1)
     if there.sum() < 2:
         return result
-    rule = rules.hand_held().rest
-    result[there] = rest_rows(
-        times[there],
-        np.zeros_like(forces[there]) if rates is None else rates[there],
-        forces[there],
-        duration=rule.duration_s,
-        rate_deviation=np.deg2rad(rule.rate_deviation_deg_per_s),
-        rate=np.deg2rad(rule.rate_deg_per_s),
-        acceleration_deviation=rule.acceleration_deviation_m_per_s2,
-    )
+    shown = np.zeros_like(forces[there]) if rates is None else rates[there]
+    result[there] = rest_rows(times[there], shown, forces[there], **(usual_limits() if limits is None else limits))
     return result
 
 
 def up_at_rest(
-    times: FloatArray, rates: FloatArray | None, forces: FloatArray, fields: FloatArray | None
+    times: FloatArray,
+    rates: FloatArray | None,
+    forces: FloatArray,
+    fields: FloatArray | None,
+    limits: dict[str, float] | None = None,
 ) -> UpAtRest | None:
     """What the first rest shows; None without one.
 
@@ -92,12 +95,14 @@ def up_at_rest(
         m/s², body axes, up at rest as it was stated; rows may be NaN.
     fields : (N, 3) array, optional
         Body axes, any unit; rows may be NaN.
+    limits : dict, optional
+        What counts as a rest, as `rest_rows` has it; the usual if left out.
 
     Returns
     -------
     UpAtRest, optional
     """
-    still = resting(times, rates, forces)
+    still = resting(times, rates, forces, limits)
     if not still.any():
         return None
     there = np.flatnonzero(np.isfinite(forces).all(axis=1))
@@ -130,6 +135,7 @@ def up_in_log(log: Log, configuration: Configuration) -> UpAtRest | None:
         if isinstance(sensor, Magnetometer):
             fields = log.directions[:, i]
             break
-    return up_at_rest(
-        log.times + log.origin, log.rates, log.directions[:, configuration.directions.index(accelerometer)], fields
-    )
+    # A rule for a noisier sensor says what counts as its rest.
+    limits = None if configuration.rule is None else configuration.rule.rule().rest.limits()
+    forces = log.directions[:, configuration.directions.index(accelerometer)]
+    return up_at_rest(log.times + log.origin, log.rates, forces, fields, limits)

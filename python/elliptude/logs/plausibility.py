@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
 from elliptude.io.files import FileError
 from elliptude.logs.axes.axes_check import look_at_axes
@@ -42,6 +43,8 @@ BLOCK_ROWS = 1 << 18
 Severity: TypeAlias = Literal["error", "warning"]
 
 _PAIRS = 50_000
+# rad; a direction that moves so far in the body shows a turn, whatever its noise.
+_CLEAR_TURN = 0.35
 # rad; a reference that moves by more is not used.
 _STILL = 0.02
 # rad/s; a gyro at rest may show this much (datasheets of small ones: 5 deg/s).
@@ -86,8 +89,9 @@ class Heard:
     """The same as notes in a table."""
     up: UpAtRest | None = None
     """What was up in the first rest."""
-    saturated: list[str] = field(default_factory=list)
-    """Sensors that may have been at the end of their range; complete when all pieces are passed on."""
+    suspicious: list[str] = field(default_factory=list)
+    """What may be wrong: sensors that do not fit one another, or that may have been at the end of their range; complete
+    when all pieces are passed on."""
 
 
 def plausible_pieces(
@@ -135,7 +139,7 @@ def plausible_pieces(
     if waiting:
         _require_plausible(joined(waiting), configuration, name, heard)
         yield from waiting
-    heard.saturated += saturation.said()
+    heard.suspicious += saturation.said()
 
 
 def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
@@ -143,6 +147,10 @@ def _require_plausible(log: Log, configuration: Configuration, name: str, heard:
     heard.up = heard.up or up_in_log(log, configuration)
     findings, is_told = _look(log, configuration)
     errors = [str(finding) for finding in findings if finding.severity == "error"]
+    # What an accelerometer shows beside gravity turns as it likes: `check` says it, and it means little.
+    forces = {sensor.name for sensor in configuration.directions if isinstance(sensor, Accelerometer)}
+    warnings = [str(one) for one in findings if one.severity == "warning" and one.sensor not in forces]
+    heard.suspicious += [warning for warning in warnings if warning not in heard.suspicious]
     if not errors:
         return is_told
     if configuration.implausible == "refuse":
@@ -183,6 +191,8 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     elif of_unit:
         # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
         return of_unit + _fields_in_other_units(log, configuration), False
+    if not is_confirmed and (stuck := _stuck_gyro(log, configuration)) is not None:
+        return [stuck, *_fields_in_other_units(log, configuration)], False
     axes = look_at_axes(log, configuration)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
@@ -225,6 +235,27 @@ def _fields_in_other_units(log: Log, configuration: Configuration) -> list[Findi
             message = f"{what}; it would be in {fitting}, and what is stated of its errors in µT counts too little"
             found.append(Finding("error", sensor.name, message))
     return found
+
+
+def _stuck_gyro(log: Log, configuration: Configuration) -> Finding | None:
+    """Whether the rate is the same in all rows of a body that turns otherwise."""
+    if log.rates is None:
+        return None
+    shown = log.rates[np.isfinite(log.rates[:, 0])]
+    if len(shown) < 2 or (shown != shown[0]).any():
+        return None
+    name = "the gyro" if isinstance(configuration.flow, GyroFlow) else "rate"
+    for i, sensor in enumerate(configuration.directions):
+        vectors = log.directions[np.isfinite(log.directions[:, i, 0]), i]
+        if not len(vectors):
+            continue
+        unit = _unit(vectors)
+        turned = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(unit - unit[0], axis=1), 0.0, 1.0))
+        if np.mean(turned > _CLEAR_TURN) > 0.05:
+            turns = f"{sensor.name!r} turns by up to {np.rad2deg(turned.max()):.0f} degrees"
+            what = "the same" if shown.any() else "0"
+            return Finding("error", name, f"{what} in all of {len(shown)} rows, though {turns}: is it off?")
+    return None
 
 
 class _Turns:

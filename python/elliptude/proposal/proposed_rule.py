@@ -293,7 +293,8 @@ def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list
         if share >= 1.0:
             lines.append(
                 "The magnetometer says nothing: the disturbance may be as large as the field, "
-                f"{field.magnitude:.3g} µT. The Earth's is 20 to 70 µT: is the unit right?"
+                f"{field.magnitude:.3g} µT."
+                + ("" if 20.0 <= field.magnitude <= 70.0 else " The Earth's is 20 to 70 µT: is the unit right?")
             )
         else:
             lines.append(

@@ -130,4 +130,4 @@ def test_rates_between_samples_do_not_count():
 def test_it_is_heard_when_all_pieces_are_passed_on():
     heard = Heard()
     assert len(list(plausible_pieces(iter([clipped(shaken())]), CONFIGURATION, "log.csv", heard))) == 1
-    assert [one[:9] for one in heard.saturated] == ["the gyro:"]
+    assert [one[:9] for one in heard.suspicious] == ["the gyro:"]

@@ -81,7 +81,7 @@ class CsvTable(NumbersAlone):
                 if line.startswith(("#", "//")):
                     self.label = self.label or line.removeprefix("#").strip()
                     self.comments.append(line)
-                elif match := re.fullmatch(r"sep=([,;\t|])\s*", line):  # what Excel writes
+                elif match := re.fullmatch(r'"?sep=([,;\t|])"?\s*', line):  # what Excel writes
                     stated = replace(
                         stated, delimiter=stated.delimiter or next(mark for mark in DELIMITERS if mark == match[1])
                     )

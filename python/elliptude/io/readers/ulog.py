@@ -53,6 +53,8 @@ class UlogFile(NumbersAlone):
         path = Path(self.path)
         with path.open("rb") as file:
             begins = file.read(len(_MAGIC))
+        if len(begins) < len(_MAGIC) and _MAGIC.startswith(begins):
+            return f"not a whole ULog: it ends after {len(begins)} bytes; copy it from the vehicle again"
         if begins != _MAGIC:
             return f"not a ULog: it begins with {begins[:4]!r} where b'ULog' must stand; a CSV file's name ends in .csv"
         return (
