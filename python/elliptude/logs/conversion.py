@@ -57,8 +57,8 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     streams = list(dict.fromkeys(file.stream(column) for column in file.columns))
     if stream is not None and stream not in streams:
         named = ", ".join(one for one in streams if one)
-        there = f"there are {named}" if named else "this file is one table, so leave --stream out"
-        raise FileError(f"{source}: no stream {stream!r}; {there}")
+        others = f"there are {named}" if named else "this file is one table, so leave --stream out"
+        raise FileError(f"{source}: no stream {stream!r}; {others}")
     chosen = streams if stream is None else [stream]
     if len(chosen) > 1 and Path(target).suffix != ".npz":
         raise FileError(f"{source}: more than one stream ({', '.join(chosen)}); --stream says which, or write .npz")

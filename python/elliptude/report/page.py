@@ -389,7 +389,8 @@ def _spell_table(spells: list[Spell]) -> str:
     )
     more = f"<p>And {len(spells) - LISTED} more spells: see the table of results.</p>" if len(spells) > LISTED else ""
     return (
-        '<p class="faint">Dropped: it contradicted the prediction or the other measurements of its row. Refused: the sets of its row did '
+        '<p class="faint">Dropped: it contradicted the prediction or the other measurements of its row. Refused: the '
+        "sets of its row did "
         "not meet, and none of them was used. Own bound: it contradicts what is stated about its sensor, at any "
         f"attitude. Up to {SPELL_GAP:g} s apart they are one line.</p>\n"
         f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
