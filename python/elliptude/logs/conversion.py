@@ -56,9 +56,9 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     file = open_log(source)
     streams = list(dict.fromkeys(file.stream(column) for column in file.columns))
     if stream is not None and stream not in streams:
-        named = ", ".join(one for one in streams if one)
-        others = f"there are {named}" if named else "this file is one table, so leave --stream out"
-        raise FileError(f"{source}: no stream {stream!r}; {others}")
+        listed = ", ".join(one for one in streams if one)
+        known = f"there are {listed}" if listed else "this file is one table, so leave --stream out"
+        raise FileError(f"{source}: no stream {stream!r}; {known}")
     chosen = streams if stream is None else [stream]
     if len(chosen) > 1 and Path(target).suffix != ".npz":
         raise FileError(f"{source}: more than one stream ({', '.join(chosen)}); --stream says which, or write .npz")
