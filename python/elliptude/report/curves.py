@@ -51,7 +51,7 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     if run.known.any():
         plots["bands"] = _bands(run, rows, label)
     for name, plot in plots.items():
-        plot["layout"]["shapes"] = _unknown(run, name)
+        plot["layout"]["shapes"] = _unknown(run, name) + _conditional(run, name)
     if run.claims is not None or run.prediction_used is not None or spells:
         plots["strip"] = _strip(run, spells)
     if "strip" in plots or ("size" in plots and "yaxis2" in plots["size"]["layout"]):
@@ -61,11 +61,35 @@ def plots_over_time(run: Run, rows: NDArray[np.intp], label: str, spells: list[S
     return plots
 
 
+GREY, AMBER = "rgba(128,128,128,0.4)", "rgba(213,94,0,0.16)"
+"""Where something is not known, and where it rests on what was left out. The grey is darker than the grid, from which a
+narrow one must differ."""
+
+
+def _shades(run: Run, colour: str, without: dict[str, NDArray[np.bool_]]) -> list[dict[str, Any]]:
+    """Shapes of a colour over the parts of a plot, by the height that they have, but for these rows."""
+    shade = {"type": "rect", "xref": "x", "y0": 0, "y1": 1, "layer": "below", "fillcolor": colour, "line": {"width": 0}}
+    return [
+        shade | {"yref": height, "x0": begin, "x1": end}
+        for height, rows in without.items()
+        for begin, end in spans_unknown(run.times, rows)
+    ]
+
+
+def _conditional(run: Run, name: str) -> list[dict[str, Any]]:
+    """Amber shapes where what a plot shows rests on what was left out."""
+
+    def others(claims: tuple[str, ...] | None) -> NDArray[np.bool_]:
+        return np.ones(len(run.times), bool) if claims is None else np.array([one != "conditional" for one in claims])
+
+    if name == "angles":
+        of_up = others(run.claims if run.up_claims is None else run.up_claims)
+        return _shades(run, AMBER, {"y domain": of_up, "y2 domain": of_up, "y3 domain": others(run.claims)})
+    return _shades(run, AMBER, {"y domain" if name == "size" else "paper": others(run.claims)})
+
+
 def _unknown(run: Run, name: str) -> list[dict[str, Any]]:
     """Grey shapes where what a plot shows is not known."""
-    shade = {"type": "rect", "xref": "x", "y0": 0, "y1": 1, "layer": "below"}
-    # Darker than the grid, from which a narrow one must differ.
-    shade |= {"fillcolor": "rgba(128,128,128,0.4)", "line": {"width": 0}}
     if name == "angles":
         assert run.roll_pitch_yaw is not None
         shown = {f"{axis} domain": run.roll_pitch_yaw[:, 3 * i] for i, axis in enumerate(("y", "y2", "y3"))}
@@ -75,11 +99,7 @@ def _unknown(run: Run, name: str) -> list[dict[str, Any]]:
         known = {"y domain": run.known | run.up_alone}
     else:
         known = {"paper": run.known}
-    return [
-        shade | {"yref": height, "x0": begin, "x1": end}
-        for height, rows in known.items()
-        for begin, end in spans_unknown(run.times, rows)
-    ]
+    return _shades(run, GREY, known)
 
 
 def _list(values: FloatArray) -> list[float | None]:

@@ -29,6 +29,8 @@ HEADING_COLOUR, TILT_COLOUR, SIZE_COLOUR = "#009E73", "#CC79A7", "#E69F00"
 UNKNOWN = "not known"
 SHADE: dict[str, Any] = {"facecolor": GREY, "alpha": 0.18, "linewidth": 0}
 """How pictures show where that is."""
+CONDITIONAL = "rests on what was left out"
+CONDITIONAL_SHADE: dict[str, Any] = {"facecolor": ORANGE, "alpha": 0.13, "linewidth": 0}
 # A strong and a light tone for each run that is compared.
 _TONES = ((ORANGE, "#E69F00"), (BLUE, "#56B4E9"), ("#009E73", "#CC79A7"))
 _NOISE_STYLES = {
@@ -122,6 +124,7 @@ def estimate_figure(
         draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
         for i, panel in enumerate(panels):
             shade_unknown(panel, time, np.isfinite(angles[:, 3 * i]))
+            shade_conditional(panel, time, result.claims if i == 2 else (result.up_claims or result.claims))
             panel.tick_params(labelbottom=i == 2)
     columns = _error_columns(result, axes, frame, heading_from_start)
     for j, column in enumerate(columns):
@@ -130,6 +133,7 @@ def estimate_figure(
             panel = figure.add_subplot(place, sharex=first)
             first = first or panel
             shade_unknown(panel, time, has_set)
+            shade_conditional(panel, time, result.claims)
             _draw_band(panel, time, column, i, label, **marks)
             # Panels of the whole width are not aligned with those below.
             panel.tick_params(labelbottom=len(columns) == 1 and i == 2)
@@ -137,6 +141,7 @@ def estimate_figure(
     size = figure.add_subplot(grid[above + 3, 1] if compared else grid[above + 3, :], sharex=first)
     # Up may be known where no set is.
     shade_unknown(size, time, has_set if result.up_bounds is None else has_set | np.isfinite(result.up_bounds))
+    shade_conditional(size, time, result.claims)
     _draw_size(size, result, **marks)
     size.set_xlabel("time (s)")
     if compared:
@@ -226,10 +231,11 @@ def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
     for axes in panels:
         of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
-    # Grey may be in others alone.
-    shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == UNKNOWN]
-    if shades:
-        entries[UNKNOWN] = shades[0]
+    # Shades may be in others alone.
+    for label in (UNKNOWN, CONDITIONAL):
+        shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == label]
+        if shades:
+            entries[label] = shades[0]
     columns = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
 
@@ -485,10 +491,29 @@ def shade_unknown(axes: Axes, time: FloatArray, known: NDArray[np.bool_]) -> Non
         s.
     known : (N,) array of bool
     """
-    spans = spans_unknown(time, known)
+    _shade(axes, spans_unknown(time, known), UNKNOWN, SHADE)
+
+
+def shade_conditional(axes: Axes, time: FloatArray, claims: Sequence[str] | None) -> None:
+    """Amber where what a panel shows rests on what was left out.
+
+    Parameters
+    ----------
+    axes : Axes
+    time : (N,) array
+        s.
+    claims : sequence of str, optional
+        What is claimed of it in each row; nothing is shown without.
+    """
+    if claims is not None:
+        others = np.array([one != "conditional" for one in claims], dtype=np.bool_)
+        _shade(axes, spans_unknown(time, others), CONDITIONAL, CONDITIONAL_SHADE)
+
+
+def _shade(axes: Axes, spans: Sequence[tuple[float, float]], label: str, style: Style) -> None:
     if spans:
         corners = [[(begin, 0.0), (begin, 1.0), (end, 1.0), (end, 0.0)] for begin, end in spans]
-        shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=UNKNOWN, **SHADE)
+        shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=label, **style)
         axes.add_collection(shades, autolim=False)
 
 

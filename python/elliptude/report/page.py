@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.io.files import FileError, replacing
-from elliptude.report.curves import PIECES, plots_over_time
+from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
 from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
@@ -176,16 +176,16 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
         "angles_hidden": "" if "angles" in plots else "hidden",
-        "angles_note": _angles_note(run) + _grey(plots.get("angles")),
+        "angles_note": _angles_note(run) + _shaded(plots.get("angles")),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
-        "bands_note": _bands_note(run) + _grey(plots.get("bands")),
+        "bands_note": _bands_note(run) + _shaded(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
         "size_heading": "Size of the set" if run.headings is None else "How far the attitude may be off",
-        "size_note": _size_note(run) + _grey(plots.get("size")),
+        "size_note": _size_note(run) + _shaded(plots.get("size")),
         "dropped": _spell_table(spells),
         "each_hidden": "hidden" if each is None else "",
         "footnote": _footnote(run, len(rows), len(shown)),
@@ -244,10 +244,11 @@ def _angles_note(run: Run) -> str:
     )
 
 
-def _grey(plot: dict[str, Any] | None) -> str:
-    """What grey means in a plot, if there is any."""
-    is_grey = plot is not None and bool(plot["layout"]["shapes"])
-    return "Where it is grey, what is shown is not known. " if is_grey else ""
+def _shaded(plot: dict[str, Any] | None) -> str:
+    """What grey and amber mean in a plot, if there is any."""
+    colours = set() if plot is None else {one["fillcolor"] for one in plot["layout"]["shapes"]}
+    said = "Where it is grey, what is shown is not known. " if GREY in colours else ""
+    return said + ("Where it is amber, it rests on what was left out. " if AMBER in colours else "")
 
 
 def _bands_note(run: Run) -> str:

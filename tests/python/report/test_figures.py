@@ -133,6 +133,20 @@ def test_each_angle_is_grey_where_it_is_not_known(results):
     assert [results.times[9], results.times[15]] in spans
 
 
+def test_each_panel_shows_where_it_rests_on_what_was_left_out(results):
+    """The heading does from the tenth row on; up is followed by itself, and does not."""
+    results, count = with_angles(results), len(results.times)
+    claims = tuple("conditional" if row >= 10 else "unconditional" for row in range(count))
+    shown = dataclasses.replace(results, claims=claims, up_claims=("unconditional",) * count)
+    figure = figures.estimate_figure(shown, "Pendulum")
+    shaded = [any(one.get_label() == figures.CONDITIONAL for one in panel.collections) for panel in figure.axes[:4]]
+    assert shaded == [False, False, True, True]
+    (amber,) = [one for one in figure.axes[2].collections if one.get_label() == figures.CONDITIONAL]
+    assert amber.get_paths()[0].get_extents().x0 == results.times[9]
+    (legend,) = figure.legends
+    assert figures.CONDITIONAL in [text.get_text() for text in legend.get_texts()]
+
+
 def test_the_picture_says_that_bounds_are_proposals(results):
     assert figures.estimate_figure(results, "Pendulum").get_suptitle() == "Pendulum"
     said = figures.estimate_figure(results, "Pendulum", proposed_from="log.csv").get_suptitle()
