@@ -181,7 +181,6 @@ def bounds(
     recording, origin = mapping.read_recording(source, configuration)
     _require_gravity(recording, source)
     heard = _look(source, configuration, refuse=out is not None or rule is not None)
-    implausible = heard.ignored
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     with _naming(source):
@@ -204,8 +203,8 @@ def bounds(
     if rule is not None:
         _write(rule, _rule_document(proposed, margin, source, carried))
     ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
-    suspicious = [str(one) for one in suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)]
-    suspicious += heard.suspicious
+    found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
+    suspicious = [*map(str, found), *heard.suspicious]
     no_rule, says = None, list[str]()
     if mode == "guaranteed" and "rule" not in tables:
         no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
@@ -213,14 +212,14 @@ def bounds(
     up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
-        summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
+        summary |= {"implausible": heard.ignored, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
         summary |= {"why_no_rule": no_rule, "up_at_rest": _up_as_json(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
-    _say(source, tables, recording, proposed, up, implausible, suspicious)
+    _say(source, tables, recording, proposed, up, heard.ignored, suspicious)
     _say_statements(carried, statements_of(ruled), says)
     _say_no_rule(no_rule, recording)
     typer.echo(_NOTE)
