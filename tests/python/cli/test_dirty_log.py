@@ -118,9 +118,8 @@ def test_times_of_day_beside_headers_with_units(tmp_path, zone, begin):
     np.testing.assert_allclose(results.times - results.times[0], recording.times - recording.times[0], atol=1e-9)
 
 
-def test_like_px4(tmp_path):
-    pytest.importorskip("pyulog")
-    recording = made()
+def flight(recording):
+    """Stamps of a ULog, and topics whose sensors have stamps of their own."""
     stamps = np.rint(1e6 * recording.times).astype(int) + 10_000_000
     imu = {
         "timestamp": stamps,
@@ -128,8 +127,13 @@ def test_like_px4(tmp_path):
         "accelerometer_m_s2": recording.specific_forces,
     }
     mag = {"timestamp": stamps[1::4] + 1700, "magnetometer_ga": recording.fields[1::4] / 100.0}
+    return stamps, [("sensor_combined", 0, imu), ("vehicle_magnetometer", 0, mag)]
+
+
+def test_like_px4(tmp_path):
+    pytest.importorskip("pyulog")
     log = tmp_path / "log.ulg"
-    recorders.write_ulog(log, [("sensor_combined", 0, imu), ("vehicle_magnetometer", 0, mag)])
+    recorders.write_ulog(log, flight(made())[1])
     stated, _, _, results = two_commands(tmp_path, log, "--like", "px4")
     # The magnetometer never has the gyro's stamp.
     assert stated["timing"]["same_within_s"] == pytest.approx(0.45 * STEP, rel=0.05)
@@ -140,21 +144,13 @@ def test_like_px4(tmp_path):
 def test_like_px4_with_a_receiver_of_satellites(tmp_path):
     """Something that turns in the hand and goes nowhere: the receiver says so, and up is known better by that."""
     pytest.importorskip("pyulog")
-    recording = made()
-    stamps = np.rint(1e6 * recording.times).astype(int) + 10_000_000
-    imu = {
-        "timestamp": stamps,
-        "gyro_rad": recording.angular_velocities,
-        "accelerometer_m_s2": recording.specific_forces,
-    }
-    mag = {"timestamp": stamps[1::4] + 1700, "magnetometer_ga": recording.fields[1::4] / 100.0}
+    stamps, topics = flight(made())
     still = np.zeros(len(stamps[1::20]))
     gps = {"timestamp": stamps[1::20] + 1300} | {f"vel_{axis}_m_s": still for axis in "ned"}
-    topics = [("sensor_combined", 0, imu), ("vehicle_magnetometer", 0, mag), ("vehicle_gps_position", 0, gps)]
     log = tmp_path / "log.ulg"
     found = {}
-    for name, there in (("with", topics), ("without", topics[:2])):
-        recorders.write_ulog(log, there)
+    for name, more in (("with", [("vehicle_gps_position", 0, gps)]), ("without", [])):
+        recorders.write_ulog(log, topics + more)
         folder = tmp_path / name
         folder.mkdir()
         stated, _, _, results = two_commands(folder, log, "--like", "px4", "--carried", "drone")
