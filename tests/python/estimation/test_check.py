@@ -242,11 +242,15 @@ def test_a_wrong_unit_of_the_gyro_explains_what_does_not_turn_as_it_says(tmp_pat
     assert not [message for message in messages if "axes" in message], messages
 
 
-def test_a_gyro_that_is_off(tmp_path):
+@pytest.mark.parametrize(("shown", "said"), [(0.0, "0"), (0.02, "the same")])
+def test_a_gyro_that_is_off(tmp_path, shown, said):
     arrays = recording()
-    _, messages = found(tmp_path, arrays | {"gyr": np.zeros((2000, 3))})
-    off = "warning: the gyro: 0 in all of 2000 rows, though 'up' turns by up to "
-    assert any(message.startswith(off) for message in messages)
+    _, messages = found(tmp_path, arrays | {"gyr": np.full((2000, 3), shown)})
+    off = f"error: the gyro: {said} in all of 2000 rows, though 'up' turns by up to "
+    assert any(message.startswith(off) for message in messages), messages
+    done = run("estimate", tmp_path / "log.npz", "--config", tmp_path / "log.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "is it off?" in done.output
 
 
 def test_a_bias_in_motion_hides_no_wrong_unit(tmp_path):
