@@ -47,6 +47,8 @@ class RestRule(Model):
     rate_deg_per_s: Positive
     acceleration_deviation_m_per_s2: Positive
     least_s: Positive
+    # How much of what goes on being still is a rest, too, at most; none if it is left out.
+    most_s: Positive | None = None
     velocity_m_per_s: NotNegative
 
     def rows(self, times: FloatArray, rates: FloatArray, forces: FloatArray) -> NDArray[np.bool_]:
@@ -407,7 +409,7 @@ def field_at_start(
 
 
 def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
-    """Rows of the rest at the start: as long as the rule says that it lasts at least.
+    """Rows of the rest at the start: as long as the rule says that it lasts at least, or what is still up to its most.
 
     What goes on being still is not taken for it: sensors do not tell a rest from turning and speeding up smoothly.
 
@@ -433,7 +435,8 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
         raise ValueError(
             f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s: {why}"
         )
-    return slice(0, min(count, int(np.searchsorted(times, times[0] + (1.0 + 1e-9) * rule.least_s, side="right"))))
+    most = (1.0 + 1e-9) * max(rule.least_s, rule.most_s or 0.0)
+    return slice(0, min(count, int(np.searchsorted(times, times[0] + most, side="right"))))
 
 
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:

@@ -142,11 +142,12 @@ def _as_long_as_it_is(tables: RuleTables, duration: float, *, shorter: bool) -> 
     """Let the rest last as long as it does in the recording, if it is long enough for a piece of it."""
     shown = math.floor(100.0 * duration) / 100.0
     usual = tables["rest"]["least_s"].value
-    if shown < (_SHORTEST_REST_S if shorter else usual):
-        return
-    tables["rest"]["least_s"] = Proposed(shown, "no guarantee: how long the sensors show nothing else than a rest")
-    gyro = tables["gyro"]
-    if shown < usual:
+    still = Proposed(shown, "no guarantee: how long the sensors show nothing else than a rest")
+    if shown > usual:
+        tables["rest"]["most_s"] = still
+    elif shorter and _SHORTEST_REST_S <= shown < usual:
+        tables["rest"]["least_s"] = still
+        gyro = tables["gyro"]
         # The bias is the mean over the rest: what else turns in it counts the more, the shorter it is.
         value = upward(gyro["bias_deg_per_s"].value * usual / shown)
         how = f"no guarantee: what counts for {usual:g} s of rest, times {usual:g} / {shown:g}"

@@ -538,7 +538,8 @@ def test_the_rest_that_a_recording_has(tmp_path):
     log = write_npz(tmp_path / "log.npz", recording)
     succeed("bounds", log, "--like", "broad", "--out", config)
     rest = tomllib.loads(config.read_text())["rule"]["rest"]
-    assert 4.0 < rest["least_s"] < 5.5
+    assert rest["least_s"] == 2.0
+    assert 4.0 < rest["most_s"] < 5.5
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(
         """
