@@ -108,7 +108,9 @@ def test_plots_are_grey_where_what_they_show_is_not_known(page, tmp_path):
     report.write_report(run, tmp_path / "angles.html", "Angles")
     plots = data_of((tmp_path / "angles.html").read_text(encoding="utf-8"))["plots"]
     for name, height in (("bands", "paper"), ("size", "y domain"), ("angles", "y3 domain")):  # of the angles, yaw
-        (grey,) = plots[name]["layout"]["shapes"]
+        shapes = plots[name]["layout"]["shapes"]
+        (grey,) = [one for one in shapes if one["fillcolor"] == curves.GREY]
+        assert any(one["fillcolor"] == curves.AMBER for one in shapes) == ("conditional" in run.claims)
         assert (grey["yref"], grey["x0"], grey["x1"]) == (height, run.times[19], run.times[25])
     assert page.count("Where it is grey, what is shown is not known.") == 2  # of bands and of the size
     report.write_report(make_run(), tmp_path / "report.html", "Whole")
