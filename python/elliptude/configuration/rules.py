@@ -411,7 +411,7 @@ def field_at_start(
 def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: FloatArray, gyro: GyroBounds) -> slice:
     """Rows of the rest at the start: as long as the rule says that it lasts at least, or what is still up to its most.
 
-    What goes on being still is not taken for it: sensors do not tell a rest from turning and speeding up smoothly.
+    Else what goes on being still is not taken for it: sensors do not tell a rest from turning and speeding up smoothly.
 
     Raises
     ------

@@ -354,11 +354,8 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     sampled[log.gyro_rows] = True
     rows = np.flatnonzero(sampled) if log.gyro_times is not None else np.arange(len(log.times))
     require_shared_stamps(log, names, rows)
-    vectors, rule, velocity = (
-        log.directions[rows],
-        configuration.calibrated_rule(),
-        measured_velocity(log, configuration),
-    )
+    vectors, rule = log.directions[rows], configuration.calibrated_rule()
+    velocity = measured_velocity(log, configuration)
     _require_as_slow(velocity, rule.motion.velocity_m_per_s, "the rule")
     ruled = rules.apply_rule(
         rule,
