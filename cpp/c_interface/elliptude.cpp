@@ -43,6 +43,9 @@ static_assert(static_cast<int>(Policy::raise) == ELLIPTUDE_RAISE &&
 static_assert(static_cast<int>(Claim::unconditional) == ELLIPTUDE_UNCONDITIONAL &&
               static_cast<int>(Claim::conditional) == ELLIPTUDE_CONDITIONAL &&
               static_cast<int>(Claim::none) == ELLIPTUDE_NO_CLAIM);
+static_assert(static_cast<int>(Lacks::nothing) == ELLIPTUDE_LACKS_NOTHING &&
+              static_cast<int>(Lacks::attitude) == ELLIPTUDE_LACKS_ATTITUDE &&
+              static_cast<int>(Lacks::vector) == ELLIPTUDE_LACKS_VECTOR);
 static_assert(direction_bit(5) == ELLIPTUDE_DIRECTION_BIT(5) && angular_velocity_bit == ELLIPTUDE_RATE_BIT &&
               attitude_bit == ELLIPTUDE_ATTITUDE_BIT);
 
@@ -374,6 +377,7 @@ template <typename Kind>
   report->contradicting = update.contradicting;
   report->status = status;
   report->claim = static_cast<elliptude_claim>(kept != nullptr ? kept->filter().claim() : Claim::none);
+  report->lacks = static_cast<elliptude_lacks>(kept != nullptr ? kept->filter().lacks() : Lacks::vector);
   report->limits_hit = limits;
   report->fusions = update.fusions;
   report->iterations = update.steps;

@@ -179,12 +179,21 @@ typedef struct {
   const elliptude_attitude* attitude;
 } elliptude_measurements;
 
-/* What the guarantee of a set rests on. */
+/* What the guarantee of a set rests on. A stronger claim is the larger, and memory that is all zero claims nothing. */
 typedef int32_t elliptude_claim;
 enum {
-  ELLIPTUDE_UNCONDITIONAL = 0, /* on the stated bounds of everything that was used */
-  ELLIPTUDE_CONDITIONAL = 1,   /* also on the dropped measurements having been the wrong ones */
-  ELLIPTUDE_NO_CLAIM = 2       /* no set: the attitude is not known */
+  ELLIPTUDE_NO_CLAIM = 0,     /* no set: the attitude is not known */
+  ELLIPTUDE_CONDITIONAL = 1,  /* on the stated bounds, and on the dropped measurements having been the wrong ones */
+  ELLIPTUDE_UNCONDITIONAL = 2 /* on the stated bounds of everything that was used */
+};
+
+/* What a filter that has no set lacks. */
+typedef int32_t elliptude_lacks;
+enum {
+  ELLIPTUDE_LACKS_NOTHING = 0,  /* there is a set */
+  ELLIPTUDE_LACKS_ATTITUDE = 1, /* two directions that are not parallel, or an attitude, in one update */
+  ELLIPTUDE_LACKS_VECTOR = 2    /* any bound of the angular velocity or the gyro's bias: a measured angular velocity,
+                                   a bound among the parameters */
 };
 
 /* Bits of `dropped` and `contradicting`; direction i has bit i. */
@@ -209,6 +218,7 @@ typedef struct {
   uint64_t contradicting;  /* if the margin is negative: the measurement that weighs most against the rest */
   elliptude_status status; /* that the call returned */
   elliptude_claim claim;   /* after the call */
+  elliptude_lacks lacks;   /* after the call */
   uint32_t limits_hit;
   int32_t fusions;          /* of an update: how many choices of measurements were tried */
   int32_t iterations;       /* of an update: steps of the searches for all these */

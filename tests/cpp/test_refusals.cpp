@@ -2,6 +2,7 @@
 // lengths of time and numbers of steps that are none, and values that no enumeration has.
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -166,4 +167,24 @@ TEST_CASE("what is none of an enumeration's values, or a weight that is none, is
   CHECK(validate(Criterion::weighted_trace(2 * one)) == Status::ok);
   CHECK(validate(Criterion::weighted_trace(not_a_number * one)) == Status::not_finite);
   CHECK(validate(Criterion::weighted_trace(-one)) == Status::not_positive_definite);
+}
+
+TEST_CASE_TEMPLATE("a filter that knows nothing is not moved to a time that tells no seconds apart", Scalar, double, float) {
+  using Flow = GuaranteedGyroFlow<Scalar>;
+  Flow flow;
+  REQUIRE(Flow::make({}, Flow::IntervalRate::mean, flow) == Status::ok);
+  GuaranteedFilter<Flow> filter;
+  REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, Scalar(0), filter) == Status::ok);
+  const Scalar last = 1 / std::numeric_limits<Scalar>::epsilon();
+  const Vector3<Scalar> turn = Vector3<Scalar>::Zero();
+  for (const Scalar time : {std::nextafter(last, 2 * last), std::numeric_limits<Scalar>::max()}) {
+    CHECK(filter.predict(time, {}) == Status::out_of_range);
+    CHECK(filter.predict_turn(time, turn, Scalar(0)) == Status::out_of_range);
+    CHECK(filter.predict(-time, {}) == Status::out_of_range);
+  }
+  CHECK(filter.predict(std::numeric_limits<Scalar>::infinity(), {}) == Status::not_finite);
+  CHECK(filter.time() == Scalar(0));
+  CHECK(filter.predict_interval(2 * last, Scalar(1), {}) == Status::ok);  // the interval is known beside the time
+  REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, Scalar(0), filter) == Status::ok);
+  CHECK(filter.predict(last, {}) == Status::ok);
 }

@@ -64,15 +64,20 @@ TEST_CASE("a guaranteed filter that was not made knows nothing and cannot predic
   CHECK(body.filter->claim() == Claim::none);
   CHECK(!body.filter->knows_attitude());
   CHECK(!body.filter->knows_vector());
+  CHECK(body.filter->lacks() == Lacks::vector);
   AttitudeBounds<double> bounds{};
   CHECK(body.filter->bounds(Vector3d::UnitZ(), bounds) == Status::unbounded);
   REQUIRE(body.filter->update({axes.data(), axes.size(), &rate, nullptr}, update) == Status::ok);
   CHECK(update.claim == Claim::unconditional);
+  CHECK(body.filter->lacks() == Lacks::nothing);
   CHECK(body.filter->predict(1.0, {}) == Status::too_many_steps);
   CHECK(body.filter->time() == 0);
 
   Unmade<GyroFilter> gyro;
   const double width = 0.01;
+  REQUIRE(gyro.filter->update({axes.data(), axes.size(), nullptr, nullptr}, update) == Status::ok);
+  CHECK(!gyro.filter->knows_attitude());  // stars alone say nothing of the bias
+  CHECK(gyro.filter->lacks() == Lacks::vector);
   REQUIRE(gyro.filter->bound_vector({Vector3d::Zero(), width * width * Matrix3d::Identity()}) == Status::ok);
   REQUIRE(gyro.filter->update({axes.data(), axes.size(), nullptr, nullptr}, update) == Status::ok);
   REQUIRE(gyro.filter->knows_attitude());
@@ -82,6 +87,7 @@ TEST_CASE("a guaranteed filter that was not made knows nothing and cannot predic
   CHECK(!gyro.filter->knows_attitude());  // no rate is bounded: the attitude is forgotten
   CHECK(!gyro.filter->knows_vector());    // nor is the drift: the bias, but for its bound, is too
   CHECK(gyro.filter->claim() == Claim::none);
+  CHECK(gyro.filter->lacks() == Lacks::attitude);
   REQUIRE(gyro.filter->update({axes.data(), axes.size(), nullptr, nullptr}, update) == Status::ok);
   REQUIRE(gyro.filter->predict_turn(2.0, Vector3d(0.1, 0, 0), 0.01) == Status::ok);
   CHECK(!gyro.filter->knows_attitude());

@@ -97,7 +97,7 @@ class PythonDirectionFilter {
         const bool known = working.knows_direction();
         found.set(row, known ? working.cap().center : Vector3<double>(Vector3<double>::Constant(nan_)));
         angles.set(row, known ? working.cap().angle : nan_);
-        claim_data[row] = static_cast<std::uint8_t>(working.claim());
+        claim_data[row] = code_of(working.claim());
         dropped_data[row] = update.dropped;
       }
     });

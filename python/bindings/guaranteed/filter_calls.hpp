@@ -47,6 +47,15 @@ template <typename Filter>
 /// The largest angular velocity or bias that a filter keeps.
 [[nodiscard]] inline std::string beyond_domain() { return text(FilterDomain<double>::largest()) + " rad/s"; }
 
+/// Refuses a time to which a filter does not predict: one beyond which doubles do not tell seconds apart.
+inline void require_seconds(double time) {
+  if (scalar::isfinite(time) && !rounding::tells_seconds(time)) {
+    value_error("time must be at most " + text(1 / rounding::share<double>(1)) +
+                " s, beyond which numbers do not tell seconds apart, but is " + text(time) +
+                " s; are these nanoseconds?");
+  }
+}
+
 [[noreturn]] inline void raise_backwards(double time, double present) {
   value_error("time must not go backwards, but is " + text(time) + " s after " + text(present) + " s");
 }
@@ -81,6 +90,7 @@ void predict_to(Filter& filter, double time, const Inputs& inputs) {
     return;
   }
   raise_if_interrupted(status);
+  require_seconds(time);
   if (status == Status::out_of_range && time >= filter.time() && !Filter::measures_rate) {
     raise_turn_too_far("gyro makes", inputs.gyro.norm() * (time - filter.time()), "rad/s");
   }
@@ -112,6 +122,7 @@ void turn_to(Filter& filter, double time, const Vector3<double>& turn, const std
   if (!scalar::all_finite(turn)) {
     value_error(turn_name + " must be finite");
   }
+  require_seconds(time);
   const Status status = filter.predict_turn(time, turn, angle);
   if (status == Status::out_of_range && time >= filter.time()) {
     raise_turn_too_far(turn_name + " is", turn.stableNorm(), "rad");

@@ -9,6 +9,7 @@
 
 #include "attitude/state_ellipsoid.hpp"
 #include "guaranteed/measurements.hpp"
+#include "guaranteed/policies.hpp"
 
 namespace elliptude::python {
 
@@ -44,7 +45,7 @@ class LogRows {
                       [&](Index column) { dropped_data_[row * sensors_ + column] = true; });
     used_data_[row] = measured.any() ? update.prediction_used : filter.knows_attitude();
     margins_.set(row, update.margin);
-    claim_data_[row] = static_cast<std::uint8_t>(filter.claim());
+    claim_data_[row] = code_of(filter.claim());
     if (filter.knows_attitude()) {
       const auto& set = filter.ellipsoid();
       attitudes_.set(row, set.center.attitude);

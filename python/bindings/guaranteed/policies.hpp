@@ -4,6 +4,7 @@
 /// Policies and claims by their names.
 
 #include <array>
+#include <cstdint>
 #include <elliptude/guaranteed/policy.hpp>
 #include <string>
 
@@ -12,6 +13,7 @@
 namespace elliptude::python {
 
 inline constexpr std::array<const char*, 4> policies{"raise", "drop_measurement", "restart", "relaxed"};
+/// `elliptude.results.CLAIMS`.
 inline constexpr std::array<const char*, 3> claims{"unconditional", "conditional", "none"};
 
 /// \throws ValueError that names them all.
@@ -26,6 +28,11 @@ inline constexpr std::array<const char*, 3> claims{"unconditional", "conditional
   value_error("policy must be one of " + all + ", not '" + name + "'");
 }
 
-[[nodiscard]] inline const char* name_of(Claim claim) noexcept { return claims[static_cast<std::size_t>(claim)]; }
+/// A claim in arrays: its place among `claims`, of which the strongest comes first.
+[[nodiscard]] inline std::uint8_t code_of(Claim claim) noexcept {
+  return claim == Claim::unconditional ? 0 : claim == Claim::conditional ? 1 : 2;
+}
+
+[[nodiscard]] inline const char* name_of(Claim claim) noexcept { return claims[code_of(claim)]; }
 
 }  // namespace elliptude::python

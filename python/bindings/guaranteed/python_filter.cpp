@@ -43,6 +43,7 @@ PythonGuaranteedFilter::PythonGuaranteedFilter(py::object flow, const std::optio
                                                const py::object& vector_bound, bool estimate_vector)
     : flow_(std::move(flow)), criterion_(std::move(criterion)) {
   const double begin = single(time, "time", {}).number(0);
+  require_seconds(begin);
   BodyFilter::Settings settings;
   settings.criterion = size_criterion_of(criterion_, weight);
   settings.policy = policy_of(policy);

@@ -173,11 +173,16 @@ class Configuration(Model):
                 sensor.require_complete()
             except ValueError as error:
                 raise ValueError(f"directions[{i}]: {error}") from error
-            over_windows = isinstance(sensor.bound_from, VelocityWindowBound)
-            if over_windows and isinstance(self.flow, GyroFlow) and self.flow.interval_rate != "mean_of_ends":
+            if not isinstance(sensor.bound_from, VelocityWindowBound):
+                continue
+            needs = f"directions[{i}] ({sensor.name}): bound_from.kind = 'velocity_window' needs"
+            if isinstance(self.flow, GyroFlow) and self.flow.interval_rate != "mean_of_ends":
                 raise ValueError(
-                    f"directions[{i}] ({sensor.name}): bound_from.kind = 'velocity_window' needs flow.interval_rate = "
-                    "'mean_of_ends', as windows carry a frame along with rates on lines"
+                    f"{needs} flow.interval_rate = 'mean_of_ends', as windows carry a frame along with rates on lines"
+                )
+            if not sensor.bound_from.bounds_motion and self.velocity is None:
+                raise ValueError(
+                    f"{needs} one or more of velocity_m_per_s, position_m, acceleration_m_per_s2, or a measured [velocity]"
                 )
         return self
 

@@ -164,11 +164,12 @@ class VelocityWindowBound(Model):
     gravity_error_m_per_s2: NotNegative = 0.0
     at: Literal["end", "middle"] = "end"
 
-    @model_validator(mode="after")
-    def _says_something(self) -> Self:
-        if self.velocity_m_per_s is None and self.position_m is None and self.acceleration_m_per_s2 is None:
-            raise ValueError("give one or more of velocity_m_per_s, position_m, acceleration_m_per_s2")
-        return self
+    @property
+    def bounds_motion(self) -> bool:
+        """Whether it says anything of how the sensor moves, which is else for a measured velocity to say."""
+        return any(
+            value is not None for value in (self.velocity_m_per_s, self.position_m, self.acceleration_m_per_s2)
+        )
 
 
 class FieldBound(Model):

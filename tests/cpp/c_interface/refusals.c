@@ -87,7 +87,7 @@ static void start(void) {
   CHECK(report.iterations > 0);
   measured.rate = &rest;
   CHECK(elliptude_body_update(&body, &measured, &report) == ELLIPTUDE_OK);
-  CHECK(report.claim == ELLIPTUDE_UNCONDITIONAL);
+  CHECK(report.claim == ELLIPTUDE_UNCONDITIONAL && report.lacks == ELLIPTUDE_LACKS_NOTHING);
 }
 
 static void null_pointers(void) {
@@ -282,6 +282,7 @@ static void parameters_of_gyro(void) {
 }
 
 static void predictions(void) {
+  const elliptude_body_parameters of_body = body_parameters();
   elliptude_number torque[3] = {0, 0, 0};
   elliptude_number rate[3] = {0, 0, 0};
   int knows;
@@ -307,6 +308,15 @@ static void predictions(void) {
   CHECK(report.status == ELLIPTUDE_TOO_MANY_STEPS && report.limits_hit == ELLIPTUDE_LIMIT_STEPS && report.time == 1);
   CHECK(elliptude_gyro_predict(&gyro, 1000000, NULL, &report) == ELLIPTUDE_OK); /* without a rate: forgotten */
   CHECK(report.limits_hit == ELLIPTUDE_LIMIT_SET && report.claim == ELLIPTUDE_NO_CLAIM && report.time == 1000000);
+  CHECK(report.lacks == ELLIPTUDE_LACKS_ATTITUDE);
+  /* A filter that knows nothing is not moved to where no later time could be told. */
+  REFUSES_GYRO(elliptude_gyro_predict(&gyro, (elliptude_number)1e30, NULL, &report), ELLIPTUDE_OUT_OF_RANGE);
+  CHECK(elliptude_gyro_predict(&gyro, 1000001, NULL, &report) == ELLIPTUDE_OK);
+  CHECK(elliptude_body_init(&body, sizeof body, &of_body, 1) == ELLIPTUDE_OK);
+  CHECK(elliptude_body_predict(&body, 2, NULL, NULL, &report) == ELLIPTUDE_OK);
+  CHECK(report.claim == ELLIPTUDE_NO_CLAIM && report.lacks == ELLIPTUDE_LACKS_VECTOR);
+  memset(&report, 0, sizeof report);
+  CHECK(report.claim == ELLIPTUDE_NO_CLAIM); /* of a report that nobody wrote */
 }
 
 /* By stamps: however large they are, their difference counts; and a filter goes by stamps or by seconds. */

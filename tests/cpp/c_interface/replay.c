@@ -53,8 +53,8 @@ static void print_row(const char* filter, int row, elliptude_status predicted, c
   printf("%s %d: %s, %s, %s,", filter, row, elliptude_message(predicted), elliptude_message(report->status),
          elliptude_message(asked));
   printf(
-      " claim %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, trust %d %d,",
-      (int)report->claim, (unsigned long long)report->dropped, (unsigned long long)report->contradicting,
+      " claim %d, lacks %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, trust %d %d,",
+      (int)report->claim, (int)report->lacks, (unsigned long long)report->dropped, (unsigned long long)report->contradicting,
       (int)report->fusions, (int)report->iterations, (int)report->prediction_used, (unsigned)report->limits_hit,
       (int)report->agreeing_updates, (int)report->disputed_updates);
   print_numbers("margin", &report->margin, 1);

@@ -188,7 +188,7 @@ void look_back(Lag& lag, const std::vector<State>& truths, const std::vector<Cla
     found.worst =
         std::fmax(found.worst, is_product ? form_in_product(set.set, truths[row]) : form_of(set.set, truths[row]));
     if (known[row].claim != set.claim) {
-      CHECK(set.claim < known[row].claim);
+      CHECK(set.claim > known[row].claim);
       continue;
     }
     const double vector = Eigen::SelfAdjointEigenSolver<Matrix3d>(set.vector.shape).eigenvalues()(2);

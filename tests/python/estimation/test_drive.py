@@ -233,3 +233,20 @@ def test_a_velocity_without_windows_is_refused():
     without = BY_SENSOR | {"directions": sensors, "velocity": VELOCITY}
     with pytest.raises(ValueError, match=r"velocity: is for an accelerometer with bound_from.kind = 'velocity_window'"):
         Configuration.model_validate(without)
+
+
+def test_a_measured_velocity_is_enough_for_windows(drive):
+    """Nothing else need be known of how the vehicle moves; without it, something must be."""
+    sensor = BY_SENSOR["directions"][0]
+    silent = {key: value for key, value in sensor["bound_from"].items() if key != "velocity_m_per_s"}
+    alone = BY_SENSOR | {"directions": [sensor | {"bound_from": silent}]}
+    with pytest.raises(ValueError, match=r"needs one or more of velocity_m_per_s, .*, or a measured \[velocity\]"):
+        Configuration.model_validate(alone)
+    configuration = Configuration.model_validate(alone | {"velocity": VELOCITY})
+    log = logs.read_log(drive, configuration)
+    rows = direction_rows(log, configuration)
+    known = np.isfinite(rows.angles[:, 0])
+    assert known[log.gyro_rows][1000:5000].mean() > 0.99
+    ups = log.true_attitudes[known][:, 2]
+    errors = np.arccos(np.clip(np.einsum("ij,ij->i", rows.directions[known, 0], ups), -1.0, 1.0))
+    assert (errors <= rows.angles[known, 0]).all()

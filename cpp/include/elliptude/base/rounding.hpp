@@ -170,6 +170,13 @@ template <typename Scalar>
   return Scalar(static_cast<scalar::Value<Scalar>>(multiple)) * Scalar(scalar::epsilon<Scalar>);
 }
 
+/// Whether a time (s) is within 1/ε: from there on the numbers beside it are a second away or more. In `float` that is
+/// after 97 days, in `double` never.
+template <typename Scalar>
+[[nodiscard]] bool tells_seconds(const Scalar& time) noexcept {
+  return scalar::abs(time) * share<Scalar>(1) <= Scalar(1);
+}
+
 /// √ε: half of the digits.
 template <typename Scalar>
 [[nodiscard]] Scalar root() noexcept {

@@ -36,10 +36,8 @@ using Matrix = Eigen::Matrix<Scalar, Rows, Columns>;
 #endif
 }
 
-template <typename Scalar>
-using Vector3 = Vector<Scalar, 3>;
-template <typename Scalar>
-using Matrix3 = Matrix<Scalar, 3>;
+using Eigen::Matrix3;
+using Eigen::Vector3;
 template <typename Scalar>
 using Vector6 = Vector<Scalar, 6>;
 template <typename Scalar>

@@ -120,6 +120,11 @@ class GuaranteedFilter {
   [[nodiscard]] Claim claim() const noexcept { return memory_.claim; }
   /// Whether there is a set; `ellipsoid` is meaningless otherwise.
   [[nodiscard]] bool knows_attitude() const noexcept { return memory_.known.has_attitude; }
+  /// Why there is no set: an update with directions starts one only where something bounds the vector, too.
+  [[nodiscard]] Lacks lacks() const noexcept {
+    const bool has_vector = memory_.known.has_vector || memory_.known.has_vector_bound;
+    return memory_.known.has_attitude ? Lacks::nothing : has_vector ? Lacks::attitude : Lacks::vector;
+  }
   [[nodiscard]] const Set& ellipsoid() const noexcept { return memory_.known.set; }
   /// Whether the angular velocity or the bias is known while the attitude is not; `vector` is meaningless otherwise.
   [[nodiscard]] bool knows_vector() const noexcept { return memory_.known.has_vector; }
@@ -181,9 +186,13 @@ class GuaranteedFilter {
   /// Moves the set to a later time. If it has become too large to be bounded the attitude is forgotten, and what is
   /// known of the vector is kept. So it is, but under `Policy::raise`, if this set cannot be predicted where another
   /// can be: a wrong rate may be one that no step is short enough for.
-  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or under
-  /// `Policy::raise` of a gyro's turn beyond the `FilterDomain`, which is else unbounded.
+  /// \return the status of the flow, but for `unbounded`; `out_of_range` of a time before the filter's, or so large that
+  /// it does not tell seconds apart (`rounding::tells_seconds`), or under `Policy::raise` of a gyro's turn beyond the
+  /// `FilterDomain`, which is else unbounded.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
+    if (scalar::isfinite(time) && !rounding::tells_seconds(time)) {
+      return Status::out_of_range;
+    }
     return predict_interval(time, Scalar(time - memory_.time), input);
   }
 
@@ -205,6 +214,9 @@ class GuaranteedFilter {
   /// \param angle of the turn that is added to it, rad; anything from π on says nothing of the attitude.
   /// \return the status of `predict`, and `out_of_range` of a negative angle.
   [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    if (scalar::isfinite(time) && !rounding::tells_seconds(time)) {
+      return Status::out_of_range;
+    }
     return predict_turn_interval(time, Scalar(time - memory_.time), turn, angle);
   }
 

@@ -15,11 +15,20 @@ enum class Policy : std::uint8_t {
   relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
 };
 
-/// What the guarantee of a set rests on.
+/// What the guarantee of a set rests on. A stronger claim is the larger, and memory that is all zero claims nothing.
 enum class Claim : std::uint8_t {
-  unconditional,  ///< on the stated bounds of everything that the filter used
-  conditional,    ///< also on the dropped measurements having been the wrong ones
   none,           ///< no set: the attitude is not known
+  conditional,    ///< on the stated bounds, and on the dropped measurements having been the wrong ones
+  unconditional,  ///< on the stated bounds of everything that the filter used
+};
+
+/// What a guaranteed filter that has no set lacks.
+enum class Lacks : std::uint8_t {
+  nothing,   ///< there is a set
+  attitude,  ///< two directions that are not parallel, or an attitude, in one update
+  /// Any bound of the angular velocity or the gyro's bias, of which directions and attitudes say nothing: a measured
+  /// angular velocity, `bound_vector`, or a start.
+  vector,
 };
 
 /// The report of a guaranteed update.

@@ -60,7 +60,7 @@ template <typename State>
     return {vector_part(set.center), set.shape.template bottomRightCorner<3, 3>()};
   };
   BothDirections<State> found;
-  found.uses_future = future.claim < past.claim;
+  found.uses_future = future.claim > past.claim;
   found.smoothed = found.uses_future ? future : past;
   found.smallest = found.smoothed;
   found.vector = vector_by(found.smoothed.set);
