@@ -1,13 +1,15 @@
-"""Prints where a C++ build finds the headers and the CMake package inside the installed package.
+"""``python -m elliptude`` is the command ``elliptude``, where that is not on the path.
 
-``python -m elliptude --cmakedir`` for CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``.
+A C++ build asks it where the headers and the CMake package are inside the installed package: ``--cmakedir`` for
+CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``. Both need nothing that the command needs.
 """
 
-import argparse
-import importlib.metadata
+import sys
 from pathlib import Path
 
 import elliptude
+
+_FOLDERS = {"--cmakedir": "share/cmake/elliptude", "--includedir": "include"}
 
 
 def _installed_folder(relative: str) -> Path:
@@ -23,14 +25,13 @@ def _installed_folder(relative: str) -> Path:
 
 
 def main() -> None:
-    """Print the folder that the option names."""
-    parser = argparse.ArgumentParser(prog="python -m elliptude", description="Facts for C++ builds against elliptude.")
-    parser.add_argument("--version", action="version", version=importlib.metadata.version("elliptude"))
-    wanted = parser.add_mutually_exclusive_group(required=True)
-    wanted.add_argument("--cmakedir", action="store_true", help="print the folder of the CMake package (elliptude_DIR)")
-    wanted.add_argument("--includedir", action="store_true", help="print the folder of the C++ headers")
-    arguments = parser.parse_args()
-    print(_installed_folder("share/cmake/elliptude" if arguments.cmakedir else "include"))
+    """Print the folder that the only argument names, or run the command."""
+    if len(sys.argv) == 2 and sys.argv[1] in _FOLDERS:
+        print(_installed_folder(_FOLDERS[sys.argv[1]]))
+        return
+    from elliptude.cli import main as command
+
+    command()
 
 
 if __name__ == "__main__":

@@ -167,9 +167,7 @@ class VelocityWindowBound(Model):
     @property
     def bounds_motion(self) -> bool:
         """Whether it says anything of how the sensor moves, which is else for a measured velocity to say."""
-        return any(
-            value is not None for value in (self.velocity_m_per_s, self.position_m, self.acceleration_m_per_s2)
-        )
+        return any(value is not None for value in (self.velocity_m_per_s, self.position_m, self.acceleration_m_per_s2))
 
 
 class FieldBound(Model):

@@ -38,11 +38,11 @@ _PRESETS = resources.files("elliptude") / "data" / "presets"
 _HEADER = re.compile(r"(?P<sensor>.*?)[\s_.]*(?P<axis>[xyz])\s*[(\[](?P<unit>[^)\]]*)[)\]]", re.IGNORECASE)
 _YEAR_2001 = 1e9
 _SENSORS = {
-    "gyroscope": re.compile(r"gyr.*|g|w|omega|angular.?velocity|angular.?rate|rotation.?rate", re.IGNORECASE),
-    "accelerometer": re.compile(r"(?!.*(without|linear|user|free))acc.*|a|f|specific.?force", re.IGNORECASE),
+    "gyroscope": re.compile(r"gyr.*|g|w(_rs_s)?|omega|angular.?velocity|angular.?rate|rotation.?rate", re.IGNORECASE),
+    "accelerometer": re.compile(r"(?!.*(without|linear|user|free))acc.*|a(_rs_s)?|f|specific.?force", re.IGNORECASE),
     "magnetometer": re.compile(r"mag.*|m|b|field", re.IGNORECASE),
 }
-"""What a column's name begins with; its unit has to be one of the sensor's, too."""
+"""What a column's name begins with, w_RS_S and a_RS_S as in EuRoC's; its unit has to be one of the sensor's, too."""
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyroscope": units.ANGULAR_VELOCITY,
     "accelerometer": units.ACCELERATION,

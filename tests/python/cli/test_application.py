@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from elliptude.cli.application import COMMANDS, make_app
@@ -91,3 +92,14 @@ def test_a_name_that_is_no_text_is_refused_with_a_remedy():
     assert done.returncode == 1
     assert b"error: 'M\\udcfcnchen.csv': a name that is no text in this system's encoding, utf-8: rename" in done.stderr
     assert b"Traceback" not in done.stderr
+
+
+def test_python_runs_the_command_where_it_is_not_on_the_path():
+    program = [sys.executable, "-m", "elliptude"]
+    said = subprocess.run([*program, "bounds", "nowhere.csv"], capture_output=True, text=True, timeout=60, check=False)
+    assert said.returncode != 0
+    assert "nowhere.csv" in said.stderr
+    assert "Traceback" not in said.stderr
+    for option, inside in (("--includedir", "elliptude/version.hpp"), ("--cmakedir", "elliptudeConfig.cmake")):
+        said = subprocess.run([*program, option], capture_output=True, text=True, timeout=60, check=True)
+        assert (Path(said.stdout.strip()) / inside).is_file()

@@ -52,6 +52,28 @@ def test_a_dialect_is_found(tmp_path, content, expected):
     assert file.place("y", 1) == f"line {last}, column 3 (y)"
 
 
+@pytest.mark.parametrize(
+    ("content", "label"),
+    [
+        ("#t,x,y\n0.5,1.25,-3\n0.75,2.5,4e-3\n", ""),
+        ("# a drone\n# t x y\n0.5 1.25 -3\n0.75 2.5 4e-3\n", "a drone"),
+        ("// t;x;y\n\n0,5;1,25;-3\n0,75;2,5;4e-3\n", ""),
+    ],
+)
+def test_a_header_in_a_comment(tmp_path, content, label):
+    """NumPy's `savetxt` writes it so, and the recordings of EuRoC have it."""
+    file = open_log(write(tmp_path, content))
+    assert (file.columns, file.label) == (("t", "x", "y"), label)
+    np.testing.assert_array_equal(rows_of(file), NUMBERS)
+    assert file.place("y", 1) == f"line {len(content.splitlines())}, column 3 (y)"
+
+
+@pytest.mark.parametrize("comment", ["# only two", "# 1,2,3", "# a drone, on a table, in a room, at night", "#"])
+def test_a_comment_that_is_no_header(tmp_path, comment):
+    with pytest.raises(FileError, match="its first line has numbers"):
+        open_log(write(tmp_path, f"{comment}\n0.5,1.25,-3\n0.75,2.5,4e-3\n"))
+
+
 def test_a_latin_1_header_keeps_its_units(tmp_path):
     assert open_log(write(tmp_path, "t;w (°/s)\n0,5;1\n".encode("latin-1"))).columns == ("t", "w (°/s)")
 

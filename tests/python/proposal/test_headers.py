@@ -28,6 +28,16 @@ def test_phyphox():
     assert [one["unit"] for one in tables["directions"]] == ["m/s^2", "uT"]
 
 
+def test_euroc():
+    rates = [f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"]
+    forces = [f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"]
+    tables = of_headers(["timestamp [ns]", *rates, *forces])
+    assert (tables["time_column"], tables["time_unit"]) == ("timestamp [ns]", "ns")
+    assert (tables["flow"]["columns"], tables["flow"]["unit"]) == (rates, "rad/s")
+    (up,) = tables["directions"]
+    assert (up["kind"], up["columns"], up["unit"]) == ("accelerometer", forces, "m/s^2")
+
+
 def test_a_row_of_units():
     names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     tables = of_headers(names, ["ms", *["dps"] * 3, *["mg"] * 3])

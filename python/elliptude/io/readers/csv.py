@@ -29,6 +29,7 @@ from elliptude.io.readers.dialect import (
     Dialect,
     Stated,
     cells_of_line,
+    commented_header,
     encoding_of,
     find_dialect,
 )
@@ -86,15 +87,21 @@ class CsvTable(NumbersAlone):
                         stated, delimiter=stated.delimiter or next(mark for mark in DELIMITERS if mark == match[1])
                     )
                 elif line.strip():
-                    self._begin(line, text, stated)
+                    if self.comments and (header := commented_header(self.comments[-1], line)):
+                        self._header_line -= 1
+                        self.comments.pop()
+                        self.label = self.label if self.comments else ""
+                        self._begin(header, text, stated, first_row=line)
+                    else:
+                        self._begin(line, text, stated)
                     return
         raise FileError(f"{path}: empty, not even a header")
 
-    def _begin(self, header: str, text: io.TextIOWrapper, stated: Stated) -> None:
-        """Look at the header and the rows below it."""
+    def _begin(self, header: str, text: io.TextIOWrapper, stated: Stated, *, first_row: str = "") -> None:
+        """Look at the header and the rows below it, of which the first may have been read."""
         if any(unicodedata.category(letter) == "Cc" for letter in header.rstrip("\r\n").replace("\t", "")):
             raise FileError(f"{self.path}: not text, but its name is not that of another format that is read")
-        beginning = text.read(_BEGINNING)
+        beginning = first_row + text.read(_BEGINNING)
         lines = beginning.splitlines()
         rows = [line for line in (lines if len(beginning) < _BEGINNING else lines[:-1]) if line.strip()]
         self.dialect = find_dialect(self.path, header, rows, self.dialect.encoding, stated)

@@ -108,6 +108,27 @@ def cells_of_line(line: str, delimiter: Delimiter) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
 
 
+def commented_header(comment: str, line: str) -> str | None:
+    """The header in the last comment above a line of numbers, as NumPy and the EuRoC recordings write it; else None.
+
+    It has as many columns as the numbers, and is no row of numbers that was commented out.
+    """
+    header = comment.lstrip("#/").strip()
+    for mark in DELIMITERS:
+        try:
+            names, cells = cells_of_line(header, mark), cells_of_line(line, mark)
+        except csv.Error:
+            continue
+        if 1 < len(names) == len(cells) and _all_numbers(cells) and not _all_numbers(names):
+            return header
+    return None
+
+
+def _all_numbers(cells: Sequence[str]) -> bool:
+    """Whether cells are numbers, with either decimal mark, times of day, or empty."""
+    return all(not cell or NUMBER.fullmatch(cell.replace(",", ".")) or STAMP.fullmatch(cell) for cell in cells)
+
+
 def find_dialect(path: os.PathLike[str], header: str, rows: Sequence[str], encoding: str, stated: Stated) -> Dialect:
     """How a file is written, by its header and the first rows below it.
 
