@@ -4,6 +4,7 @@ A C++ build asks it where the headers and the CMake package are inside the insta
 CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``. Both need nothing that the command needs.
 """
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -29,9 +30,8 @@ def main() -> None:
     if len(sys.argv) == 2 and sys.argv[1] in _FOLDERS:
         print(_installed_folder(_FOLDERS[sys.argv[1]]))
         return
-    from elliptude.cli import main as command
-
-    command()
+    # By name: the package below does not know the command above it.
+    importlib.import_module("elliptude.cli").main()
 
 
 if __name__ == "__main__":

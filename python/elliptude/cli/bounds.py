@@ -16,15 +16,15 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.cli.columns import in_words as columns_in_words
-from elliptude.cli.columns import state_field, stated_csv, tables_of
+from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing
-from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
 from elliptude.io.readers.open import open_log
+from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
 from elliptude.io.spool import NamedFile
 from elliptude.io.spool import recording as recording_of
 from elliptude.io.toml import validate
@@ -60,6 +60,18 @@ _NOTE = (
 
 _DELIMITERS: dict[str, Delimiter] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
 _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
+
+
+def _stated(
+    delimiter: str | None, decimal: str | None, packet_rate_hz: float | None, row_rate_hz: float | None
+) -> Stated:
+    """What the options say of how the file is to be read."""
+    return Stated(
+        None if delimiter is None else _DELIMITERS[delimiter],
+        None if decimal is None else _DECIMALS[decimal],
+        packet_rate_hz=packet_rate_hz,
+        row_rate_hz=row_rate_hz,
+    )
 
 
 def bounds(
@@ -148,6 +160,15 @@ def bounds(
             show_default=False,
         ),
     ] = None,
+    row_rate_hz: Annotated[
+        float | None,
+        quantity(
+            "How many rows there are in a second, in the place of --time, of a file that has no times.",
+            least=1.0,
+            greatest=1e6,
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -166,14 +187,14 @@ def bounds(
         "accelerometer": (accelerometer, accelerometer_unit),
         "magnetometer": (magnetometer, magnetometer_unit),
     }
-    stated = Stated(delimiter and _DELIMITERS[delimiter], decimal and _DECIMALS[decimal], packet_rate_hz=packet_rate_hz)
+    stated = _stated(delimiter, decimal, packet_rate_hz, row_rate_hz)
     tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest)
     state_field(tables, field_ut, config)
     if carried != "hand" and "rule" in tables:
         raise typer.BadParameter("the configuration's [rule] says all bounds", param_hint="--carried")
     if carried != "hand":
         tables["carried"] = carried
-    tables = mapping.as_written(tables, open_log(source, stated_csv(tables, stated), lenient=repair), repair=repair)
+    tables = mapping.as_written(tables, open_log(source, stated_reading(tables, stated), lenient=repair), repair=repair)
     configuration = mapping.configuration_of(tables, stated_in)
     carried = configuration.carried or "hand"
     mode = _mode(mode, tables)

@@ -9,10 +9,10 @@ from pathlib import Path
 import typer
 
 from elliptude.io.files import FileError
-from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import Stated
-from elliptude.io.readers.folder import CsvFolder, SensorLogger
+from elliptude.io.readers.counted import ROW_TIME
 from elliptude.io.readers.open import open_log
+from elliptude.io.readers.text.dialect import Stated
+from elliptude.io.readers.text.folder import CsvFolder, SensorLogger
 from elliptude.io.spool import NamedFile
 from elliptude.io.toml import load_toml
 from elliptude.proposal import mapping
@@ -32,6 +32,27 @@ def tables_of(
     at_rest: AtRest | None,
 ) -> tuple[Tables, os.PathLike[str]]:
     """Which columns of a log are which sensors, and the file that says so."""
+    if stated.row_rate_hz is not None and (config is not None or time is not None):
+        other = "--time" if config is None else "the configuration's [timing] row_rate_hz"
+        raise typer.BadParameter(f"it is in the place of {other}", param_hint="--row-rate-hz")
+    tables, stated_in = _tables_of(log, config, like, time, time_unit, named, truth, stated, at_rest)
+    if stated.row_rate_hz is not None:
+        times = {"time_column": ROW_TIME, "time_unit": "s"}
+        tables = times | tables | times | {"timing": {"row_rate_hz": stated.row_rate_hz}}
+    return tables, stated_in
+
+
+def _tables_of(
+    log: NamedFile,
+    config: Path | None,
+    like: str | None,
+    time: str | None,
+    time_unit: str | None,
+    named: dict[str, tuple[str | None, str | None]],
+    truth: str | None,
+    stated: Stated,
+    at_rest: AtRest | None,
+) -> tuple[Tables, os.PathLike[str]]:
     by_name = any(columns is not None for columns, _ in named.values()) or time is not None
     if (config is not None) + (like is not None) + by_name > 1:
         raise typer.BadParameter("give one of a configuration, --like, and columns by name")
@@ -59,7 +80,7 @@ def tables_of(
         if isinstance(file, CsvFolder):
             found = mapping.of_files(file)
         else:
-            found = mapping.of_headers(file.columns, file.units if isinstance(file, CsvTable) else (), of_day)
+            found = mapping.of_headers(file.columns, mapping.row_units(file), of_day)
         if found is not None:
             for unknown in [] if isinstance(file, CsvFolder) else mapping.unknown_units(file.columns):
                 typer.secho(f"passed over: {unknown}", fg=typer.colors.YELLOW, err=True)
@@ -79,7 +100,8 @@ def tables_of(
         sensors[name] = _listed(columns, 3, option), unit
     file = open_log(log, stated)
     has_stamps = any(file.stamps(stream) is not None for stream in {file.stream(column) for column in file.columns})
-    if (time is None) != has_stamps or "gyroscope" not in sensors:
+    needs_none = has_stamps or stated.row_rate_hz is not None
+    if (time is None) != needs_none or "gyroscope" not in sensors:
         if time is not None and has_stamps:
             raise typer.BadParameter("topics have stamps of their own: leave it out", param_hint="--time")
         missing = "--gyro" if "gyroscope" not in sensors else "--time"
@@ -104,12 +126,11 @@ def state_field(tables: Tables, field_ut: float | None, config: Path | None) -> 
         raise typer.BadParameter("the configuration says it: unit_ut", param_hint="--field-ut")
 
 
-def stated_csv(tables: Tables, by_options: Stated) -> Stated:
-    """How a CSV file is written, by options and by a configuration."""
-    if not isinstance(said := tables.get("csv", {}), dict):
-        return by_options
+def stated_reading(tables: Tables, by_options: Stated) -> Stated:
+    """How a file is to be read, by options and by a configuration."""
     names = {field.name for field in dataclasses.fields(Stated)}
-    known = {key: value for key, value in said.items() if key in names}
+    said = [table for key in ("csv", "timing") if isinstance(table := tables.get(key), dict)]
+    known = {key: value for table in said for key, value in table.items() if key in names}
     return dataclasses.replace(Stated(**known), **{k: v for k, v in vars(by_options).items() if v is not None})
 
 

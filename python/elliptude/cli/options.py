@@ -82,6 +82,11 @@ def with_repair(configuration: Configuration, repair: bool) -> Configuration:
     """The configuration with ``timing.repair``, if the option is given."""
     if not repair:
         return configuration
+    if configuration.timing.row_rate_hz is not None:
+        raise typer.BadParameter(
+            "a repair leaves rows out, and times that are counted by rows ([timing] row_rate_hz) would be wrong",
+            param_hint="--repair",
+        )
     timing = configuration.timing.model_copy(update={"repair": True})
     return configuration.model_copy(update={"timing": timing})
 

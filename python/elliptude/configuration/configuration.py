@@ -36,11 +36,12 @@ An example::
 reference directions, and bounds that come from motion.
 """
 
+import dataclasses
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -85,6 +86,8 @@ from elliptude.configuration.sensors import (
     rotation_of_axes,
 )
 from elliptude.io.files import FileError
+from elliptude.io.readers.counted import ROW_TIME
+from elliptude.io.readers.text.dialect import Stated
 from elliptude.io.toml import (
     Column,
     Model,
@@ -122,6 +125,16 @@ class Configuration(Model):
     start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")] | None = None
     estimator: Estimator = Estimator()
     truth: Truth | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _takes_times_by_rows(cls, given: Any) -> Any:
+        timing = given.get("timing") if isinstance(given, dict) else None
+        if not isinstance(timing, dict) or timing.get("row_rate_hz") is None:
+            return given
+        if given.get("time_column", ROW_TIME) != ROW_TIME:
+            raise ValueError("timing.row_rate_hz is for a file without times: leave it or time_column out")
+        return given | {"time_column": ROW_TIME, "time_unit": "s"}
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -182,7 +195,8 @@ class Configuration(Model):
                 )
             if not sensor.bound_from.bounds_motion and self.velocity is None:
                 raise ValueError(
-                    f"{needs} one or more of velocity_m_per_s, position_m, acceleration_m_per_s2, or a measured [velocity]"
+                    f"{needs} one or more of velocity_m_per_s, position_m, acceleration_m_per_s2, or a measured "
+                    "[velocity]"
                 )
         return self
 
@@ -224,6 +238,10 @@ class Configuration(Model):
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         return self
+
+    def stated(self) -> Stated:
+        """How its file is to be read."""
+        return dataclasses.replace(self.csv.stated(), row_rate_hz=self.timing.row_rate_hz)
 
     def correction_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:
         """The calibration by which a sensor's samples are corrected, if there is one and it says more than is stated.

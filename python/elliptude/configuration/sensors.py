@@ -11,7 +11,7 @@ from pydantic import AfterValidator, AwareDatetime, Discriminator, Field, Tag, m
 
 from elliptude import units
 from elliptude.bounds.samples import VectorSensorBounds
-from elliptude.io.readers.dialect import Decimal, Delimiter, Stated
+from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
 from elliptude.io.toml import (
     Angle,
     Bound,
@@ -115,6 +115,14 @@ class Timing(Model):
     # Times as in the file, or from the whole second of the log's first stamp; left out, as in the file unless whole
     # numbers would lose digits as seconds.
     origin: Literal["file", "first"] | None = None
+    # Rows in a second, of a file without times; none may be missing.
+    row_rate_hz: Annotated[Positive, Field(le=1e6)] | None = None
+
+    @model_validator(mode="after")
+    def _counts_all_rows(self) -> Self:
+        if self.repair and self.row_rate_hz is not None:
+            raise ValueError("row_rate_hz: a repair leaves rows out, and times that are counted by rows would be wrong")
+        return self
 
     def effective(self) -> Self:
         """With what a repair says of the single faults."""

@@ -19,7 +19,7 @@ from elliptude.estimation.guaranteed_result import dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.from_arrays.inputs import times_of, vectors_of
 from elliptude.io.files import FileError
-from elliptude.io.readers.npz import ArrayLog
+from elliptude.io.readers.arrays import ArrayLog
 from elliptude.io.toml import validate
 from elliptude.logs import log as logs
 from elliptude.logs.plausibility import Heard, plausible_pieces

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.base import Table, require_columns
-from elliptude.io.readers.csv import CsvTable
 from elliptude.io.readers.parquet import ParquetTable
+from elliptude.io.readers.text.csv import CsvTable
 from elliptude.typing import FloatArray
 
 VERSION = 1

@@ -192,7 +192,7 @@ def open_configured(path: LogSource, configuration: Configuration) -> LogFile:
         As `elliptude.io.readers.open.open_log`; or if something is wrong that a repair cannot leave out, or that
         leaving out rows that are late would hide.
     """
-    file = open_log(path, configuration.csv.stated(), lenient=configuration.timing.repair)
+    file = open_log(path, configuration.stated(), lenient=configuration.timing.repair)
     if configuration.timing.repair:
         return Repaired(file, survey(file, clocks_of(file, configuration)))
     if configuration.timing.backward == "drop":
@@ -209,7 +209,7 @@ def faults_of(path: LogSource, configuration: Configuration) -> Survey:
     FileError
         If it cannot be read at all.
     """
-    file = open_log(path, configuration.csv.stated(), lenient=True)
+    file = open_log(path, configuration.stated(), lenient=True)
     return survey(file, clocks_of(file, configuration))
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells, LogFile
-from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.folder import CsvFolder
+from elliptude.io.readers.text.csv import CsvTable
+from elliptude.io.readers.text.folder import CsvFolder
 from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock
 from elliptude.typing import FloatArray
 

@@ -8,8 +8,8 @@ import numpy as np
 from elliptude import units
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
-from elliptude.io.readers.folder import SUM, SensorLogger
-from elliptude.io.readers.xsens import COUNTER, PACKET_TIME, STAMP, UTC_TIME, XsensTable
+from elliptude.io.readers.text.folder import SUM, SensorLogger
+from elliptude.io.readers.text.xsens import COUNTER, PACKET_TIME, STAMP, UTC_TIME, XsensTable
 
 AtRest: TypeAlias = Literal["up", "down"]
 

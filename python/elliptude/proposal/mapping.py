@@ -21,10 +21,11 @@ from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
-from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import TIME_HEADER, Dialect
-from elliptude.io.readers.folder import CsvFolder
+from elliptude.io.readers.counted import ROW_TIME, CountedRows
 from elliptude.io.readers.open import LogSource
+from elliptude.io.readers.text.csv import CsvTable
+from elliptude.io.readers.text.dialect import TIME_HEADER, Dialect
+from elliptude.io.readers.text.folder import CsvFolder
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
 from elliptude.proposal.known_formats import AtRest, complete_sensor_logger, complete_xsens, turn_at_rest
@@ -157,9 +158,10 @@ def as_written(tables: Tables, file: LogFile, *, repair: bool) -> Tables:
         What the tables say already stays.
     """
     full = copy.deepcopy(tables)
-    if isinstance(file, CsvTable):
+    table = file.file if isinstance(file, CountedRows) else file
+    if isinstance(table, CsvTable):
         standard = dataclasses.asdict(Dialect())
-        found = {key: value for key, value in dataclasses.asdict(file.dialect).items() if value != standard[key]}
+        found = {key: value for key, value in dataclasses.asdict(table.dialect).items() if value != standard[key]}
         if found:
             full["csv"] = found | full.get("csv", {})
     timing: Tables = {"repair": True} if repair else {}
@@ -197,8 +199,18 @@ def _is_absolute(file: LogFile, column: str, unit: Any) -> bool:
 
 
 def times_of_day(file: LogFile) -> dict[str, str]:
-    """The columns of a file whose cells are times of day, which need no header to be known, and their unit."""
+    """The columns of a file that need no header to be known as times, and their unit: times of day, counted rows."""
+    if isinstance(file, CountedRows):
+        return {ROW_TIME: "s"}
     return {name: unit for name in file.columns if (unit := file.time_unit(name)) is not None}
+
+
+def row_units(file: LogFile) -> tuple[str, ...]:
+    """The units in a row below a CSV file's header, one for each column; empty if there is none."""
+    if isinstance(file, CountedRows):
+        inner = row_units(file.file)
+        return (*inner, "s") if inner else ()
+    return file.units if isinstance(file, CsvTable) else ()
 
 
 def of_headers(

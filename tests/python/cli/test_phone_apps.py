@@ -5,7 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 from elliptude.io.files import FileError
-from elliptude.io.readers.folder import SUM, SensorLogger, open_folder
+from elliptude.io.readers.text.folder import SUM, SensorLogger, open_folder
 from test_proposals import FIELD, STEP, attitude, made
 from two_commands import app, inside, succeed, two_commands
 from typer.testing import CliRunner

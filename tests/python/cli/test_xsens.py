@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from elliptude.configuration import read_configuration
 from elliptude.io.files import FileError
-from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.text.csv import CsvTable
 from elliptude.io.tables import Result
 from test_proposals import FIELD, made
 from two_commands import HEADER, app, columns_of, inside, succeed, two_commands

@@ -350,7 +350,7 @@ def test_a_gap_is_found_wherever_batches_end(tmp_path, monkeypatch):
             "timing": {"largest_gap_s": 0.1},
         }
     )
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 256)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 256)
     path = tmp_path / "log.csv"
     for gap in (None, *range(1, 40)):
         times = 0.02 * np.arange(40)

@@ -188,7 +188,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
     log, config = write_log(tmp_path, 3000)
     whole = run("estimate", log, "--config", config, "--out", tmp_path / "whole", "--format", suffix, "--json")
     assert whole.exit_code == 0, whole.output
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     monkeypatch.setattr(thinning, "LIMIT", 400)
     parts = run("estimate", log, "--config", config, "--out", tmp_path / "parts", "--format", suffix, "--json")
@@ -203,7 +203,7 @@ def test_the_command_in_pieces(tmp_path, monkeypatch, suffix):
 
 def test_a_wrong_unit_is_found_before_anything_is_written(tmp_path, monkeypatch):
     log, config = write_log(tmp_path, 3000, wrong_unit=True)
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 30_000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 30_000)
     monkeypatch.setattr(plausibility, "BLOCK_ROWS", 500)
     done = run("estimate", log, "--config", config, "--out", tmp_path / "new" / "out")
     assert done.exit_code == 1

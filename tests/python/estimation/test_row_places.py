@@ -9,7 +9,7 @@ from elliptude import estimation, logs
 from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.io import column_files
-from elliptude.io.readers.csv import CsvTable
+from elliptude.io.readers.text.csv import CsvTable
 from rich.console import Console
 from rich.progress import Progress
 
@@ -96,7 +96,7 @@ def test_an_error_names_the_line(tmp_path):
 def test_progress_says_what_is_done(tmp_path, monkeypatch):
     """Rows are read, then estimated, then written; what takes long is never shown as finished."""
     path, configuration = contradicting_log(tmp_path, 3000, [5])
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 20_000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 20_000)
     shown = []
     with Progress(console=Console(quiet=True)) as progress:
 

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 from elliptude.io.files import FileError
-from elliptude.io.readers.dialect import Stated
 from elliptude.io.readers.open import open_log
+from elliptude.io.readers.text.dialect import Stated
 
 NUMBERS = [[0.5, 1.25, -3.0], [0.75, 2.5, 4e-3]]
 

@@ -10,8 +10,11 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 import recorders
+import scipy.io
 from elliptude.io.files import FileError
 from elliptude.io.readers.open import open_log
+from elliptude.io.readers.text import csv as csv_files
+from elliptude.io.readers.text.dialect import Stated
 
 
 def column(file, name):
@@ -24,7 +27,7 @@ def test_csv_comes_in_batches_of_the_same_numbers(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     rows = "\n".join(f"{a!r},{b!r}" if i % 7 else f"{a!r}," for i, (a, b) in enumerate(numbers.tolist()))
     path.write_text("# a comment\na,b\n" + rows + "\n")
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 10_000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 10_000)
     file = open_log(path)
     assert len(list(file.batches(["a"]))) > 10
     np.testing.assert_array_equal(column(file, "a")[0], numbers[:, 0])
@@ -80,9 +83,66 @@ def test_npz(tmp_path, save):
     np.testing.assert_array_equal(empty, [False, False, True, False, False])
 
 
+def test_matlab(tmp_path):
+    gyr = np.random.default_rng(0).standard_normal((5, 3))
+    contents = {"t": np.arange(5.0)[:, None], "imu": {"gyr": gyr, "fs": 5.0}, "name": "a body", "row": np.ones((1, 5))}
+    scipy.io.savemat(tmp_path / "log.mat", contents)
+    file = open_log(tmp_path / "log.mat")
+    assert set(file.columns) == {"t", "imu.gyr[0]", "imu.gyr[1]", "imu.gyr[2]", "imu.fs", "row"}
+    assert file.stream("t") == file.stream("imu.gyr[2]") == file.stream("row") != file.stream("imu.fs")
+    np.testing.assert_array_equal(column(file, "imu.gyr[1]")[0], gyr[:, 1])
+    np.testing.assert_array_equal(column(file, "t")[0], np.arange(5.0))
+
+
+@pytest.mark.parametrize("is_matlab", [False, True])
+def test_hdf5(tmp_path, is_matlab):
+    """A file of MATLAB since 7.3 has a text before it, and its matrices the other way round."""
+    h5py = pytest.importorskip("h5py")
+    gyr = np.random.default_rng(0).standard_normal((5, 3)).astype(np.float32)
+    path = tmp_path / ("log.mat" if is_matlab else "log.h5")
+    with h5py.File(path, "w", userblock_size=512 if is_matlab else 0) as file:
+        file["t"] = np.arange(5.0)[None, :] if is_matlab else np.arange(5.0)
+        file["imu/gyr"] = gyr.T if is_matlab else gyr
+        file["imu/cube"], file["name"] = np.ones((2, 2, 2)), "a body"
+        if is_matlab:
+            file["t"].attrs["MATLAB_class"] = np.bytes_("double")
+    file = open_log(path)
+    assert set(file.columns) == {"t", "imu.gyr[0]", "imu.gyr[1]", "imu.gyr[2]"}
+    np.testing.assert_array_equal(column(file, "imu.gyr[1]")[0], gyr[:, 1].astype(float))
+    np.testing.assert_array_equal(column(file, "t")[0], np.arange(5.0))
+
+
+def test_rows_at_a_rate(tmp_path, monkeypatch):
+    """Times are counted from batch to batch, also where nothing else is read."""
+    monkeypatch.setattr(csv_files, "BATCH_BYTES", 200)
+    path = tmp_path / "log.csv"
+    path.write_text("name,x\n" + "".join(f"a,{row}\n" for row in range(1000)))
+    file = open_log(path, Stated(row_rate_hz=250.0))
+    assert file.columns == ("name", "x", "row_time_s")
+    assert file.place("row_time_s", 3) == "line 5"
+    for names in (["row_time_s"], ["row_time_s", "x"]):
+        batches = list(file.batches(names))
+        assert len(batches) > 1
+        times = np.concatenate([batch["row_time_s"].values for batch in batches])
+        np.testing.assert_array_equal(times, np.arange(1000) / 250.0)
+
+
+def test_rows_at_a_rate_that_have_times(tmp_path):
+    (tmp_path / "log.csv").write_text("row_time_s,x\n0,1\n")
+    with pytest.raises(FileError, match="it has a column row_time_s itself"):
+        open_log(tmp_path / "log.csv", Stated(row_rate_hz=250.0))
+    recorders.write_ulog(tmp_path / "a.ulg", [("sensor", 0, {"timestamp": np.arange(5), "x": np.ones(5)})])
+    with pytest.raises(FileError, match="it has stamps of its own: leave out the rate of its rows"):
+        open_log(tmp_path / "a.ulg", Stated(row_rate_hz=250.0))
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
+        ("log.mat", b"not a MAT file", "not a MAT file"),
+        ("log.mat", b"", "not a MAT file"),
+        ("log.mat", bytes(512) + b"\x89HDF\r\n\x1a\n", "not an HDF5 file"),
+        ("log.h5", b"not HDF5", "not an HDF5 file"),
         ("log.npz", b"not an archive", "not an NPZ file"),
         ("log.npz", b"", "not an NPZ file"),
         ("log.ulg", b"not a ULog", "not a ULog: it begins with b'not ' where b'ULog' must stand"),
@@ -212,7 +272,8 @@ def test_bag_that_does_not_say_what_is_in_its_messages(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("package", "extra", "name"), [("pyulog", "ulog", "a.ulg"), ("rosbags.highlevel", "ros", "a.bag")]
+    ("package", "extra", "name"),
+    [("pyulog", "ulog", "a.ulg"), ("rosbags.highlevel", "ros", "a.bag"), ("h5py", "hdf5", "a.h5")],
 )
 def test_an_extra_that_is_not_installed_is_named(tmp_path, monkeypatch, package, extra, name):
     monkeypatch.setitem(sys.modules, package, None)

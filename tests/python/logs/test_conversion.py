@@ -45,7 +45,7 @@ def assert_same(a, b):
 
 @pytest.fixture
 def log(tmp_path, monkeypatch):
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 20_000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 20_000)
     monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", 300)
     rng = np.random.default_rng(0)
     arrays = {"t": np.cumsum(rng.random(1000)), "gyr": rng.standard_normal((1000, 3)) * 1e-7}

@@ -8,7 +8,7 @@ import recorders
 from elliptude.configuration import Configuration, references, sun
 from elliptude.configuration.sensors import RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
-from elliptude.io.readers import csv as csv_files
+from elliptude.io.readers.text import csv as csv_files
 from elliptude.logs import log as logs
 from elliptude.logs.alignment import _begin_rows
 from elliptude.simulation import fermi
@@ -514,7 +514,7 @@ def test_pieces_are_small_and_make_the_whole(tmp_path, monkeypatch):
     path = csv(tmp_path, *rows)
     configuration = configured(UP | {"delay_s": 0.013}, FIELD | {"delay_s": 0.5}, flow=GYRO | {"delay_s": -0.004})
     whole = logs.read_log(path, configuration)
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", 5000)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", 5000)
     pieces = list(logs.read_pieces(path, configuration))
     assert len(pieces) > 50
     assert max(len(piece.times) for piece in pieces) < 300

@@ -116,8 +116,8 @@ def test_every_kind_of_fault_is_listed_at_once_and_left_out(tmp_path):
 )
 def test_a_header_that_stands_again(tmp_path, monkeypatch, encoding, written, batch_bytes):
     """As where a logger went on in the same file: nothing is lost, and places are those of the file."""
-    monkeypatch.setattr("elliptude.io.readers.csv.BATCH_BYTES", batch_bytes)
-    monkeypatch.setattr("elliptude.io.readers.translated._CHUNK", batch_bytes // 4)
+    monkeypatch.setattr("elliptude.io.readers.text.csv.BATCH_BYTES", batch_bytes)
+    monkeypatch.setattr("elliptude.io.readers.text.translated._CHUNK", batch_bytes // 4)
     header, rows = "t;gx;gy;gz;ax;ay;az;°", [f"{line};1" for line in clean()]
     again = [*rows[:12], *[written.format(header)] * 2, *rows[12:], header]
     path = tmp_path / "log.csv"

@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import TypeAlias
 
 from elliptude.io.files import FileError, as_path
+from elliptude.io.readers.arrays import Hdf5File, NpzFile, open_matlab
 from elliptude.io.readers.base import LogFile
-from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
-from elliptude.io.readers.folder import csv_files, open_folder
-from elliptude.io.readers.npz import NpzFile
+from elliptude.io.readers.counted import CountedRows
 from elliptude.io.readers.parquet import ParquetTable
 from elliptude.io.readers.rosbag import BagFile
+from elliptude.io.readers.text.dialect import ALL_FOUND_OUT, Stated
+from elliptude.io.readers.text.folder import csv_files, open_folder
+from elliptude.io.readers.text.xsens import open_table
 from elliptude.io.readers.ulog import UlogFile
-from elliptude.io.readers.xsens import open_table
 
 LogSource: TypeAlias = str | os.PathLike[str] | LogFile
 """A log: the path of a file, or what is open already, such as arrays in memory."""
@@ -30,13 +31,14 @@ def open_log(
     ----------
     path : path-like or LogFile
         What is open already stays as it is. Of a file:
-        ``.parquet``; ``.npz``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of a ROS 2 bag; ``.zip`` or a
-        folder of CSV files, as phone apps export them; anything else is CSV, which may be compressed (``.gz``,
-        ``.bz2``, ``.zst``).
+        ``.parquet``; ``.npz``; ``.mat``; ``.h5`` or ``.hdf5``; ``.ulg``; ``.bag``, ``.mcap``, ``.db3`` or the folder of
+        a ROS 2 bag; ``.zip`` or a folder of CSV files, as phone apps export them; anything else is CSV, which may be
+        compressed (``.gz``, ``.bz2``, ``.zst``).
     stated : Stated
-        How a CSV file is written; what is not stated is found out.
+        How a CSV file is written, and how many rows of a file without times there are in a second; what is not stated
+        is found out.
     lenient : bool
-        As in `elliptude.io.readers.csv.CsvTable`.
+        As in `elliptude.io.readers.text.csv.CsvTable`.
 
     Returns
     -------
@@ -49,7 +51,11 @@ def open_log(
     """
     if not isinstance(path, str | os.PathLike):
         return path
-    path = as_path(path)
+    file = _opened(as_path(path), stated, lenient=lenient)
+    return file if stated.row_rate_hz is None else CountedRows(file, stated.row_rate_hz)
+
+
+def _opened(path: os.PathLike[str], stated: Stated, *, lenient: bool) -> LogFile:
     place = Path(path)
     if place.is_dir() and (place / "metadata.yaml").is_file():
         return BagFile(path)
@@ -65,6 +71,10 @@ def open_log(
             return open_folder(path, stated, lenient=lenient)
         case ".npz":
             return NpzFile(path)
+        case ".mat":
+            return open_matlab(path)
+        case ".h5" | ".hdf5":
+            return Hdf5File(path)
         case ".ulg":
             return UlogFile(path)
         case ".bag" | ".mcap" | ".db3":

@@ -15,8 +15,8 @@ import numpy as np
 from elliptude import units
 from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, Cells
-from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import ALL_FOUND_OUT, TIME_HEADER, Stated
+from elliptude.io.readers.text.csv import CsvTable
+from elliptude.io.readers.text.dialect import ALL_FOUND_OUT, TIME_HEADER, Stated
 from elliptude.io.spool import NamedFile
 
 SUM = "Accelerometer+Gravity"

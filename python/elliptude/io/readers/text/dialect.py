@@ -73,7 +73,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class Stated:
-    """What a configuration says about that; None is found out."""
+    """What a user says about that, and about the rows of any file; None is found out."""
 
     delimiter: Delimiter | None = None
     decimal: Decimal | None = None
@@ -81,6 +81,8 @@ class Stated:
     units_row: bool | None = None
     packet_rate_hz: float | None = None
     """How many packets of Xsens there are in a second, if the file does not say it, or says it wrongly."""
+    row_rate_hz: float | None = None
+    """How many rows there are in a second, of a file of any format that has no times."""
 
 
 ALL_FOUND_OUT = Stated()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, NumbersAlone, cells_of
-from elliptude.io.readers.dialect import (
+from elliptude.io.readers.text.dialect import (
     ALL_FOUND_OUT,
     DELIMITERS,
     MISSING,
@@ -33,7 +33,7 @@ from elliptude.io.readers.dialect import (
     encoding_of,
     find_dialect,
 )
-from elliptude.io.readers.translated import BLANKS, tabbed, translated, without_lines
+from elliptude.io.readers.text.translated import BLANKS, tabbed, translated, without_lines
 
 BATCH_BYTES = 1 << 22
 """Bytes of the text that are read at a time."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells
-from elliptude.io.readers.csv import CsvTable
-from elliptude.io.readers.dialect import ALL_FOUND_OUT, Stated
+from elliptude.io.readers.text.csv import CsvTable
+from elliptude.io.readers.text.dialect import ALL_FOUND_OUT, Stated
 
 STAMP = "SampleTimeFine"
 COUNTER = "PacketCounter"
