@@ -104,7 +104,7 @@ def _tables_of(
     if (time is None) != needs_none or "gyroscope" not in sensors:
         if time is not None and has_stamps:
             raise typer.BadParameter("topics have stamps of their own: leave it out", param_hint="--time")
-        missing = "--gyro" if "gyroscope" not in sensors else "--time"
+        missing = "--gyro" if "gyroscope" not in sensors else "--time, or --row-rate-hz if the rows come at a rate"
         raise typer.BadParameter("needed with columns by name", param_hint=missing)
     found = mapping.of_sensors(time, time_unit or "s", sensors, _listed(truth, 4, "--truth") if truth else ())
     turn_at_rest(found, at_rest)

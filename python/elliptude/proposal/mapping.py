@@ -346,7 +346,8 @@ def why_not_stated(columns: Sequence[str], of_day: Mapping[str, str]) -> str:
     lacks = [] if times else ["times, such as 'Time (s)'"]
     if sensors is not None and "gyroscope" not in sensors:
         lacks.append("a gyroscope's three axes with their unit, such as 'Gyroscope X (deg/s)'")
-    return f"no columns state {' or '.join(lacks)}"
+    rate = "" if times else "; if the rows come at a rate, --row-rate-hz says it"
+    return f"no columns state {' or '.join(lacks)}{rate}"
 
 
 def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configuration:
