@@ -46,6 +46,10 @@ class DirectionBounds:
         return self.angles < np.pi
 
 
+AVERAGED_OVER_S = 0.5
+"""The shortest window, s, that configurations and rules state the error of a mean for, if they say no other."""
+
+
 @dataclass(frozen=True)
 class VectorSensorBounds:
     """How far an accelerometer or magnetometer may be off: it shows (I + K) x + e instead of the true vector x.
@@ -61,20 +65,71 @@ class VectorSensorBounds:
     averaged_error : float, optional
         Bound of ‖e‖ averaged over a window, turned into a common frame; ``error`` if left out. It may be smaller, as
         noise averages out. It also covers sampling: the mean of the samples less that of the motion between them.
+    averaged_over : float
+        The shortest window that ``averaged_error`` is stated for, with equal weights, s.
     """
 
     error: float = 0.0
     scale_error: float = 0.0
     misalignment: float = 0.0
     averaged_error: float | None = None
+    averaged_over: float = 0.0
 
     def __post_init__(self) -> None:
         """Check."""
+        require_not_negative("averaged_over", self.averaged_over)
         require_not_negative("error", self.error)
         require_not_negative("misalignment", self.misalignment)
         require_fraction("scale_error", self.scale_error)
         if self.averaged_error is not None:
             require_not_negative("averaged_error", self.averaged_error)
+
+    def mean_error(self, durations: ArrayLike, skews: ArrayLike | None = None) -> FloatArray:
+        """Bound of the mean error over windows of these lengths, as the function `mean_error`."""
+        averaged = self.error if self.averaged_error is None else self.averaged_error
+        return mean_error(self.error, averaged, self.averaged_over, durations, skews)
+
+
+def mean_error(
+    error: float, averaged: float, averaged_over: float, durations: ArrayLike, skews: ArrayLike | None = None
+) -> FloatArray:
+    """Bound of a mean over windows, from that of a sample and that of means over windows that are no shorter, (18.51).
+
+    A shorter window is a part of such a one. A triangle is a mixture of windows with equal weights about its top, short
+    ones too; and, if its sides are equal, of windows that are half as long as it.
+
+    Parameters
+    ----------
+    error : float
+        ε, of each sample.
+    averaged : float
+        Of the mean, with equal weights, over any window of ``averaged_over`` or more.
+    averaged_over : float
+        T₀, s.
+    durations : (...) array
+        s; NaN where there is no window.
+    skews : (...) array, optional
+        For weights that rise to a top within the window and fall to its ends, on lines: how much longer one side is
+        than the other, s. For equal weights it is left out.
+
+    Returns
+    -------
+    (...) array
+    """
+    lengths = np.asarray(durations, dtype=np.float64)
+    if averaged >= error or averaged_over == 0.0:  # it may cover sampling, which no sample's own bound does
+        return np.where(np.isnan(lengths), np.nan, averaged)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        ratio = averaged_over / lengths
+        if skews is None:
+            return np.where(ratio <= 1.0, averaged, np.minimum(error, ratio * (averaged + error) - error))
+        # The part of the mixture that is so short that a sample's bound is as good.
+        short = ratio * (averaged + error) / (2.0 * error)
+        between = 2.0 * ratio * (averaged + error) - error - 2.0 * error * short**2
+        long = averaged + ratio**2 * (error - averaged) * (error + averaged) / (2.0 * error)
+        about_top: FloatArray = np.where(ratio <= 1.0, long, np.where(short < 1.0, between, error))
+        as_halves = np.where(ratio <= 0.5, averaged + error * np.abs(skews) / lengths, np.inf)
+        return np.where(np.isnan(lengths), np.nan, np.minimum(about_top, as_halves))
 
 
 EXACT_SENSOR = VectorSensorBounds()

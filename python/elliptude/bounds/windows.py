@@ -278,7 +278,7 @@ def _over_windows(
         for window, means in _tried(piece, here, durations, at, offsets, there):
             averages = piece.averages(window, triangular=len(means) > 1)
             for i, (average, offset) in enumerate(zip(averages, means, strict=True)):
-                others = errors.of_mean(average, window, offset)
+                others = errors.of_mean(average, window, offset, triangular=i > 0)
                 radius = average.turn + others
                 if matrix is not None:
                     worth = np.flatnonzero(others + average.by_stamps < np.fmin(best.radii[wanted], radius))
@@ -319,8 +319,7 @@ class _Errors:
 
     scale: float
     """Of every sample's length, as it is true."""
-    error: float
-    mean_error: float
+    sensor: VectorSensorBounds
 
     @classmethod
     def of(cls, sensor: VectorSensorBounds) -> "_Errors":
@@ -328,12 +327,14 @@ class _Errors:
         scale = sensor.scale_error + 2.0 * float(np.sin(0.5 * min(sensor.misalignment, np.pi)))
         if scale >= 1.0:
             raise ValueError(f"misalignment and scale_error leave nothing of the sensor: {scale} of its length")
-        return cls(scale, sensor.error, sensor.error if sensor.averaged_error is None else sensor.averaged_error)
+        return cls(scale, sensor)
 
-    def of_mean(self, average: Average, window: Window, offset: MeanOffset) -> FloatArray:
+    def of_mean(self, average: Average, window: Window, offset: MeanOffset, *, triangular: bool) -> FloatArray:
         """All of (18.7) but what turns do, with what rounding does."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            own = self.mean_error + self.scale * (average.length + self.error) / (1.0 - self.scale)
+            skews = window.after - window.before if triangular else None
+            own = self.sensor.mean_error(window.before + window.after, skews)
+            own = own + self.scale * (average.length + self.sensor.error) / (1.0 - self.scale)
             errors: FloatArray = own + offset(window) + average.rounding / (1.0 - self.scale)
         return errors
 

@@ -32,7 +32,7 @@ from elliptude.configuration.calibration import (
 )
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.rules import Rule, rest_at_start
+from elliptude.configuration.rules import GyroRule, Rule, after_rest, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import require_shared_stamps
@@ -84,10 +84,9 @@ class Found:
         offset, stretched = self.left.offset_error, self.left.stretch * noise
         return offset + noise + stretched, offset + averaged_noise + stretched
 
-    @property
-    def here(self) -> tuple[float, float]:
-        """Those of the recording itself."""
-        return self.errors(self.stated.noise, self.stated.averaged_noise)
+    def here(self, duration: float) -> tuple[float, float]:
+        """Those of the recording itself, of a mean over this time, s."""
+        return self.errors(self.stated.noise, self.stated.mean_noise(duration))
 
     @property
     def later(self) -> tuple[float, float]:
@@ -192,6 +191,7 @@ class Found:
                     "offset_m_per_s2": (a, b, c),
                     "error_m_per_s2": error,
                     "averaged_error_m_per_s2": averaged_error,
+                    "averaged_over_s": self.stated.averaged_over,
                 }
             )
         return MagnetometerCalibration.model_validate(
@@ -201,6 +201,7 @@ class Found:
                 "offset_ut": (a, b, c),
                 "error_ut": error,
                 "averaged_error_ut": averaged_error,
+                "averaged_over_s": self.stated.averaged_over,
             }
         )
 
@@ -210,7 +211,7 @@ class FoundGyro:
     """What a recording says of its gyro."""
 
     flow: GyroFlow
-    stated_scale_error: float
+    stated: GyroRule
     left: GyroSet
     name: str = "the gyro"
 
@@ -226,7 +227,7 @@ class FoundGyro:
         rows = "; ".join(" ".join(f"{value:.5f}" for value in row) for row in self.left.matrix)
         return [
             f"the gyro: a rate is multiplied by the matrix ({rows}), which leaves a scale error of "
-            f"{self.left.scale_error:.3g}, {self.stated_scale_error:g} was stated"
+            f"{self.left.scale_error:.3g}, {self.stated.scale_error:g} was stated"
         ]
 
     def figures(self) -> dict[str, Any]:
@@ -241,6 +242,11 @@ class FoundGyro:
             "remarks": self.remarks(),
         }
 
+    @property
+    def stated_scale_error(self) -> float:
+        """Before the calibration."""
+        return self.stated.scale_error
+
     def calibration(self) -> AnyCalibration:
         """The table for a configuration."""
         return GyroCalibration.model_validate(
@@ -253,6 +259,9 @@ class FoundGyro:
                 "matrix": tuple(map(tuple, self.left.matrix.tolist())),
                 "scale_error": self.left.scale_error,
                 "turns": self.left.turns,
+                "noise_deg_per_s": self.stated.noise_deg_per_s,
+                "bias_deg_per_s": self.stated.bias_deg_per_s,
+                "increment_deg": self.stated.increment_deg,
             }
         )
 
@@ -300,6 +309,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     forces = log.directions[:, accelerometer]
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
     rates = log.rates - log.rates[rest].mean(axis=0)
+    gyro = after_rest(gyro, log.times[rest])
     rests = _rests(log, rule, forces, statements.accelerometer)
     found: list[Found | FoundGyro] = []
     for i, sensor in enumerate(configuration.directions):
@@ -329,7 +339,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     assert isinstance(configuration.flow, GyroFlow)
     turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
     try:
-        found.append(FoundGyro(configuration.flow, gyro.scale_error, gyro_set(turns, gyro)))
+        found.append(FoundGyro(configuration.flow, rule.gyro, gyro_set(turns, gyro)))
     except ContradictionError as error:
         raise ContradictionError(f"the gyro: {error}; a statement is wrong") from error
     return found
@@ -357,7 +367,6 @@ def _turns(
     """From each rest to the next, with up by the calibrated accelerometer at both ends, (18.7)."""
     found, times, table = accelerometer.left, log.times, rule.accelerometer
     corrected = (forces - found.offset) @ found.matrix.T
-    error, averaged_error = accelerometer.here
     k = found.scale_error
     offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro)
 
@@ -371,6 +380,7 @@ def _turns(
         vector = np.einsum("app->a", pose.products)
         length = float(np.linalg.norm(vector))
         longest = float(np.linalg.norm(corrected[rows], axis=1).max())
+        error, averaged_error = accelerometer.here(duration)
         radius = mean + pose.turn * longest + averaged_error
         radius += k / (1.0 - k) * (pose.length + error) + 1e-10 * longest
         angle, excess = angle_to_center(length, table.gravity_m_per_s2, radius, table.gravity_error_m_per_s2)
@@ -416,6 +426,7 @@ def _accelerometer(
         greatest=gravity + error,
         disturbance=known.acceleration_m_per_s2,
         misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+        averaged_over=known.averaged_over_s,
     )
     offsets = time_offset_angles(log.times, rates, rule.accelerometer.time_offset_bound_s, gyro=gyro)
 
@@ -459,6 +470,7 @@ def _magnetometer(
         greatest=known.strength_ut[1],
         disturbance=known.disturbance_ut,
         misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
+        averaged_over=known.averaged_over_s,
     )
     shifted, left = shift(log.times, fields, rule.magnetometer.delay_s)
     shifted[left > 0.5 * gyro.longest_interval] = np.nan

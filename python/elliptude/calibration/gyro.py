@@ -138,7 +138,7 @@ def _slabs(turn: Turn, gyro: GyroBounds, middle: FloatArray, left: float) -> tup
     frames = 0.5 * (attitudes[1:] + attitudes[:-1])
     lever = np.einsum("n,nij,nk->ijk", steps, frames, means)
     stretch = 1.0 + float(np.linalg.norm(middle, 2))
-    coned = float(coning_angles(steps, turn.rates).sum()) * stretch**2
+    coned = float(coning_angles(steps, turn.rates).sum()) * stretch**3
     speeds = np.linalg.norm(turn.rates, axis=1)
     turned = float(running_integral(turn.times, speeds)[-1])
     sampled = left * stretch**2 * float(chord_errors(steps, turn.rates).sum()) + left * coned * turned

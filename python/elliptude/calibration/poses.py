@@ -142,4 +142,5 @@ def windows_of(times: FloatArray, duration: float) -> list[slice]:
     """Whole windows of a length, one after the other."""
     count = int(np.floor((times[-1] - times[0]) / duration + 1e-9))
     edges = np.searchsorted(times, times[0] + duration * np.arange(count + 1) - 1e-9 * duration)
-    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+    # Both ends, which two windows share: one without its last step would be shorter than it is said to be.
+    return [slice(int(a), min(int(b) + 1, len(times))) for a, b in pairwise(edges)]

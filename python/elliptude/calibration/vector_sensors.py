@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from elliptude.bounds.samples import mean_error
 from elliptude.calibration.parameter_sets import ParameterSet, covering_directions, small_ball
 from elliptude.calibration.poses import Pose
 from elliptude.typing import FloatArray
@@ -38,7 +39,7 @@ class SensorStatements:
     noise: float
     """Bound of ‖e‖ for each sample."""
     averaged_noise: float
-    """Bound of ‖e‖ averaged over a pose, turned into a common frame."""
+    """Bound of ‖e‖ averaged, turned into a common frame, over ``averaged_over`` (s) or more."""
     least: float
     """Of the world's vector, of which the length does not change in the recording."""
     greatest: float
@@ -46,6 +47,11 @@ class SensorStatements:
     """How far what acts on the sensor may be from the world's vector at any instant."""
     misalignment: float = math.pi
     """Bound of U's angle, rad, if it is less than follows from the scale error."""
+    averaged_over: float = 0.0
+
+    def mean_noise(self, duration: float) -> float:
+        """Bound of ‖e‖ averaged over a window of this length, s."""
+        return float(mean_error(self.noise, self.averaged_noise, self.averaged_over, duration))
 
     @property
     def axes_error(self) -> float:
@@ -208,7 +214,7 @@ def _slabs(
         along[:3] = -(u @ pose.frame)
         along[3:9] = [products[p, q] + (products[q, p] if p != q else 0.0) for p, q in _SYMMETRIC]
         at_identity = float(np.trace(products))
-        error = pose.mean_disturbance + stated.disturbance * pose.turn + stated.averaged_noise
+        error = pose.mean_disturbance + stated.disturbance * pose.turn + stated.mean_noise(pose.end - pose.begin)
         error += kappa * stated.noise + _SUM_ROUNDING * (pose.length + stated.offset + stated.greatest)
         strength = np.zeros(PARAMETERS)
         strength[9] = 1.0

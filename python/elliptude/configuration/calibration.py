@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from elliptude import units
-from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.samples import AVERAGED_OVER_S, VectorSensorBounds
 from elliptude.configuration.sensors import Accelerometer, Axes, Magnetometer, rotation_of_axes
 from elliptude.io.toml import Column, Columns, Matrix, Model, NotNegative, Number, Vector, read_toml
 from elliptude.typing import FloatArray
@@ -20,6 +20,7 @@ from elliptude.typing import FloatArray
 Fraction = Annotated[Number, Field(ge=0, lt=0.5)]
 # Squares and products of what is stated must stay far from what overflows.
 Size = Annotated[Number, Field(ge=0, le=1e9)]
+Over = Annotated[Number, Field(ge=0, le=1e9)]
 Strength = Annotated[Number, Field(gt=0, le=1e9)]
 STRONGEST_FIELD_UT = 5000.0
 """Small magnetometers show no more (AK8963: 4912), a hundred times the Earth's field."""
@@ -43,6 +44,8 @@ class AccelerometerStatements(Model):
     # The same for logs that the calibration is for: what moves or vibrates is noisier than what lies on a table.
     later_noise_m_per_s2: Size
     later_averaged_noise_m_per_s2: Size
+    # Of the shortest mean that both averaged ones are stated for.
+    averaged_over_s: Over = AVERAGED_OVER_S
     rest_s: Strength
     velocity_m_per_s: Size
     acceleration_m_per_s2: Size
@@ -58,6 +61,7 @@ class MagnetometerStatements(Model):
     averaged_noise_ut: FieldSize
     later_noise_ut: FieldSize
     later_averaged_noise_ut: FieldSize
+    averaged_over_s: Over = AVERAGED_OVER_S
     disturbance_ut: FieldSize
     strength_ut: tuple[FieldStrength, FieldStrength]
 
@@ -156,6 +160,7 @@ class AccelerometerCalibration(VectorCalibration):
     offset_m_per_s2: Vector
     error_m_per_s2: NotNegative
     averaged_error_m_per_s2: NotNegative
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
 
     def why_not(self, sensor: Accelerometer | Magnetometer) -> str | None:
         """What differs between a sensor of the same columns and the one that was calibrated."""
@@ -181,6 +186,7 @@ class MagnetometerCalibration(VectorCalibration):
     offset_ut: Vector
     error_ut: NotNegative
     averaged_error_ut: NotNegative
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
 
     def why_not(self, sensor: Accelerometer | Magnetometer) -> str | None:
         """What differs between a sensor of the same columns and the one that was calibrated."""
@@ -201,6 +207,10 @@ class GyroCalibration(SensorCalibration):
     kind: Literal["gyro"]
     unit: units.AngularVelocityUnit
     turns: Annotated[int, Field(ge=0)] = 0
+    # What was stated beside the scale error while it was calibrated; as in the rule if it is left out.
+    noise_deg_per_s: NotNegative | None = None
+    bias_deg_per_s: NotNegative | None = None
+    increment_deg: Annotated[Number, Field(gt=0)] | None = None
 
     def noise_factor(self) -> float:
         """What the matrix makes of noise and bias, at most."""
@@ -278,14 +288,15 @@ def calibrated_bounds(
 ) -> VectorSensorBounds | None:
     """How far a corrected sample may be off; None if nothing is corrected, or an uncorrected one may be less far off.
 
-    An offset alone changes nothing about the scale error, so the smaller one of both holds then.
+    What is scale and what is offset or noise is for a statement to say, and the calibration's own are used together: a
+    smaller scale error that is stated beside other offsets and noise is of another way to take the sensor apart.
     """
     if not found.corrects():
         return None
     error, averaged = found.left()
-    scale = found.scale_error if found.corrects_scale() else min(found.scale_error, stated.scale_error)
+    scale = found.scale_error
     length = _USUAL_LENGTH[found.kind]
     stated_average = stated.error if stated.averaged_error is None else stated.averaged_error
     if not averaged + scale * length < stated_average + stated.scale_error * length:
         return None
-    return VectorSensorBounds(error, scale, stated.misalignment, averaged)
+    return VectorSensorBounds(error, scale, stated.misalignment, averaged, found.averaged_over_s)

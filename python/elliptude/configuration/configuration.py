@@ -254,8 +254,9 @@ class Configuration(Model):
         found = self._calibration_of(sensor)
         if found is None or not isinstance(sensor, Accelerometer | Magnetometer):
             return None
+        # An angle is stated of samples as they are.
         by_angle = self.rule is None and (sensor.bound_from is None or sensor.bound_from.kind == "angle")
-        return found if by_angle or calibrated_bounds(found, self._stated_bounds(sensor)) is not None else None
+        return None if by_angle or calibrated_bounds(found, self._stated_bounds(sensor)) is None else found
 
     def sensor_bounds(self, sensor: Accelerometer | Magnetometer) -> VectorSensorBounds:
         """How far a sample may be off by the sensor itself: as stated, or as its calibration leaves it; m/s², µT."""
@@ -294,12 +295,14 @@ class Configuration(Model):
         rule = self.rule.rule()
         changes: dict[str, Model] = {}
         if (gyro := self.gyro_correction()) is not None:
-            factor, increment = gyro.noise_factor(), rule.gyro.increment_deg
+            factor, told = gyro.noise_factor(), gyro.noise_deg_per_s is not None
+            increments = (rule.gyro.increment_deg, gyro.increment_deg if told else rule.gyro.increment_deg)
+            # The scale error that is left is beside the noise and the bias that the calibration was told.
             left = {
-                "noise_deg_per_s": factor * rule.gyro.noise_deg_per_s,
-                "bias_deg_per_s": factor * rule.gyro.bias_deg_per_s,
+                "noise_deg_per_s": factor * max(rule.gyro.noise_deg_per_s, gyro.noise_deg_per_s or 0.0),
+                "bias_deg_per_s": factor * max(rule.gyro.bias_deg_per_s, gyro.bias_deg_per_s or 0.0),
                 "drift_deg_per_s2": factor * rule.gyro.drift_deg_per_s2,
-                "increment_deg": None if increment is None else factor * increment,
+                "increment_deg": None if None in increments else factor * max(one or 0.0 for one in increments),
                 "scale_error": gyro.scale_error,
             }
             changes["gyro"] = rule.gyro.model_copy(update=left)
@@ -310,7 +313,8 @@ class Configuration(Model):
             table = rule.accelerometer if sensor.kind == "accelerometer" else rule.magnetometer
             if table is not None:
                 errors = {f"error_{unit}": bounds.error, f"averaged_error_{unit}": bounds.averaged_error}
-                changes[sensor.kind] = table.model_copy(update=errors | {"scale_error": bounds.scale_error})
+                errors |= {"averaged_over_s": bounds.averaged_over, "scale_error": bounds.scale_error}
+                changes[sensor.kind] = table.model_copy(update=errors)
         return rule.model_copy(update=changes)
 
     def _calibration_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:

@@ -17,8 +17,15 @@ from pydantic import Field
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.bounds.rest import rest_rows, why_no_rest
-from elliptude.bounds.samples import DirectionBounds, VectorSensorBounds, angle_excess, angle_to_center
+from elliptude.bounds.samples import (
+    AVERAGED_OVER_S,
+    DirectionBounds,
+    VectorSensorBounds,
+    angle_excess,
+    angle_to_center,
+)
 from elliptude.bounds.stamps import shift
+from elliptude.bounds.turns import running_sum
 from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import (
     MotionBounds,
@@ -50,6 +57,8 @@ class RestRule(Model):
     # How much of what goes on being still is a rest, too, at most; none if it is left out.
     most_s: Positive | None = None
     velocity_m_per_s: NotNegative
+    # How far the field may be from its mean over the rest; the magnetometer's disturbance if it is left out.
+    field_change_ut: NotNegative | None = None
 
     def rows(self, times: FloatArray, rates: FloatArray, forces: FloatArray) -> NDArray[np.bool_]:
         """Rows at rest, shape (N,)."""
@@ -100,13 +109,18 @@ class AccelerometerRule(Model):
     gravity_error_m_per_s2: NotNegative
     error_m_per_s2: NotNegative
     averaged_error_m_per_s2: NotNegative
+    # Of the shortest window that this is stated for.
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Fraction
     time_offset_bound_s: NotNegative
 
     def sensor(self) -> VectorSensorBounds:
         """In SI units."""
         return VectorSensorBounds(
-            error=self.error_m_per_s2, scale_error=self.scale_error, averaged_error=self.averaged_error_m_per_s2
+            error=self.error_m_per_s2,
+            scale_error=self.scale_error,
+            averaged_error=self.averaged_error_m_per_s2,
+            averaged_over=self.averaged_over_s,
         )
 
 
@@ -132,6 +146,8 @@ class MagnetometerRule(Model):
     disturbance_ut: NotNegative
     error_ut: NotNegative
     averaged_error_ut: NotNegative
+    # Of the shortest window that this is stated for.
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Fraction
     window_s: Positive
     delay_s: Number
@@ -142,7 +158,10 @@ class MagnetometerRule(Model):
     def sensor(self) -> VectorSensorBounds:
         """In µT."""
         return VectorSensorBounds(
-            error=self.error_ut, scale_error=self.scale_error, averaged_error=self.averaged_error_ut
+            error=self.error_ut,
+            scale_error=self.scale_error,
+            averaged_error=self.averaged_error_ut,
+            averaged_over=self.averaged_over_s,
         )
 
 
@@ -317,6 +336,7 @@ def apply_rule(
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = rates[rest].mean(axis=0)
     rates = rates - bias
+    gyro = after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
 
     def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
@@ -368,9 +388,11 @@ def apply_rule(
         )
 
     _require_heading(reference, error)
-    # The reference is the field where the recording starts: there nothing disturbs it.
     field = field_within(everywhere, magnetometer.disturbance_ut)
-    field = _known_better(field, rest, field_within(rest, 0.0))
+    # The reference is the mean field over the rest, from which it is less far there.
+    change = rule.rest.field_change_ut
+    if change is not None and change < magnetometer.disturbance_ut:
+        field = _known_better(field, rest, field_within(rest, change))
     field = _without_contradictions(field, up, reference, whole=magnetometer.contradiction_voids == "recording")
     east = cross_bounds(up, field, reference, in_plane_error=error)
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
@@ -439,6 +461,14 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
     return slice(0, min(count, int(np.searchsorted(times, times[0] + most, side="right"))))
 
 
+def after_rest(gyro: GyroBounds, times: FloatArray) -> GyroBounds:
+    """Bounds from the first of these times on of a gyro whose bias is its mean over them.
+
+    That mean is the bias of no instant: at the first it may be off by what drifts in half of the rest, (18.52).
+    """
+    return dataclasses.replace(gyro, bias=gyro.bias + 0.5 * gyro.drift * float(times[-1] - times[0]))
+
+
 def _known_better(bounds: WindowBounds, rows: slice, there: WindowBounds) -> WindowBounds:
     """The bounds, replaced in some rows where others are smaller; both hold, either may contradict the data."""
     better = np.zeros(len(bounds.angles), dtype=np.bool_)
@@ -476,13 +506,17 @@ def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: Fl
     """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11)."""
     accelerometer, magnetometer = rule.accelerometer, rule.magnetometer
     assert magnetometer is not None
-    force, field = np.nanmean(forces, axis=0), np.nanmean(fields, axis=0)
+    force, force_error, lasted = _mean_at_rest(times, forces, accelerometer.sensor())
+    field, error, _ = _mean_at_rest(times, fields, magnetometer.sensor())
     if not np.isfinite(field).all():
-        raise ValueError("the magnetometer shows nothing in the rest at the start")
+        raise ValueError(
+            "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "
+            f"{magnetometer.delay_s:g}, move it out of there?"
+        )
     k = accelerometer.scale_error
     length = float(np.linalg.norm(force))
-    radius = accelerometer.averaged_error_m_per_s2 + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
-    radius += 2.0 * rule.rest.velocity_m_per_s / float(times[-1] - times[0])
+    radius = force_error + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
+    radius += 2.0 * rule.rest.velocity_m_per_s / lasted if lasted > 0.0 else np.inf
     tilt, excess = angle_to_center(length, accelerometer.gravity_m_per_s2, radius, accelerometer.gravity_error_m_per_s2)
     if excess > 0.0:
         raise ValueError(
@@ -492,6 +526,27 @@ def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: Fl
     vertical = float(field @ force) / length
     horizontal = float(np.linalg.norm(field - vertical * force / length))
     strength, k = float(np.linalg.norm(field)), magnetometer.scale_error
-    error = 2.0 * strength * np.sin(0.5 * float(tilt))
-    error += magnetometer.averaged_error_ut + k * (strength + magnetometer.error_ut) / (1.0 - k)
+    error += 2.0 * strength * np.sin(0.5 * float(tilt)) + k * (strength + magnetometer.error_ut) / (1.0 - k)
     return np.array([0.0, horizontal, vertical]), float(error)
+
+
+def _mean_at_rest(
+    times: FloatArray, vectors: FloatArray, sensor: VectorSensorBounds
+) -> tuple[FloatArray, float, float]:
+    """A sensor's mean over time, over the longest run of rows that all have it; its error, and how long the run is.
+
+    Where that run is too short for the mean's error to be stated, the mean of all samples, each with its own error.
+    """
+    there = np.isfinite(vectors).all(axis=1)
+    edges = np.flatnonzero(np.diff(there, prepend=False, append=False))
+    begins, ends = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(times[ends] - times[begins])) if len(ends) else 0
+    lasted = float(times[ends[longest]] - times[begins[longest]]) if len(ends) else 0.0
+    error = float(sensor.mean_error(lasted)) if lasted > 0.0 else sensor.error
+    if not there.any():
+        return np.full(3, np.nan), sensor.error, 0.0
+    if not lasted > 0.0:
+        return vectors[there].mean(axis=0), error, 0.0
+    run = slice(int(begins[longest]), int(ends[longest]) + 1)
+    mean: FloatArray = running_sum(np.diff(times[run]), vectors[run])[-1] / lasted
+    return mean, error, lasted

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, AwareDatetime, Discriminator, Field, Tag, model_validator
 
 from elliptude import units
-from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.samples import AVERAGED_OVER_S, VectorSensorBounds
 from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
 from elliptude.io.toml import (
     Angle,
@@ -191,13 +191,19 @@ class AccelerometerError(Model):
 
     error_m_per_s2: NotNegative = 0.0
     averaged_error_m_per_s2: NotNegative | None = None
+    # Of the shortest window that this is stated for.
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0
 
     def bounds(self) -> VectorSensorBounds:
         """In m/s² and rad."""
         return VectorSensorBounds(
-            self.error_m_per_s2, self.scale_error, math.radians(self.misalignment_deg), self.averaged_error_m_per_s2
+            self.error_m_per_s2,
+            self.scale_error,
+            math.radians(self.misalignment_deg),
+            self.averaged_error_m_per_s2,
+            self.averaged_over_s,
         )
 
 
@@ -206,13 +212,19 @@ class MagnetometerError(Model):
 
     error_ut: NotNegative = 0.0
     averaged_error_ut: NotNegative | None = None
+    # Of the shortest window that this is stated for.
+    averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0
 
     def bounds(self) -> VectorSensorBounds:
         """In µT and rad."""
         return VectorSensorBounds(
-            self.error_ut, self.scale_error, math.radians(self.misalignment_deg), self.averaged_error_ut
+            self.error_ut,
+            self.scale_error,
+            math.radians(self.misalignment_deg),
+            self.averaged_error_ut,
+            self.averaged_over_s,
         )
 
 

@@ -195,6 +195,7 @@ def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuratio
             offset=mean_acceleration,
             error=single,
             averaged_error=max(averaged, usual.averaged_error_m_per_s2),
+            averaged_over=max(sensor.sensor_error.averaged_over_s, usual.averaged_over_s),
             scale_error=_scale(sensor.sensor_error.scale_error, sensor, usual.scale_error),
             time_offset=max(offset, usual.time_offset_bound_s),
             length=sensor.gravity_m_per_s2,
@@ -211,6 +212,7 @@ def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuratio
         offset=lambda _: disturbance,
         error=max(sensor.sensor_error.error_ut, of_field.error_ut),
         averaged_error=max(averaged, of_field.averaged_error_ut),
+        averaged_over=max(sensor.sensor_error.averaged_over_s, of_field.averaged_over_s),
         scale_error=_scale(sensor.sensor_error.scale_error, sensor, of_field.scale_error),
         time_offset=max(offset, abs(of_field.delay_s) + of_field.time_offset_bound_s),
     )

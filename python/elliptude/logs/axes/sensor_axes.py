@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import mean_error
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, running_integral
 from elliptude.typing import FloatArray
@@ -60,6 +61,8 @@ class VectorStatement:
     length: float | None = None
     """Length of the vector itself, if it is known."""
     length_error: float = 0.0
+    averaged_over: float = 0.0
+    """As there, s."""
 
 
 def misfits(
@@ -326,7 +329,10 @@ class _Windows:
     def _radii(self, both: FloatArray, statement: VectorStatement) -> FloatArray:
         """How far the world and the sensor may move each mean."""
         k = statement.scale_error
-        radii: FloatArray = statement.offset(self.half_length) + statement.averaged_error + both[:, _OFFSET]
+        own = mean_error(
+            statement.error, statement.averaged_error, statement.averaged_over, 2.0 * self.half_length, 0.0
+        )
+        radii: FloatArray = statement.offset(self.half_length) + own + both[:, _OFFSET]
         return radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)
 
     def _turn(
