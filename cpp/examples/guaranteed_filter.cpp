@@ -38,7 +38,8 @@ int main() {
 
     GuaranteedUpdate<double> update;
     if (filter.predict(time, {}) != Status::ok ||
-        filter.update({directions.data(), directions.size(), &rate, nullptr}, update) != Status::ok) {
+        filter.update({directions.data(), directions.size(), &rate, nullptr}, update) != Status::ok ||
+        !filter.knows_attitude()) {
       return 1;
     }
     double form = 0;  // at most 1 in the set

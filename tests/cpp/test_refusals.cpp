@@ -42,14 +42,15 @@ TEST_CASE("a state that is not finite is not predicted, and nothing is put about
     const auto set = set_about<GibbsChart>(attitude, vector);
     GibbsEllipsoid<GyroState<double>> result = set_about<GibbsChart>(1, 7);
     for (const double duration : {0.0, 0.1}) {
-      CHECK(guaranteed.predict(0, duration, {}, set, result) == expected);
+      CHECK(guaranteed.predict(0, duration, {Vector3<double>::Zero()}, set, result) == expected);
       CHECK(guaranteed.predict_turn(duration, Vector3<double>(0.1, 0, 0), 0.01, set, result) == expected);
     }
     CHECK(recentred(set.center, errors, result) == expected);
     CHECK((expected == Status::ok || result.center.gyro_bias(1) == 7));
     Prediction<GyroState<double>> prediction;
     prediction.ellipsoid.center.gyro_bias(1) = 7;
-    CHECK(flow.predict(0, 0.1, {}, set_about<ExponentialChart>(attitude, vector), criterion, prediction) == expected);
+    CHECK(flow.predict(0, 0.1, {Vector3<double>::Zero()}, set_about<ExponentialChart>(attitude, vector), criterion,
+                       prediction) == expected);
     CHECK((expected == Status::ok || prediction.ellipsoid.center.gyro_bias(1) == 7));
   }
   Ellipsoid<double, 3> bias{Vector3<double>::Zero(), one};
@@ -169,7 +170,8 @@ TEST_CASE("what is none of an enumeration's values, or a weight that is none, is
   CHECK(validate(Criterion::weighted_trace(-one)) == Status::not_positive_definite);
 }
 
-TEST_CASE_TEMPLATE("a filter that knows nothing is not moved to a time that tells no seconds apart", Scalar, double, float) {
+TEST_CASE_TEMPLATE("a filter that knows nothing is not moved to a time that tells no seconds apart", Scalar, double,
+                   float) {
   using Flow = GuaranteedGyroFlow<Scalar>;
   Flow flow;
   REQUIRE(Flow::make({}, Flow::IntervalRate::mean, flow) == Status::ok);
@@ -187,4 +189,72 @@ TEST_CASE_TEMPLATE("a filter that knows nothing is not moved to a time that tell
   CHECK(filter.predict_interval(2 * last, Scalar(1), {}) == Status::ok);  // the interval is known beside the time
   REQUIRE(GuaranteedFilter<Flow>::make(flow, {}, Scalar(0), filter) == Status::ok);
   CHECK(filter.predict(last, {}) == Status::ok);
+}
+
+namespace {
+
+using GyroFilter = GuaranteedFilter<GuaranteedGyroFlow<double>>;
+
+/// Of a gyro, within 0.01 rad of the identity, with a bias within 0.01 rad/s of zero.
+GyroFilter started_filter(Policy policy) {
+  GuaranteedGyroFlow<double> flow;
+  REQUIRE(GuaranteedGyroFlow<double>::make({}, GuaranteedGyroFlow<double>::IntervalRate::mean, flow) == Status::ok);
+  GyroFilter::Settings settings;
+  settings.policy = policy;
+  GyroFilter filter;
+  REQUIRE(GyroFilter::make(flow, settings, 0, filter) == Status::ok);
+  REQUIRE(filter.start(set_about<GibbsChart>(1, 0)) == Status::ok);
+  return filter;
+}
+
+}  // namespace
+
+TEST_CASE("a rate that nobody gave is refused, and not taken for none") {
+  GyroFilter filter = started_filter(Policy::raise);
+  CHECK(filter.predict(1, {}) == Status::not_finite);
+  CHECK(filter.time() == 0);
+  CHECK(filter.predict(1, {Vector3<double>::Zero()}) == Status::ok);
+}
+
+TEST_CASE("a bound of the vector that contradicts what is known of it is refused, and the filter goes on") {
+  GyroFilter filter = started_filter(Policy::drop_measurement);
+  CHECK(filter.bound_vector({Vector3<double>(1, 0, 0), 0.01 * one}) == Status::empty_intersection);
+  CHECK_FALSE(filter.has_vector_bound());
+  CHECK(filter.bound_vector({Vector3<double>(0.1, 0, 0), 0.0121 * one}) == Status::ok);
+  const Direction<double> up = Direction<double>::within(Vector3<double>::UnitZ(), Vector3<double>::UnitZ(), 0.1);
+  GuaranteedUpdate<double> update;
+  CHECK(filter.update({&up, 1, nullptr, nullptr}, update) == Status::ok);
+  filter.forget();
+  CHECK(filter.bound_vector({Vector3<double>(1, 0, 0), 0.01 * one}) == Status::ok);
+}
+
+TEST_CASE("where there is no set, none is shown, and a report says what this update did") {
+  GyroFilter filter = started_filter(Policy::raise);
+  const Direction<double> up = Direction<double>::within(Vector3<double>::UnitZ(), Vector3<double>::UnitZ(), 0.1);
+  const Direction<double> wrong = Direction<double>::within(Vector3<double>::UnitZ(), Vector3<double>::UnitX(), 0.1);
+  GuaranteedUpdate<double> update;
+  REQUIRE(filter.update({&up, 1, nullptr, nullptr}, update) == Status::ok);
+  REQUIRE(update.fusions > 0);
+  CHECK(filter.update({&wrong, 1, nullptr, nullptr}, update) == Status::empty_intersection);
+  CHECK(update.claim == Claim::unconditional);  // the filter is as it was
+  CHECK(update.margin < 0);
+  CHECK_FALSE(update.prediction_used);
+  const AngularVelocity<double> rate{Vector3<double>::Zero(), one};
+  CHECK(filter.update({&up, 1, &rate, nullptr}, update) == Status::out_of_range);
+  CHECK(update.fusions == 0);
+  CHECK(update.margin == 1);
+  CHECK(filter.update({nullptr, 2, nullptr, nullptr}, update) == Status::out_of_range);
+  CHECK(filter.knows_attitude());
+  filter.forget();
+  CHECK(filter.ellipsoid().shape.array().isNaN().all());
+  CHECK(filter.update({&up, 1, nullptr, nullptr}, update) == Status::ok);
+  CHECK(update.claim == Claim::none);  // one direction alone
+  CHECK(filter.ellipsoid().shape.array().isNaN().all());
+}
+
+TEST_CASE("an angle that is negative makes no direction") {
+  for (const double angle : {-0.01, -1.0, 0.0}) {
+    const auto direction = Direction<double>::within(Vector3<double>::UnitZ(), Vector3<double>::UnitZ(), angle);
+    CHECK(validate(direction) == Status::not_positive_definite);
+  }
 }

@@ -3,6 +3,7 @@
 #define ELLIPTUDE_MOST_DIRECTIONS 4
 #define ELLIPTUDE_MOST_QUADRICS 8
 #define ELLIPTUDE_MOST_QUESTIONED 1
+#define ELLIPTUDE_MOST_WRONG 0
 #define ELLIPTUDE_MOST_STEPS 20
 
 #include <doctest/doctest.h>
@@ -105,4 +106,15 @@ TEST_CASE("more steps than the limit are refused unless a flow is told otherwise
   REQUIRE(filter.update({three.data(), three.size(), &rate, nullptr}, update) == Status::ok);
   CHECK(filter.predict(2.1, {}) == Status::too_many_steps);
   CHECK(filter.predict(2.0, {}) == Status::ok);
+}
+
+TEST_CASE("where no measurement may be wrong, a filter that lets one be is not made") {
+  Flow flow;
+  REQUIRE(Flow::make({}, {}, 0.1, {}, flow) == Status::ok);
+  Filter::Settings settings;
+  settings.policy = Policy::relaxed;
+  Filter filter;
+  REQUIRE(Filter::make(flow, settings, 0, filter) == Status::ok);
+  settings.most_wrong = 1;
+  CHECK(Filter::make(flow, settings, 0, filter) == Status::out_of_range);
 }

@@ -4,7 +4,7 @@
 using namespace flight;
 using Potential = elliptude::GravityGradient<Scalar>;
 using Flow = elliptude::RigidBodyFlow<Scalar, Potential>;
-using Filter = elliptude::AttitudeFilter<Flow, elliptude::PaperEstimator>;
+using Filter = elliptude::AttitudeFilter<Flow, elliptude::DeterminedPaperEstimator>;
 
 int flight::run() {
   static Filter filter;
@@ -20,8 +20,8 @@ int flight::run() {
           Status::ok ||
       Flow::make(body, potential, static_cast<Scalar>(interval), 2, elliptude::Matrix3<Scalar>::Zero(), flow) !=
           Status::ok ||
-      elliptude::MeasuredDirections<Scalar>::make(first.directions.data(), first.directions.size(),
-                                                  elliptude::WahbaMethod::svd, directions) != Status::ok ||
+      elliptude::MeasuredDirections<Scalar>::make(first.directions.data(), first.directions.size(), directions) !=
+          Status::ok ||
       measured_state(directions, first.rate, criterion, start) != Status::ok ||
       Filter::make(flow, criterion, first.time, start, filter) != Status::ok) {
     return 2;

@@ -113,6 +113,9 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
     if (status == Status::out_of_range) {
       value_error("vector_bound must have a center and half-widths of at most " + beyond_domain());
     }
+    if (status == Status::empty_intersection) {
+      value_error("vector_bound has nothing in common with what start says of the vector: one of them is wrong");
+    }
     raise_unless_ok(status, "vector_bound");
   }
   filter_ = filter;

@@ -228,6 +228,25 @@ TEST_CASE("Collinear directions count one by one") {
   CHECK(std::sqrt(e.cross(b).normalized().dot(shape * e.cross(b).normalized())) < 0.05);
 }
 
+TEST_CASE("The paper's estimator alone refuses what determines no attitude and is else the same to the last bit") {
+  Random random(8);
+  const State truth = orbit_state<double>();
+  const Set start{truth, 1e-2 * Matrix6<double>::Identity()};
+  AttitudeFilter<Flow, PaperEstimator> with;
+  AttitudeFilter<Flow, DeterminedPaperEstimator> alone;
+  REQUIRE(with.make(orbit_flow(), SizeCriterion<double, 6>::trace(), 0.0, start, with) == Status::ok);
+  REQUIRE(alone.make(orbit_flow(), SizeCriterion<double, 6>::trace(), 0.0, start, alone) == Status::ok);
+  const std::vector<Direction<double>> directions = measure(random, truth, 3, 0.01);
+  const AngularVelocity<double> rate{truth.angular_velocity, 1e-4 * Matrix3<double>::Identity()};
+  Update<double> update{};
+  CHECK(alone.update(directions.data(), 1, &rate, update) == Status::attitude_undetermined);
+  CHECK(alone.ellipsoid().shape == start.shape);
+  REQUIRE(with.update(directions.data(), 3, &rate, update) == Status::ok);
+  REQUIRE(alone.update(directions.data(), 3, &rate, update) == Status::ok);
+  CHECK(alone.ellipsoid().shape == with.ellipsoid().shape);
+  CHECK(alone.ellipsoid().center.attitude == with.ellipsoid().center.attitude);
+}
+
 TEST_CASE("Directions and a rate are fused at once where they determine an attitude and else one after the other") {
   struct Case {
     std::vector<Vector3<double>> references;

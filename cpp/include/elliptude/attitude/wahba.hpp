@@ -343,17 +343,25 @@ template <typename Scalar>
   return Status::out_of_range;
 }
 
-/// The same without the condition, which may cost as much as the attitude.
+/// The same by FOAM, and by singular values where that is not sure, without the condition, which may cost as much as
+/// the attitude. No other method is linked for it.
+template <typename Scalar>
+[[nodiscard]] Status foam_attitude_of_profile(const Matrix3<Scalar>& profile, Matrix3<Scalar>& attitude) noexcept {
+  detail::FoamSolution<Scalar> solution;
+  if (detail::solve_by_foam(detail::of_size_one(profile), solution)) {
+    attitude = solution.attitude;
+    return Status::ok;
+  }
+  Scalar condition;
+  return attitude_by_svd(profile, attitude, condition);
+}
+
+/// The same by any method.
 template <typename Scalar>
 [[nodiscard]] Status attitude_of_profile(const Matrix3<Scalar>& profile, WahbaMethod method,
                                          Matrix3<Scalar>& attitude) noexcept {
   if (method == WahbaMethod::foam) {
-    detail::FoamSolution<Scalar> solution;
-    if (detail::solve_by_foam(detail::of_size_one(profile), solution)) {
-      attitude = solution.attitude;
-      return Status::ok;
-    }
-    method = WahbaMethod::svd;
+    return foam_attitude_of_profile(profile, attitude);
   }
   Scalar condition;
   return attitude_of_profile(profile, method, attitude, condition);

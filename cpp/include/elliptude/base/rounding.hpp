@@ -27,6 +27,8 @@ inline constexpr int congruence = 48;
 /// Entries of a sum of a few shapes with factors in the roots of its own diagonal, the factors themselves, and a
 /// Cholesky factorisation after it.
 inline constexpr int sum = 64;
+/// A shape seen from another, relative to that and to the condition of the first, squared (`enclosing`).
+inline constexpr int union_axes = 48;
 /// A product of a few positive numbers.
 inline constexpr int product = 64;
 /// A sum of a dozen products of positive numbers, among them tan of at most 1.5.

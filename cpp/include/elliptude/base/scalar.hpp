@@ -75,6 +75,12 @@ template <typename Scalar>
   return Scalar(static_cast<Value<Scalar>>(value));
 }
 
+/// What compares with nothing: of a quantity that nobody has set.
+template <typename Scalar>
+[[nodiscard]] constexpr Scalar not_a_number() noexcept {
+  return Scalar(std::numeric_limits<Value<Scalar>>::quiet_NaN());
+}
+
 /// π.
 template <typename Scalar>
 [[nodiscard]] constexpr Scalar pi() noexcept {

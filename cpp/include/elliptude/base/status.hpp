@@ -2,7 +2,8 @@
 
 /// \file
 /// The status that a fallible function returns. Nothing in the library throws: every fallible function is
-/// `[[nodiscard]] Status f(const In&, Out&) noexcept`, and `Out` changes only if the status is `Status::ok`.
+/// `[[nodiscard]] Status f(const In&, Out&) noexcept`, and `Out` changes only if the status is `Status::ok`, but for the
+/// report of an update, which says what happened whatever the status is.
 
 #include <cstdint>
 

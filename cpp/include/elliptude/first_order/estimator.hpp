@@ -11,12 +11,22 @@ namespace elliptude {
 /// another center.
 struct PaperEstimator {
   static constexpr Recentring recentring = Recentring::shifted;
+  /// Whether directions that do not determine an attitude are fused each as what it says.
+  static constexpr bool takes_in_turn = true;
 };
 
-/// The same, except that the Jacobian of the exponential moves ellipsoids to another center. Still of first order: its
-/// sets are bounds only up to terms of second order in the error.
+/// The paper's alone: it has nothing for directions that do not determine an attitude, and they are refused as
+/// `attitude_undetermined` also beside an angular velocity. It is 19 kB less code on a Cortex-M7.
+struct DeterminedPaperEstimator {
+  static constexpr Recentring recentring = Recentring::shifted;
+  static constexpr bool takes_in_turn = false;
+};
+
+/// As `PaperEstimator`, except that the Jacobian of the exponential moves ellipsoids to another center. Still of first
+/// order: its sets are bounds only up to terms of second order in the error.
 struct FirstOrderEstimator {
   static constexpr Recentring recentring = Recentring::first_order;
+  static constexpr bool takes_in_turn = true;
 };
 
 }  // namespace elliptude

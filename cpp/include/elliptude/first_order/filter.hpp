@@ -120,9 +120,12 @@ class AttitudeFilter {
     bool determined = false;
     if (const Status status = find_measured(directions, count, angular_velocity, determined, measured);
         status != Status::ok) {
-      return status == Status::attitude_undetermined && !determined
-                 ? update_in_turn(directions, count, angular_velocity, update)
-                 : status;
+      if constexpr (Estimator::takes_in_turn) {
+        if (status == Status::attitude_undetermined && !determined) {
+          return update_in_turn(directions, count, angular_velocity, update);
+        }
+      }
+      return status;
     }
     Scalar share(0);
     Scalar margin(0);
@@ -142,7 +145,7 @@ class AttitudeFilter {
       return Status::out_of_range;
     }
     MeasuredDirections<Scalar> measured;
-    const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, measured);
+    const Status status = MeasuredDirections<Scalar>::make(directions, count, measured);
     if (status == Status::ok) {
       MeasuredAttitude<Scalar> attitude;
       SymmetricEigen<Scalar, 3> reach;
@@ -214,7 +217,7 @@ class AttitudeFilter {
                                                            bool& determined,
                                                            StateEllipsoid<State>& measured) const noexcept {
     MeasuredDirections<Scalar> attitude;
-    const Status status = MeasuredDirections<Scalar>::make(directions, count, WahbaMethod::foam, attitude);
+    const Status status = MeasuredDirections<Scalar>::make(directions, count, attitude);
     determined = status == Status::ok;
     return determined ? measured_state(attitude, angular_velocity, criterion_, measured) : status;
   }

@@ -199,7 +199,8 @@ class GyroFlow {
  public:
   using State = GyroState<Scalar>;
   struct Input {
-    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
+    /// ω̃, rad/s, body axes, as measured, for the interval. One that was not set is no number, and is refused.
+    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Constant(scalar::not_a_number<Scalar>());
   };
 
   /// \param noise shape of the ellipsoid of v, (rad/s)², constant over an interval and anything in it from one to the

@@ -37,7 +37,7 @@ class GuaranteedFilter {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
-    if (settings.policy > Policy::relaxed || settings.most_wrong < 0 || settings.most_wrong > 2 ||
+    if (settings.policy > Policy::relaxed || settings.most_wrong < 0 || settings.most_wrong > most_that_are_wrong ||
         settings.regain_after < 1 || (measures_rate && !settings.estimates_vector)) {
       return Status::out_of_range;
     }
@@ -48,6 +48,7 @@ class GuaranteedFilter {
     filter.memory_.settings = settings;
     filter.memory_.time = time;
     filter.memory_.known.has_vector_bound = false;
+    filter.memory_.trust = Trust();
     filter.forget();
     return Status::ok;
   }
@@ -91,12 +92,18 @@ class GuaranteedFilter {
   }
 
   /// The angular velocity, or the gyro's bias, is in this ellipsoid at all times, rad/s.
-  /// \return the status of `validate`; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`.
+  /// \return the status of `validate`; `not_positive_definite` of a flat one; `out_of_range` beyond the `FilterDomain`;
+  /// `empty_intersection` where it has nothing in common with what the filter knows of the vector, so that no update
+  /// could succeed.
   [[nodiscard]] Status bound_vector(const Ellipsoid<Scalar, 3>& bound) noexcept {
     if (const Status status = Memory::validated(bound); status != Status::ok) {
       return status;
     }
-    memory_.known.vector_bound = with_least_width(bound);
+    const Ellipsoid<Scalar, 3> wider = with_least_width(bound);
+    if (memory_.contradicts(wider)) {
+      return Status::empty_intersection;
+    }
+    memory_.known.vector_bound = wider;
     memory_.known.has_vector_bound = true;
     if (memory_.known.has_attitude) {
       memory_.confine(memory_.known.set);
@@ -237,9 +244,10 @@ class GuaranteedFilter {
   }
 
   /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start
-  /// it.
+  /// it: look at the claim, as `ok` does not say that there is a set.
+  /// \param update written whatever the status; after a failure with the filter's claim as it was.
   /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity
-  /// given to a gyro's filter, which has it as input, or, where nothing may be left out, of one beyond the
+  /// given to a gyro's filter, which has it as input, of directions at no address, or, where nothing may be left out, of one beyond the
   /// `FilterDomain`, or of more than eight measurements of which some may be wrong; `empty_intersection` if they
   /// contradict the prediction, or each other, and the policy is to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {

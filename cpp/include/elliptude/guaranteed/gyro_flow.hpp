@@ -40,7 +40,8 @@ class GuaranteedGyroFlow {
     last_sample,   ///< that at its end: also what a rate of the beginning is backward in time
   };
   struct Input {
-    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Zero();  ///< ω̃, rad/s, body axes, as measured, for the interval
+    /// ω̃, rad/s, body axes, as measured, for the interval. One that was not set is no number, and is refused.
+    Vector3<Scalar> angular_velocity = Vector3<Scalar>::Constant(scalar::not_a_number<Scalar>());
     /// Bound of the angle that the errors v of the samples make together over this interval, rad, if it is better than
     /// the duration times the noise; negative for none.
     Scalar increment = Scalar(-1);

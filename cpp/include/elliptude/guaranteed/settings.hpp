@@ -13,7 +13,7 @@ template <typename Scalar>
 struct GuaranteedSettings {
   SizeCriterion<Scalar, 6> criterion = SizeCriterion<Scalar, 6>::volume();
   Policy policy = Policy::raise;
-  /// For `Policy::relaxed`: how many of at most eight measurements may be wrong, 0 to 2.
+  /// For `Policy::relaxed`: how many of at most eight measurements may be wrong, 0 to `ELLIPTUDE_MOST_WRONG`, which is 2.
   int most_wrong = 0;
   /// A conditional claim ends after this many updates in a row without contradiction: the set is then taken from the
   /// measurements of that moment alone, if they bound one. If contradictions go on, the past is given up for such a set

@@ -39,41 +39,17 @@ class MeasuredDirections {
   /// `out_of_range` for more than `most_directions`.
   [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count, WahbaMethod method,
                                    MeasuredDirections& measured) noexcept {
-    if (count > most_directions) {
-      return Status::out_of_range;
-    }
-    if (count < 2) {
-      return Status::attitude_undetermined;
-    }
-    MeasuredDirections result;
-    Scalar largest(0);  // the weights count as shares of it
-    for (std::size_t i = 0; i < count; ++i) {
-      if (const Status status = validate(directions[i]); status != Status::ok) {
-        return status;
-      }
-      largest = directions[i].weight > largest ? directions[i].weight : largest;
-    }
-    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
-    for (std::size_t i = 0; i < count; ++i) {
-      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
-      const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      profile += profile_term(Scalar(directions[i].weight / largest), e, b);
-    }
-    if (const Status status = attitude_of_profile(profile, method, result.attitude_); status != Status::ok) {
-      return status;
-    }
-    const Matrix3<Scalar> a = result.attitude_.transpose() * profile;
-    const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
-    const Matrix3<Scalar> inverse = curvature.inverse();
-    for (std::size_t i = 0; i < count; ++i) {
-      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
-      const Vector3<Scalar> b = scalar::unit(directions[i].body);
-      result.terms_[i] = detail::direction_effect(result.attitude_, inverse, Scalar(-directions[i].weight / largest), e,
-                                                  b, directions[i].bound);
-    }
-    result.count_ = count;
-    measured = result;
-    return Status::ok;
+    return make_by([method](const Matrix3<Scalar>& profile,
+                            Matrix3<Scalar>& attitude) { return attitude_of_profile(profile, method, attitude); },
+                   directions, count, measured);
+  }
+
+  /// The same by FOAM: a program that calls nothing else is not linked with the other methods.
+  [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count,
+                                   MeasuredDirections& measured) noexcept {
+    return make_by([](const Matrix3<Scalar>& profile,
+                      Matrix3<Scalar>& attitude) { return foam_attitude_of_profile(profile, attitude); },
+                   directions, count, measured);
   }
 
   [[nodiscard]] const Matrix3<Scalar>& attitude() const noexcept { return attitude_; }
@@ -97,6 +73,47 @@ class MeasuredDirections {
   }
 
  private:
+  /// \param solve finds the attitude of a profile.
+  template <typename Solve>
+  [[nodiscard]] static Status make_by(const Solve& solve, const Direction<Scalar>* directions, std::size_t count,
+                                      MeasuredDirections& measured) noexcept {
+    if (count > most_directions) {
+      return Status::out_of_range;
+    }
+    if (count < 2) {
+      return Status::attitude_undetermined;
+    }
+    MeasuredDirections result;
+    Scalar largest(0);  // the weights count as shares of it
+    for (std::size_t i = 0; i < count; ++i) {
+      if (const Status status = validate(directions[i]); status != Status::ok) {
+        return status;
+      }
+      largest = directions[i].weight > largest ? directions[i].weight : largest;
+    }
+    Matrix3<Scalar> profile = Matrix3<Scalar>::Zero();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
+      profile += profile_term(Scalar(directions[i].weight / largest), e, b);
+    }
+    if (const Status status = solve(profile, result.attitude_); status != Status::ok) {
+      return status;
+    }
+    const Matrix3<Scalar> a = result.attitude_.transpose() * profile;
+    const Matrix3<Scalar> curvature = a.trace() * Matrix3<Scalar>::Identity() - a;
+    const Matrix3<Scalar> inverse = curvature.inverse();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3<Scalar> e = scalar::unit(directions[i].reference);
+      const Vector3<Scalar> b = scalar::unit(directions[i].body);
+      result.terms_[i] = detail::direction_effect(result.attitude_, inverse, Scalar(-directions[i].weight / largest), e,
+                                                  b, directions[i].bound);
+    }
+    result.count_ = count;
+    measured = result;
+    return Status::ok;
+  }
+
   Matrix3<Scalar> attitude_;
   std::array<Matrix3<Scalar>, most_directions> terms_;
   std::size_t count_ = 0;

@@ -17,10 +17,11 @@ struct Direction {
   Matrix3<Scalar> bound;      ///< S, rad²
   Scalar weight;              ///< w in Wahba's problem, positive
 
-  /// A direction known to an angle, rad.
+  /// A direction known to an angle, rad, which must be positive: of another the bound is none, which `validate` refuses
+  /// as `not_positive_definite`.
   [[nodiscard]] static Direction within(const Vector3<Scalar>& reference, const Vector3<Scalar>& body,
                                         const Scalar& angle) noexcept {
-    return {reference, body, angle * angle * Matrix3<Scalar>::Identity(), Scalar(1)};
+    return {reference, body, angle * scalar::abs(angle) * Matrix3<Scalar>::Identity(), Scalar(1)};
   }
 };
 

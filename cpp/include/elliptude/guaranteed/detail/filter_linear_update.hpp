@@ -22,6 +22,8 @@ class FilterLinearUpdate {
   template <int Rows>
   [[nodiscard]] Status run(const LinearMeasurement<Scalar, Rows>& measurement,
                            GuaranteedUpdate<Scalar>& update) noexcept {
+    update = GuaranteedUpdate<Scalar>{};
+    update.claim = filter_.claim;
     if (!filter_.known.has_attitude) {
       return Status::unbounded;
     }

@@ -7,6 +7,7 @@
 #include "elliptude/guaranteed/detail/solution.hpp"
 #include "elliptude/guaranteed/recovery.hpp"
 #include "elliptude/guaranteed/settings.hpp"
+#include "elliptude/sets/overlap.hpp"
 
 namespace elliptude::detail {
 
@@ -31,6 +32,7 @@ struct FilterMemory {
   /// Forgets everything but the bound of the vector.
   void forget() noexcept {
     constraints.count = 0;
+    known.set = Knowledge<State>::no_set();
     known.has_attitude = false;
     known.has_vector = false;
     trust.forget();
@@ -38,7 +40,7 @@ struct FilterMemory {
   }
 
   [[nodiscard]] bool may_be_wrong() const noexcept {
-    return settings.policy == Policy::relaxed && settings.most_wrong > 0;
+    return most_that_are_wrong > 0 && settings.policy == Policy::relaxed && settings.most_wrong > 0;
   }
 
   /// Whether the vector is left to its bound: the set is then a product of the attitude's and of that.
@@ -74,6 +76,16 @@ struct FilterMemory {
         set.shape = product_shape(Matrix3<Scalar>(set.shape.template topLeftCorner<3, 3>()), known.vector_bound.shape);
       }
     }
+  }
+
+  /// Whether a bound of the vector has nothing in common with what is known of it, where that is not the bound itself.
+  [[nodiscard]] bool contradicts(const Ellipsoid<Scalar, 3>& bound) const noexcept {
+    if (leaves_vector() || !(known.has_attitude || known.has_vector)) {
+      return false;
+    }
+    Scalar margin(1);
+    const Ellipsoid<Scalar, 3> present = known.has_attitude ? vector_of(known.set) : known.vector;
+    return overlap_margin(present, bound, margin) == Status::ok && margin < Scalar(0);
   }
 
   /// A set of errors about a center put about its own. All sets but predictions come this way.

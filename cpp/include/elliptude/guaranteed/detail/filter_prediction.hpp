@@ -87,6 +87,7 @@ class FilterPrediction {
     }
     filter_.known.vector = vector;
     filter_.known.has_vector = has_vector;
+    filter_.known.set = Knowledge<State>::no_set();
     filter_.known.has_attitude = false;
     if (!has_vector) {
       filter_.trust.forget();

@@ -35,7 +35,10 @@ class FilterUpdate {
 
   /// `GuaranteedFilter::update`.
   [[nodiscard]] Status run(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
+    update = GuaranteedUpdate<Scalar>{};
+    update.claim = filter_.claim;
     if (measurements.direction_count > most_directions ||
+        (measurements.direction_count > 0 && measurements.directions == nullptr) ||
         (!Memory::measures_rate && measurements.angular_velocity != nullptr)) {
       return Status::out_of_range;
     }

@@ -16,12 +16,18 @@ template <typename State>
 struct Knowledge {
   using Scalar = StateScalar<State>;
 
-  GibbsEllipsoid<State> set;          ///< where the attitude is known
-  Ellipsoid<Scalar, 3> vector;        ///< what is known about the vector while the attitude is not known
-  Ellipsoid<Scalar, 3> vector_bound;  ///< what always holds for the vector
+  GibbsEllipsoid<State> set = no_set();  ///< where the attitude is known; else not finite
+  Ellipsoid<Scalar, 3> vector;           ///< what is known about the vector while the attitude is not known
+  Ellipsoid<Scalar, 3> vector_bound;     ///< what always holds for the vector
   bool has_attitude = false;
   bool has_vector = false;
   bool has_vector_bound = false;
+
+  /// What nobody can take for a set.
+  [[nodiscard]] static GibbsEllipsoid<State> no_set() noexcept {
+    const Scalar none = scalar::not_a_number<Scalar>();
+    return {State{Matrix3<Scalar>::Identity(), Vector3<Scalar>::Constant(none)}, Matrix6<Scalar>::Constant(none)};
+  }
 };
 
 /// What a set says of the vector, and of the attitude, alone.

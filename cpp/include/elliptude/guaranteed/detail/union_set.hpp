@@ -28,9 +28,10 @@ template <typename Scalar>
   // What the second shape errs by, seen from the first, and its axes: the inverse of l is (I + E) L⁻¹ as in
   // `inverse_from_below`.
   const Scalar kappa_squared = inverse.cwiseAbs().lazyProduct(l.cwiseAbs()).squaredNorm();
-  const Scalar lost = (rounding::share<Scalar>(48) * (Scalar(1) + kappa_squared) + Scalar(2) * errors.vectors) *
-                          (Scalar(1) + eigen.values(0)) +
-                      errors.values;
+  const Scalar lost =
+      (rounding::share<Scalar>(rounding::union_axes) * (Scalar(1) + kappa_squared) + Scalar(2) * errors.vectors) *
+          (Scalar(1) + eigen.values(0)) +
+      errors.values;
   const Matrix6<Scalar> axes = l.lazyProduct(eigen.vectors);
   const Vector6<Scalar> widths = eigen.values.cwiseMax(Scalar(1)).array() + lost;
   const Matrix6<Scalar> scaled = axes * widths.asDiagonal();
