@@ -239,10 +239,10 @@ TEST_CASE("The paper's estimator alone refuses what determines no attitude and i
   const std::vector<Direction<double>> directions = measure(random, truth, 3, 0.01);
   const AngularVelocity<double> rate{truth.angular_velocity, 1e-4 * Matrix3<double>::Identity()};
   Update<double> update{};
-  CHECK(alone.update(directions.data(), 1, &rate, update) == Status::attitude_undetermined);
+  CHECK(alone.update(directions.data(), 1, rate, update) == Status::attitude_undetermined);
   CHECK(alone.ellipsoid().shape == start.shape);
-  REQUIRE(with.update(directions.data(), 3, &rate, update) == Status::ok);
-  REQUIRE(alone.update(directions.data(), 3, &rate, update) == Status::ok);
+  REQUIRE(with.update(directions.data(), 3, rate, update) == Status::ok);
+  REQUIRE(alone.update(directions.data(), 3, rate, update) == Status::ok);
   CHECK(alone.ellipsoid().shape == with.ellipsoid().shape);
   CHECK(alone.ellipsoid().center.attitude == with.ellipsoid().center.attitude);
 }
