@@ -14,8 +14,10 @@ from elliptude.io.tables import QUATERNION
 from elliptude.logs import log
 from elliptude.typing import FloatArray
 
-# s; stamps this near are the same.
+# s; stamps this near are the same, as files with microseconds have them.
 _SAME_TIME = 1e-6
+# Where something is proved they must be the same but for what is lost of nanoseconds in a table.
+_EQUAL_TIME = 2e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +71,11 @@ def read_reference(path: str | os.PathLike[str], configuration: Configuration | 
 
 
 def has_sample_at(reference: Reference, times: FloatArray) -> NDArray[np.bool_]:
-    """Whether the reference has a sample at each time, and is not interpolated there, shape (N,)."""
+    """Whether the reference has a sample at each time, neither interpolated nor near to it alone, shape (N,)."""
     known = reference.times
     after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
     nearest = np.minimum(np.abs(known[after] - times), np.abs(known[np.maximum(after - 1, 0)] - times))
-    return np.asarray(nearest <= _SAME_TIME)
+    return np.asarray(nearest <= np.maximum(_EQUAL_TIME, 4.0 * np.spacing(np.abs(times))))
 
 
 def attitudes_at(

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import estimation, logs
+from elliptude.bounds.samples import VectorSensorBounds, accelerometer_bounds
 from elliptude.calibration.calibrate import calibrate, sha256_of
 from elliptude.cli.application import make_app
 from elliptude.configuration import read_configuration
-from elliptude.configuration.calibration import read_statements
+from elliptude.configuration.calibration import AccelerometerCalibration, calibrated_bounds, read_statements
+from elliptude.configuration.configuration import Configuration
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -170,7 +172,41 @@ def test_sensors_without_a_rule_are_corrected_too(folder):
     stated = read_configuration(folder / "stated.toml")
     bounds = stated.sensor_bounds(stated.directions[0])
     assert bounds.averaged_error < 0.2
-    assert stated.correction_of(stated.directions[1]) is not None
+    # An angle is stated of samples as they are.
+    assert stated.correction_of(stated.directions[1]) is None
+
+
+def test_an_offset_goes_with_the_scale_error_that_it_was_found_beside():
+    """What is scale and what is offset is for a statement to say: two ways to take one sensor apart are not mixed."""
+    found = AccelerometerCalibration(
+        kind="accelerometer", name="up", columns=("ax", "ay", "az"), unit="m/s^2", scale_error=0.01,
+        offset_m_per_s2=(0.1, 0.0, 0.0), error_m_per_s2=0.01, averaged_error_m_per_s2=0.01, averaged_over_s=2.0,
+    )  # fmt: skip
+    left = calibrated_bounds(found, VectorSensorBounds(error=0.25, averaged_error=0.25))
+    assert (left.error, left.scale_error, left.averaged_over) == (0.01, 0.01, 2.0)
+    # A sensor whose axes are turned by what is left of the scale, and that has the offset: the raw sample is as stated.
+    sample = 9.807 * np.array([1.0, 0.00999, 0.0]) + np.array([0.1, 0.0, 0.0])
+    assert np.linalg.norm(sample - [9.807, 0.0, 0.0]) < 0.25
+    bounds = accelerometer_bounds((sample - found.offset())[None], 0.0, gravity=9.807, sensor=left)
+    assert np.arccos(bounds.directions[0, 0]) <= bounds.angles[0]
+    assert calibrated_bounds(found, VectorSensorBounds(error=0.05, averaged_error=0.05)) is None
+
+
+def test_what_a_gyro_was_calibrated_with_is_used_with_what_was_found(folder):
+    """A scale error is left beside the noise that the calibration was told, if that is more than the rule's."""
+    tables = configuration()
+    rates = {"kind": "gyro", "name": "the gyro", "columns": tables["flow"]["columns"], "unit": "rad/s"}
+    rates |= {"matrix": (0.99 * np.eye(3)).tolist(), "scale_error": 0.001}
+    for told in ({}, {"noise_deg_per_s": 7.0, "bias_deg_per_s": 0.1, "increment_deg": 9.0}, {"noise_deg_per_s": 7.0}):
+        found = {"recording": "x", "recording_sha256": "0", "sensors": [rates | told]}
+        gyro = Configuration.model_validate(tables | {"calibration": found}).calibrated_rule().gyro
+        plain = Configuration.model_validate(tables).rule.rule().gyro
+        assert gyro.noise_deg_per_s >= 0.99 * max(plain.noise_deg_per_s, told.get("noise_deg_per_s", 0.0))
+        assert gyro.bias_deg_per_s >= 0.99 * max(plain.bias_deg_per_s, told.get("bias_deg_per_s", 0.0))
+        if told and "increment_deg" not in told:
+            assert gyro.increment_deg is None
+        else:
+            assert gyro.increment_deg >= 0.99 * max(plain.increment_deg, told.get("increment_deg", 0.0))
 
 
 def test_a_gyro_of_which_much_is_stated(folder):

@@ -1,4 +1,4 @@
-"""What a rule takes from the rest at the start: means over time, of whole samples; a bias that is known at no instant."""
+"""What a rule takes from the rest at the start: means over time, of whole samples; a bias known at no instant."""
 
 import numpy as np
 import pytest

@@ -9,6 +9,7 @@ import tomlkit
 from datasets import broad, needs_datasets
 from elliptude import cli
 from elliptude.io import column_files, tables
+from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at
 from elliptude.monitoring import Limits
 from elliptude.report import monitored
 from elliptude.report.run import read_run
@@ -405,3 +406,13 @@ def test_a_fault_in_a_real_recording_is_proved(tmp_path, trial):
     tilt = json.loads(done.stdout)["tilt"]
     assert tilt["proved_wrong"] > 0.9 * tilt["bound_deg"]["unconditional"]["rows"]
     assert 40.0 < tilt["largest_least_deg"] < 45.5
+
+
+@pytest.mark.parametrize(("later", "same"), [(0.0, True), (1e-9, True), (-1e-9, True), (1e-8, False), (9e-7, False)])
+def test_a_proof_needs_a_sample_at_the_very_time(later, same):
+    """A sample within a microsecond counts as the row's; but a body turns in that time, so that it proves nothing."""
+    times = 3.0 + 0.01 * np.arange(100)
+    reference = Reference(times + later, Rotation.identity(100))
+    assert (has_sample_at(reference, times) == same).all()
+    rows, _ = attitudes_at(reference, times, np.arange(100), 0.0)
+    assert len(rows) == 100
