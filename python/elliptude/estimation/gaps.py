@@ -241,7 +241,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     ]
     known = ", ".join(stated) or "nothing is known of them"
     without = summary["rows_without_set"]
-    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "none ended with its set lost"
+    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "the row behind each has a set"
     lines = [
         f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
         f"({summary['total_s']:.3g} s in all; {known}): {lost}"

@@ -387,7 +387,7 @@ def test_summary_without_gaps():
     assert summary["listed"][0]["time_s"] == 100.0
     assert len(summary["said"]) == 7
     assert "295 more; summary.json lists 200" in summary["said"][-1]
-    assert summary["said"][0].endswith(" °/s in them): none ended with its set lost")
+    assert summary["said"][0].endswith(" °/s in them): the row behind each has a set")
     for rows, said in ((1, ": 1 row without a set"), (7, ": 7 rows without a set")):
         lost = (*many, gaps.Gap(301.0, 0.1, np.pi, 0.1, 0.3, rows))
         assert gaps.summarize(lost, GyroBounds(0.1, longest_interval=0.01))["said"][0].endswith(said)
