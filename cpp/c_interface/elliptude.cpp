@@ -251,7 +251,9 @@ struct Gyro {
                 static_cast<int>(IntervalRate::last_sample) == ELLIPTUDE_LAST_SAMPLE);
 
   [[nodiscard]] static Status make(const Parameters& parameters, const Number& time, Filter& filter) noexcept {
-    if (parameters.interval_rate < ELLIPTUDE_FIRST_SAMPLE || parameters.interval_rate > ELLIPTUDE_LAST_SAMPLE) {
+    // A largest rate of 0 is a body that never turns, or a bound that nobody has stated.
+    if (parameters.interval_rate < ELLIPTUDE_FIRST_SAMPLE || parameters.interval_rate > ELLIPTUDE_LAST_SAMPLE ||
+        parameters.largest_rate == Number(0)) {
       return Status::out_of_range;
     }
     GyroUncertainty<Number> uncertainty;

@@ -274,6 +274,7 @@ static void parameters_of_gyro(void) {
   REFUSES_AS(bias_bound[2], 0, ELLIPTUDE_NOT_POSITIVE_DEFINITE);
   REFUSES_AS(scale, -1, ELLIPTUDE_OUT_OF_RANGE);
   REFUSES_AS(angular_acceleration, -1, ELLIPTUDE_OUT_OF_RANGE);
+  REFUSES_AS(largest_rate, 0, ELLIPTUDE_OUT_OF_RANGE);
   REFUSES_AS(interval_rate, 4, ELLIPTUDE_OUT_OF_RANGE);
   REFUSES_AS(interval_rate, -1, ELLIPTUDE_OUT_OF_RANGE);
   REFUSES_AS(settings.policy, 9, ELLIPTUDE_OUT_OF_RANGE);
