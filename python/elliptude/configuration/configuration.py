@@ -186,10 +186,17 @@ class Configuration(Model):
                 sensor.require_complete()
             except ValueError as error:
                 raise ValueError(f"directions[{i}]: {error}") from error
+            self._require_how_fast_a_reference_moves(i, sensor)
             if not isinstance(sensor.bound_from, VelocityWindowBound):
                 continue
             needs = f"directions[{i}] ({sensor.name}): bound_from.kind = 'velocity_window' needs"
-            if isinstance(self.flow, GyroFlow) and self.flow.interval_rate != "mean_of_ends":
+            if isinstance(self.flow, RigidBodyFlow):
+                raise ValueError(
+                    f"{needs} a gyro: windows carry a frame along with rates on lines, but torques turn a rigid body "
+                    "between the measurements of its rate. Use bound_from.kind = 'acceleration' or bound_deg, or "
+                    "flow.kind = 'gyro'"
+                )
+            if self.flow.interval_rate != "mean_of_ends":
                 raise ValueError(
                     f"{needs} flow.interval_rate = 'mean_of_ends', as windows carry a frame along with rates on lines"
                 )
@@ -199,6 +206,22 @@ class Configuration(Model):
                     "[velocity]"
                 )
         return self
+
+    def _require_how_fast_a_reference_moves(self, i: int, sensor: AnyDirection) -> None:
+        if self.estimator.mode != "guaranteed" or not isinstance(sensor, Direction):
+            return
+        moves = sensor.reference_columns is not None and sensor.reference_rate_deg_per_s is None
+        if moves and self.time_offset_of(sensor) > 0.0:
+            raise ValueError(
+                f"directions[{i}] ({sensor.name}): reference_rate_deg_per_s: missing; with reference_columns a "
+                "time_offset_bound_s, its own or the gyro's, needs how fast the reference turns at most, in reference "
+                "axes (0 for stars)"
+            )
+
+    def time_offset_of(self, sensor: AnyDirection) -> float:
+        """How far a direction's stamps may be off against the rows, which are at the gyro's times, s."""
+        of_gyro = self.flow.time_offset_bound_s if isinstance(self.flow, GyroFlow) else 0.0
+        return sensor.time_offset_bound_s + of_gyro
 
     def _require_what_a_rule_is_of(self) -> None:
         if self.start is not None:

@@ -260,6 +260,16 @@ class RestPhase(Model):
         return self
 
 
+SUN_ERROR_DEG = 0.03
+"""How far the Sun by time may be off, seen from up to a geostationary orbit's height, from 1950 to 2050.
+
+The almanac's formula is off by up to 0.008 degrees. It says where the Sun is from the Earth's middle: 0.016 degrees are
+the parallax of 42,164 km, 0.0027 that of 7,000 km, and a satellite's own speed adds 0.0015 degrees of aberration there.
+"""
+# rad/s, in axes that do not turn: 1.02 degrees a day, where the Earth is nearest to the Sun, are 2.06e-7.
+_SUN_RATE = 2.1e-7
+
+
 class SunByTime(Model):
     """The Sun by the time of day, in J2000 axes; ``time_zero`` is when the file's clock showed 0."""
 
@@ -276,8 +286,9 @@ class DirectionBase(Timed):
     bound_deg: Angle | None = None
     bound_rad2: Matrix | None = None
     bound_from: AngleBound | AccelerationBound | VelocityWindowBound | FieldBound | None = None
-    # How far the reference direction and the sensor's axes may be off: they add to the bound.
-    reference_error_deg: NotNegative = 0.0
+    # How far the reference direction and the sensor's axes may be off: they add to the bound. Left out, that of the Sun
+    # by time is `SUN_ERROR_DEG`, of other references 0.
+    reference_error_deg: NotNegative | None = None
     alignment_error_deg: NotNegative = 0.0
     weight: Positive = 1.0
 
@@ -285,14 +296,25 @@ class DirectionBase(Timed):
     def _has_one_bound(self) -> Self:
         if any(getattr(self, key) is not None for key in ("bound_deg", "bound_rad2", "bound_from")):
             exactly_one(self, "bound_deg", "bound_rad2", "bound_from")
-        if self.bound_rad2 is not None and self.added_angle:
+        if self.bound_rad2 is not None and (self.reference_error_deg or self.alignment_error_deg):
             raise ValueError("reference_error_deg and alignment_error_deg add to an angle, not to bound_rad2")
         return self
 
     @property
     def added_angle(self) -> float:
         """What errors of reference and alignment add to the bound, rad."""
-        return math.radians(self.reference_error_deg + self.alignment_error_deg)
+        of_reference = self._usual_reference_error if self.reference_error_deg is None else self.reference_error_deg
+        return math.radians(of_reference + self.alignment_error_deg)
+
+    @property
+    def _usual_reference_error(self) -> float:
+        """How far the reference direction may be off where that is not stated, degrees."""
+        return 0.0
+
+    @property
+    def reference_rate(self) -> float:
+        """How fast the reference direction turns at most, in reference axes, rad/s."""
+        return 0.0
 
     def require_complete(self) -> None:
         """Raise ValueError unless the sensor has its bound and its reference, as without a rule it must."""
@@ -322,12 +344,27 @@ class Direction(DirectionBase):
     kind: Literal["direction"] = "direction"
     reference: NonzeroVector | SunByTime | None = None
     reference_columns: Columns | None = None
+    # How fast the reference in the columns turns at most, in reference axes: it moves while a stamp is off.
+    reference_rate_deg_per_s: NotNegative | None = None
     bound_from: AngleBound | None = None
 
     @model_validator(mode="after")
     def _has_a_reference(self) -> Self:
         exactly_one(self, "reference", "reference_columns")
+        if self.reference_rate_deg_per_s is not None and self.reference_columns is None:
+            raise ValueError("reference_rate_deg_per_s: is of reference_columns; how fast the Sun moves is known")
         return self
+
+    @property
+    def _usual_reference_error(self) -> float:
+        return SUN_ERROR_DEG if isinstance(self.reference, SunByTime) else 0.0
+
+    @property
+    def reference_rate(self) -> float:
+        """How fast the reference direction turns at most, in reference axes, rad/s."""
+        if isinstance(self.reference, SunByTime):
+            return _SUN_RATE
+        return math.radians(self.reference_rate_deg_per_s or 0.0)
 
 
 class Accelerometer(DirectionBase):
@@ -413,6 +450,12 @@ class Rate(Timed):
     @model_validator(mode="after")
     def _is_complete(self) -> Self:
         exactly_one(self, "bound_deg_per_s", "bound_rad2_per_s2")
+        if self.time_offset_bound_s > 0.0:
+            bound = "bound_deg_per_s" if self.bound_rad2_per_s2 is None else "bound_rad2_per_s2"
+            raise ValueError(
+                "time_offset_bound_s: is not for a measured rate, as torques may change it by any amount: add to "
+                f"rate.{bound} how much the rate changes in that time, and leave it out"
+            )
         return self
 
     def bound(self) -> FloatArray:

@@ -96,11 +96,8 @@ def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
     bias = np.zeros(3)
     gyro: GyroBounds | None = None
     if isinstance(flow, GyroFlow):
-        bias, gyro = np.deg2rad(flow.known_bias_deg_per_s), flow.bounds()
-    elif configuration.rate is not None:
-        gyro = GyroBounds(noise=_radius(configuration.rate.bound()))
-    if gyro is not None:
-        gyro = replace(gyro, longest_interval=gaps.longest_interval(log, configuration))
+        bias = np.deg2rad(flow.known_bias_deg_per_s)
+        gyro = replace(flow.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     contradictions: list[Contradiction] = []
     found: list[DirectionBounds] = []
     for i, sensor in enumerate(configuration.directions):
@@ -145,20 +142,15 @@ def _of_sensor(
 ) -> DirectionBounds:
     vectors = log.directions[:, i]
     flow = configuration.flow
-    offset = sensor.time_offset_bound_s
-    acceleration = 0.0
-    if isinstance(flow, GyroFlow):
-        offset += flow.time_offset_bound_s
-        acceleration = math.radians(flow.angular_acceleration_deg_per_s2)
-    elif configuration.rate is not None:
-        offset += configuration.rate.time_offset_bound_s
+    offset = configuration.time_offset_of(sensor)
     rates = None if log.rates is None else log.rates - bias
     if isinstance(sensor.bound_from, VelocityWindowBound):
         assert isinstance(sensor, Accelerometer)
+        assert isinstance(flow, GyroFlow)  # the configuration's check
+        assert gyro is not None
         errors = configuration.sensor_bounds(sensor)
-        if gyro is not None and acceleration > 0.0:
+        if flow.angular_acceleration_deg_per_s2 > 0.0:
             # What the rate does between samples is not part of the noise, nor of its integral.
-            assert isinstance(flow, GyroFlow)
             off = flow.off_the_line(gyro.longest_interval)
             gyro = replace(gyro, noise=gyro.noise + off, increment=math.inf)
         velocity = measured_velocity(log, configuration)
@@ -167,9 +159,11 @@ def _of_sensor(
     else:
         turned = np.zeros(len(log.times))
         if offset > 0.0:
-            turned = _turned_by_offset(sensor, log, rates, offset, gyro, acceleration, flow)
+            turned = _turned_by_offset(sensor, log, rates, offset, gyro, flow)
         bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned)
-    return DirectionBounds(bounds.directions, np.minimum(bounds.angles + sensor.added_angle, np.pi), bounds.excess)
+    # While a stamp is off, its reference moves, too. (theory, section 18.3)
+    added = sensor.added_angle + offset * sensor.reference_rate
+    return DirectionBounds(bounds.directions, np.minimum(bounds.angles + added, np.pi), bounds.excess)
 
 
 def _turned_by_offset(
@@ -178,12 +172,9 @@ def _turned_by_offset(
     rates: FloatArray | None,
     offset: float,
     gyro: GyroBounds | None,
-    acceleration: float,
     flow: GyroFlow | RigidBodyFlow,
 ) -> FloatArray:
     """How far the body may turn between a sensor's stamps and the true times, rad, shape (N,)."""
-    if rates is None or gyro is None:
-        raise ValueError(f"{sensor.name!r}: time_offset_bound_s needs a gyro or a measured rate in the log")
     if isinstance(flow, RigidBodyFlow):
         # Between two measurements of its rate a body is turned by torques: no line bounds that.
         if flow.largest_rate_deg_per_s is None:
@@ -191,9 +182,11 @@ def _turned_by_offset(
                 f"{sensor.name!r}: time_offset_bound_s of a rigid body needs flow.largest_rate_deg_per_s: how fast it "
                 "turns between the measurements of its rate"
             )
-        gyro = replace(gyro, longest_interval=1e-9, largest_rate=math.radians(flow.largest_rate_deg_per_s))
+        return np.full(len(log.times), math.radians(flow.largest_rate_deg_per_s) * offset)
+    assert rates is not None
+    assert gyro is not None
     # Rates between the gyro's samples are on lines, which do not show what the true rate does there.
-    rows = log.gyro_rows
+    rows, acceleration = log.gyro_rows, math.radians(flow.angular_acceleration_deg_per_s2)
     if not len(rows):
         return np.full(len(log.times), np.nan)
     return time_offset_angles(
@@ -275,13 +268,12 @@ def _over_windows(
     errors: VectorSensorBounds,
     vectors: FloatArray,
     rates: FloatArray | None,
-    gyro: GyroBounds | None,
+    gyro: GyroBounds,
     log: Log,
     offset: float,
     velocity: MeasuredVelocity | None,
 ) -> DirectionBounds:
-    if rates is None or gyro is None:
-        raise ValueError(f"{sensor.name!r}: bound_from.kind = 'velocity_window' needs a gyro or a measured rate")
+    assert rates is not None  # a gyro's
     # Rows of other sensors, with stamps of their own, are none of a window's. Their rates are on the line between the
     # gyro's, so that without them the turns are the same. (theory, section 18.3)
     rows = log.gyro_rows

@@ -205,3 +205,77 @@ def test_messages_name_value_and_limit(tmp_path, path, value, message):
 def test_a_quaternion_of_any_length(tmp_path, size):
     tables = changed(gyro(), "start.attitude_qw_qx_qy_qz", [size, 0.0, 0.0, 0.0])
     np.testing.assert_array_equal(read(tmp_path, tables).start.build().attitude, np.eye(3))
+
+
+# --- statements of time that a guarantee needs ------------------------------------------------------------------------
+
+
+def guaranteed(tables):
+    tables = {name: table for name, table in tables.items() if name != "start"}
+    return tables | {"estimator": {"mode": "guaranteed"}, "reference_frame": "ENU"}
+
+
+def test_windows_are_not_for_a_rigid_body():
+    """Torques turn it between the measurements of its rate, and lines between them do not show that."""
+    up = {"name": "up", "kind": "accelerometer", "columns": ["a", "b", "c"], "unit": "g"}
+    up["bound_from"] = {"kind": "velocity_window", "windows_s": [2.0], "velocity_m_per_s": 0.01}
+    with pytest.raises(
+        ValueError,
+        match=r"directions\[0\] \(up\): bound_from.kind = 'velocity_window' needs a gyro: .* torques turn a rigid "
+        "body between .*. Use bound_from.kind = 'acceleration' or bound_deg, or flow.kind = 'gyro'",
+    ):
+        Configuration.model_validate(guaranteed(pendulum()) | {"directions": [up]})
+    with_gyro = guaranteed(gyro()) | {"directions": [up]}
+    assert Configuration.model_validate(with_gyro).directions[0].bound_from.velocity_m_per_s == 0.01
+
+
+@pytest.mark.parametrize("bound", ["bound_deg_per_s", "bound_rad2_per_s2"])
+def test_an_offset_of_a_measured_rate_belongs_to_its_bound(bound):
+    tables = guaranteed(pendulum())
+    value = 7.0 if bound == "bound_deg_per_s" else [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]
+    tables["rate"] = {"columns": ["wx", "wy", "wz"], bound: value, "time_offset_bound_s": 0.05}
+    with pytest.raises(ValueError, match=f"rate.{bound} how much the rate changes in that time, and leave it out"):
+        Configuration.model_validate(tables)
+    of_direction = changed(guaranteed(pendulum()), "directions.0.time_offset_bound_s", 0.05)
+    configuration = Configuration.model_validate(of_direction)
+    assert configuration.time_offset_of(configuration.directions[0]) == 0.05
+
+
+@pytest.mark.parametrize("place", ["directions.1", "flow"])
+def test_an_offset_of_a_reference_in_columns_needs_how_fast_it_turns(place):
+    tables = changed(guaranteed(gyro()), f"{place}.time_offset_bound_s", 1.0)
+    with pytest.raises(
+        ValueError, match=r"directions\[1\] \(mag\): reference_rate_deg_per_s: missing; with reference_"
+    ):
+        Configuration.model_validate(tables)
+    configuration = Configuration.model_validate(changed(tables, "directions.1.reference_rate_deg_per_s", 0.126))
+    assert [sensor.reference_rate for sensor in configuration.directions] == [0.0, pytest.approx(np.deg2rad(0.126))]
+    # The modes of first order do not count offsets.
+    Configuration.model_validate(changed(gyro(), f"{place}.time_offset_bound_s", 1.0))
+
+
+def test_how_fast_a_reference_turns_is_of_columns():
+    with pytest.raises(ValueError, match="reference_rate_deg_per_s: is of reference_columns"):
+        Configuration.model_validate(changed(gyro(), "directions.0.reference_rate_deg_per_s", 0.1))
+
+
+def test_the_sun_by_time_may_be_off():
+    """By the almanac and by parallax, if nothing else is stated; an ellipsoid counts as the ball about it."""
+
+    def added(**stated):
+        sun = (
+            {"name": "s", "columns": ["sx", "sy", "sz"]}
+            | ({} if "bound_rad2" in stated else {"bound_deg": 1.0})
+            | stated
+        )
+        sun["reference"] = {"kind": "sun", "time_zero": "2020-01-01T00:00:00Z"}
+        tables = guaranteed(gyro()) | {"directions": [sun], "reference_frame": "J2000"}
+        return np.rad2deg(Configuration.model_validate(tables).directions[0].added_angle)
+
+    assert added() == pytest.approx(0.03)
+    assert added(alignment_error_deg=0.1) == pytest.approx(0.13)
+    assert added(reference_error_deg=0.0) == 0.0
+    assert added(reference_error_deg=0.2) == pytest.approx(0.2)
+    ball = (1e-4 * np.eye(3)).tolist()
+    assert added(bound_rad2=ball) == pytest.approx(0.03)
+    assert Configuration.model_validate(gyro()).directions[0].added_angle == 0.0

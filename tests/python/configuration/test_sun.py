@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from elliptude.configuration import sun
+from elliptude.configuration.sensors import SUN_ERROR_DEG
 from elliptude.simulation import fermi
 from scipy.spatial.transform import Rotation
 
@@ -68,7 +69,10 @@ def test_against_astropy():
         expected = coordinates.get_sun(Time(jd, format="jd", scale="tt")).cartesian.xyz.value.T
     expected /= np.linalg.norm(expected, axis=1)[:, None]
     errors = np.linalg.norm(sun.sun_direction_j2000(jd) - expected, axis=1)
-    assert np.rad2deg(errors.max()) < 0.01
+    almanac, parallax, aberration = np.rad2deg([errors.max(), 42164.0 / 147.09e6, 7.9 / 299792.458])
+    assert almanac < 0.0082
+    # The parallax of a geostationary orbit and the aberration of a low one are not there at once.
+    assert almanac + parallax + aberration < SUN_ERROR_DEG
 
 
 def test_time_of_fermi():

@@ -13,7 +13,9 @@ from elliptude import estimation, logs
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import angle_to_center
 from elliptude.configuration import Configuration
+from elliptude.configuration.references import sun_directions
 from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
+from elliptude.configuration.sensors import SunByTime
 from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
@@ -215,6 +217,57 @@ def test_a_stamp_that_is_off_by_what_is_known_of_the_gyro():
     # Between samples the rate may rise, and fall again, by half a step's acceleration.
     expected = 0.02 + offset * (true + 0.5 * acceleration * step)
     np.testing.assert_allclose(rows.angles[2:-2], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_reference_that_turns_while_a_stamp_is_off(sign):
+    """A body at rest, a reference in columns for the stamp: what is measured is that of a time that is off."""
+    turning, offset, of_gyro, bound = 2.2e-3, 0.7, 0.3, np.deg2rad(0.02)
+    times = np.arange(60.0)
+
+    def reference(at):
+        return np.column_stack([np.cos(turning * at), np.sin(turning * at), 0.0 * at])
+
+    measured = reference(times + sign * ((offset + of_gyro) + bound / turning))
+    log = still_log(times, np.zeros((60, 3)), np.ones(60, bool))
+    log = dataclasses.replace(log, directions=measured[:, None], references=reference(times)[:, None])
+    fields = configured({"time_offset_bound_s": of_gyro}).model_dump(mode="json", exclude_unset=True)
+    fields["directions"] = [
+        {
+            "name": "field",
+            "columns": ["a", "b", "c"],
+            "reference_columns": ["d", "e", "f"],
+            "reference_rate_deg_per_s": np.rad2deg(turning),
+            "bound_deg": np.rad2deg(bound),
+            "time_offset_bound_s": offset,
+        }
+    ]
+    rows = direction_rows(log, Configuration.model_validate(fields))
+    errors = np.linalg.norm(np.cross(rows.directions[1:-1, 0], rows.references[1:-1, 0]), axis=1)
+    # The gyro's noise of 1e-6 deg/s counts in that time, too.
+    assert (errors <= rows.angles[1:-1, 0]).all()
+    assert (errors >= 0.999 * rows.angles[1:-1, 0]).all()
+
+
+def test_the_sun_moves_while_a_stamp_is_off():
+    """Where the Earth is nearest to it the Sun moves by 1.02 degrees a day."""
+    offset, times = 7200.0, 60.0 * np.arange(360.0)
+    shown = SunByTime.model_validate({"kind": "sun", "time_zero": "2020-01-05T00:00:00Z"})
+    log = still_log(times, np.zeros((360, 3)), np.ones(360, bool))
+    log = dataclasses.replace(
+        log,
+        directions=sun_directions(shown, times + offset)[:, None],
+        references=sun_directions(shown, times)[:, None],
+    )
+    fields = configured({"noise_deg_per_s": 1e-9}).model_dump(mode="json", exclude_unset=True)
+    fields["reference_frame"] = "J2000"
+    sun = {"name": "sun", "columns": ["a", "b", "c"], "bound_deg": 1e-6, "reference_error_deg": 0.0}
+    sun |= {"reference": shown.model_dump(mode="json"), "time_offset_bound_s": offset}
+    rows = direction_rows(log, Configuration.model_validate(fields | {"directions": [sun]}))
+    within = slice(130, 230)
+    errors = np.linalg.norm(np.cross(rows.directions[within, 0], rows.references[within, 0]), axis=1)
+    assert (errors <= rows.angles[within, 0]).all()
+    assert (errors >= 0.95 * rows.angles[within, 0]).all()
 
 
 def test_an_ellipsoid_counts_by_its_longest_axis():

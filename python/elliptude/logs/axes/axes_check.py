@@ -172,8 +172,8 @@ def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule)
 
 
 def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuration, rule: Rule) -> VectorStatement:
-    flow, bound = configuration.flow, sensor.bound_from
-    offset = sensor.time_offset_bound_s + (flow.time_offset_bound_s if isinstance(flow, GyroFlow) else 0.0)
+    bound = sensor.bound_from
+    offset = configuration.time_offset_of(sensor)
     if isinstance(sensor, Accelerometer):
         usual, motion = rule.accelerometer, rule.motion.bounds()
         gravity_error = usual.gravity_error_m_per_s2
