@@ -216,7 +216,8 @@ def _across(directions: FloatArray) -> FloatArray:
 def _largest_eigenvalue(entries: list[FloatArray]) -> FloatArray:
     """The largest eigenvalues of symmetric matrices of up to three rows: entries 00, 10, 11, 20, 21, 22.
 
-    Of three, an upper bound: q + 2 p cos φ with cos 3φ = det((A - qI)/p)/2 grows with the determinant.
+    Of three positive semidefinite rows an upper bound: q + 2 p cos φ with cos 3φ = det((A - qI)/p)/2 grows with the
+    determinant, to which is added what rounding may take: of A - qI some ε q, of its share of p some ε q/p.
     """
     if len(entries) == 1:
         return entries[0]
@@ -229,8 +230,10 @@ def _largest_eigenvalue(entries: list[FloatArray]) -> FloatArray:
     spread = np.sqrt(((a * a + b * b + c * c) + 2.0 * (d * d + e * e + f * f)) / 6.0)
     scale = np.where(spread > 0.0, spread, 1.0)
     a, b, c, d, e, f = (entry / scale for entry in (a, b, c, d, e, f))
-    cosine = 0.5 * (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)) + _SHARE
-    return np.asarray(mean + 2.0 * spread * np.cos(np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0))
+    cosine = 0.5 * (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f))
+    cosine += _SHARE * (1.0 + np.abs(mean) / scale)
+    largest = mean + 2.0 * spread * np.cos(np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0)
+    return np.asarray((1.0 + _SHARE) * largest)
 
 
 def _angle_of_sine(share: FloatArray) -> FloatArray:

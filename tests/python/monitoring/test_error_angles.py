@@ -1,5 +1,6 @@
 """Largest and least errors in a set against dense samples, a local optimiser from many starts, and closed forms."""
 
+import mpmath
 import numpy as np
 import pytest
 from elliptude.monitoring import error_angles
@@ -262,18 +263,41 @@ def test_rows_without_a_set_or_an_estimate_are_empty():
     assert np.isnan([without_up.tilt[2], without_up.heading[2], without_up.least_heading[2]]).all()
 
 
+def test_a_truth_half_a_turn_away_is_within_the_bounds():
+    """The three terms of a form are nearly one there, and what rounding takes counts by its root."""
+    rng = np.random.default_rng(0)
+    n = 20_000
+    sizes = np.sort(10.0 ** rng.uniform(-5, 1.5, (n, 3)), axis=1)
+    inside = rng.normal(size=(n, 3))
+    inside *= 0.9 * rng.uniform(size=(n, 1)) / np.linalg.norm(inside, axis=1, keepdims=True)
+    truth = np.concatenate([np.ones((n, 1)), 0.5 * sizes * inside], axis=1)
+    truth /= np.linalg.norm(truth, axis=1, keepdims=True)
+    q0 = rng.normal(size=(n, 4))
+    q0 -= (q0 * truth).sum(axis=1, keepdims=True) * truth
+    q0 /= np.linalg.norm(q0, axis=1, keepdims=True)
+    total = error_angles(q0, sizes[:, :, None] ** 2 * np.eye(3)).total
+    # Found otherwise: twice the angle between the quaternions, which is half a turn but for rounding.
+    assert (total >= np.pi - 4.0 * np.abs((q0 * truth).sum(axis=1)) - 1e-14).all()
+
+
 def test_largest_eigenvalues_are_never_too_small():
-    """Where two of them are one, too, and where all are."""
+    """Where two of them are one, too, and where all are, or nearly."""
     draws = np.random.default_rng(8)
-    values = 10.0 ** draws.uniform(-12.0, 0.0, (4000, 3)) * [1.0, 1e-3, 1e-6]
+    values = 10.0 ** draws.uniform(-12.0, 0.0, (5000, 3)) * [1.0, 1e-3, 1e-6]
     values[1000:2000, 1] = values[1000:2000, 0]
     values[2000:3000, 1] = values[2000:3000, 0] * (1.0 + 10.0 ** draws.uniform(-16.0, -4.0, 1000))
-    values[3000:, 1:] = values[3000:, :1] * (1.0 + 1e-15 * draws.integers(-2, 3, (1000, 2)))
-    axes = Rotation.random(4000, rng=draws).as_matrix()
+    values[3000:4000, 1:] = values[3000:4000, :1] * (1.0 + 1e-15 * draws.integers(-2, 3, (1000, 2)))
+    values[4000:, 1] = values[4000:, 0]
+    values[4000:, 2] = values[4000:, 0] * (1.0 - 10.0 ** draws.uniform(-16.0, 0.0, 1000))
+    axes = Rotation.random(5000, rng=draws).as_matrix()
     forms = np.einsum("nij,nj,nkj->nik", axes, values, axes)
     forms = 0.5 * (forms + forms.swapaxes(1, 2))
     found = _largest_eigenvalue([forms[:, j, k] for j in range(3) for k in range(j + 1)])
-    right = values.max(axis=1)
-    spread = np.sqrt(((values - values.mean(axis=1, keepdims=True)) ** 2).sum(axis=1) / 6.0)
-    assert (found >= right * (1.0 - 16.0 * np.finfo(float).eps)).all()
-    assert (found <= right * (1.0 + 16.0 * np.finfo(float).eps) + 10.0 * np.sqrt(np.finfo(float).eps) * spread).all()
+    with mpmath.workdps(40):
+        exact = [max(mpmath.eigsy(mpmath.matrix(form.tolist()), eigvals_only=True)) for form in forms[::5]]
+        assert all(one >= right for one, right in zip(found[::5], exact, strict=True))
+    right, mean = values.max(axis=1), values.mean(axis=1)
+    spread = np.sqrt(((values - mean[:, None]) ** 2).sum(axis=1) / 6.0)
+    epsilon = np.finfo(float).eps
+    assert (found >= right * (1.0 - 16.0 * epsilon)).all()
+    assert (found <= right * (1.0 + 80.0 * epsilon) + 10.0 * np.sqrt(epsilon * spread * mean)).all()
