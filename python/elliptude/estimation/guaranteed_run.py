@@ -315,7 +315,9 @@ def _coning_rate(log: Log, rows: DirectionRows, flow: GyroFlow, bias: float) -> 
     changes = lengths_of(np.diff(rates, axis=0))
     angles = coning_angles(steps, rates) + steps**2 / 12.0 * bias * changes * (1.0 + 0.125 * steps * changes)
     within = ~rows.gyro.gaps(log.times, rates)
-    return float((angles / steps)[within].max(initial=0.0))
+    # A scale's error makes the true rate up to 1/(1 - k) times as long, and what it turns the cube of that; `gyro_flow`
+    # divides by 1 - k once.
+    return float((angles / steps)[within].max(initial=0.0)) / (1.0 - rows.gyro.scale_error) ** 2
 
 
 def used_rates(log: Log, flow: GyroFlow, rows: DirectionRows) -> FloatArray:

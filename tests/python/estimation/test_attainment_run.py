@@ -95,6 +95,26 @@ def test_a_gyro_that_hides_a_turn(part):
     assert forms[-1] > 0.2  # half of the error left out would be twice as far out
 
 
+def test_a_scale_that_hides_how_the_axis_of_the_rate_moves():
+    """The true rate is 1/(1 - k) times as long as what is shown, and turns the square of that beside its mean."""
+    k, step, count = 0.3, 0.02, 5
+    begin, end = np.deg2rad(500.0) * np.array([[1.0, 0.0, 0.0], [np.cos(0.5), np.sin(0.5), 0.0]])
+    true = np.array([begin, end])[np.arange(count) % 2]
+    times = step * np.arange(count)
+    log = still_log(times, (1.0 - k) * true, np.ones(count, bool))
+    configuration = configured({"scale_error": k})
+    rows = direction_rows(log, configuration)
+    flow = guaranteed_run._filter_input(log, configuration, rows, None).flow
+    fine = (np.arange(2000) + 0.5) / 2000
+    turns = Rotation.from_rotvec(step / 2000 * (begin + np.outer(fine, end - begin)))
+    whole = Rotation.identity()
+    for turn in turns:
+        whole = whole * turn
+    beside = (whole.inv() * Rotation.from_rotvec(0.5 * step * (begin + end))).magnitude()
+    allowed = step * np.sqrt(np.max(np.diag(np.atleast_2d(flow.noise))))
+    assert 0.6 * allowed < beside <= allowed
+
+
 @pytest.mark.parametrize("estimate_bias", [False, True])
 def test_a_bias_that_drifts_to_the_end_of_the_log(estimate_bias):
     bias, drift = 0.01, 0.002
