@@ -37,7 +37,7 @@ class RigidBodyFlow(Model):
     unknown_torque_n_m: NotNegativeBound = 0.0
     control_torque_columns: Columns | None = None
     # For the guaranteed mode: how far the inertia may be off (spectral norm), and the momentum of wheels within the
-    # body, N m s, body axes, each row until its time.
+    # body, N m s, body axes, at each row; between two rows each component is between its two values.
     inertia_error_kg_m2: NotNegative = 0.0
     # For the guaranteed mode: the angular velocity is never larger. Without it and without a measured rate a log of
     # directions alone starts no set.
@@ -51,15 +51,15 @@ class RigidBodyFlow(Model):
         self.build()
         return self
 
-    def guaranteed(self) -> elliptude.GuaranteedRigidBodyFlow:
-        """The core's guaranteed flow."""
+    def guaranteed(self, of_wheels: float = 0.0) -> elliptude.GuaranteedRigidBodyFlow:
+        """The core's guaranteed flow; `of_wheels` is a torque, N m, that is not in the wheels' momentum."""
         inertia = np.asarray(self.inertia_kg_m2)
         body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
         return elliptude.GuaranteedRigidBodyFlow(
             body,
             self.potential.build(body),
             step=self.step_s,
-            unknown_torque=self.unknown_torque_n_m or None,
+            unknown_torque=self.unknown_torque_n_m + of_wheels or None,
             inertia_error=self.inertia_error_kg_m2,
             most_steps=self.most_steps,
         )

@@ -40,7 +40,10 @@ class FilterInput:
     """s, shape (N,)."""
     flow: elliptude.GuaranteedRigidBodyFlow | elliptude.GuaranteedGyroFlow
     motion: dict[str, FloatArray]
-    """Row by row, shape (N, 3) each: `gyro` acts from its row on, `control_torque` and `wheel_momentum` until it."""
+    """Row by row, shape (N, 3) each: `gyro` acts from its row on, `control_torque` and `wheel_momentum` until it.
+
+    What a momentum was before, in the interval that ends at its row, is in the flow's unknown torque.
+    """
     measured: dict[str, Any]
     """Arguments of `GuaranteedFilter.run` that are measurements."""
     sensors: tuple[str, ...]
@@ -268,7 +271,8 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
             motion["wheel_momentum"] = log.wheel_momenta
         largest = flow.largest_rate_deg_per_s
         bound = None if largest is None else float(np.deg2rad(largest))
-        return FilterInput(log.times, flow.guaranteed(), motion, measured, names, bound)
+        body = flow.guaranteed(_torque_of_wheels(log, bound))
+        return FilterInput(log.times, body, motion, measured, names, bound)
     assert log.rates is not None
     assert rows.gyro is not None
     if _anchor_duration(configuration) is not None:
@@ -299,6 +303,28 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
         largest_bias if flow.estimate_bias else _NO_BIAS,
         estimates_vector=configuration.estimates_vector,
     )
+
+
+def _torque_of_wheels(log: Log, largest_rate: float | None) -> float:
+    """The torque of wheels whose momentum changes within intervals, beside that of each row's, N m; section 17.5."""
+    if log.wheel_momenta is None:
+        return 0.0
+    change = float(lengths_of(np.diff(log.wheel_momenta, axis=0)).max(initial=0.0))
+    if change == 0.0:
+        return 0.0
+    changes = f"the momentum changes, by up to {change:.3g} N m s from one row to the next"
+    needs = f"flow.wheel_momentum_columns: {changes}; it needs"
+    if log.control_torques is None:
+        raise ValueError(
+            f"{needs} flow.control_torque_columns, as the motors turn the body the other way: what they take from the "
+            "wheels' momentum in a second is a control torque"
+        )
+    if largest_rate is None:
+        raise ValueError(
+            f"{needs} flow.largest_rate_deg_per_s, as what is between the two values turns the body by a torque of up "
+            "to that times the change"
+        )
+    return (1.0 + 8.0 * float(np.finfo(np.float64).eps)) * largest_rate * change
 
 
 def _coning_rate(log: Log, rows: DirectionRows, flow: GyroFlow, bias: float) -> float:

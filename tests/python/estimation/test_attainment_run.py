@@ -20,6 +20,7 @@ from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import Log
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 G = 9.80665
@@ -214,6 +215,66 @@ def test_a_rate_beyond_all_numbers_says_nothing_of_the_turn(rate):
     estimated = estimation.estimate(log, configured({"anchor_s": 0.5, "interval_rate": "mean_of_ends"}))
     assert np.isfinite(estimated.result.forms).all()
     assert estimated.result.forms.max() <= 1.0
+
+
+# --- a rigid body -----------------------------------------------------------------------------------------------------
+
+
+def log_of_wheels(gain=1e-3, count=21, step=0.1):
+    """A body with a wheel that a motor turns ever faster by a torque that is known, which its momentum grows by."""
+    times, spin = step * np.arange(count), gain / step * X
+
+    def motion(t, y):
+        vector, scalar, rate = y[:3], y[3], y[4:]
+        change = 0.5 * np.append(scalar * rate + np.cross(vector, rate), -vector @ rate)
+        return np.append(change, -np.cross(rate, rate + spin * t) - spin)
+
+    found = solve_ivp(motion, (0.0, times[-1]), [0, 0, 0, 1, 0, 0, 0.5], "DOP853", times, rtol=1e-12, atol=1e-14)
+    return Log(
+        times=times,
+        directions=np.full((count, 2, 3), np.nan),
+        references=np.tile(REFERENCES, (count, 1, 1)),
+        control_torques=np.tile(-spin, (count, 1)),
+        wheel_momenta=np.outer(times, spin),
+        true_attitudes=Rotation.from_quat(found.y[:4].T).as_matrix(),
+        true_vectors=found.y[4:].T,
+    )
+
+
+def body_with_wheels(**flow):
+    given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "rate_rad_per_s": [0.0, 0.0, 0.5]}
+    base = configured({}, start=given | {"P_diagonal": [1e-10] * 6}).model_dump(mode="json", exclude_unset=True)
+    body = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 1.0, 1.0], "step_s": 0.1}
+    return Configuration.model_validate(base | {"flow": body | flow})
+
+
+@pytest.mark.parametrize("unknown", [0.0, 1e-5])
+def test_a_wheel_whose_momentum_changes_within_intervals(unknown):
+    """Each row's momentum is that of the interval's end; what it was before is a torque of up to Ω ‖Δh‖."""
+    log = log_of_wheels()
+    fastest = np.linalg.norm(log.true_vectors, axis=1).max()
+    flow = {"largest_rate_deg_per_s": np.rad2deg(1.001 * fastest), "unknown_torque_n_m": unknown}
+    estimated = estimation.estimate(log, body_with_wheels(**flow))
+    torque = np.sqrt(estimated.guaranteed.given.flow.unknown_torque[0, 0])
+    assert torque == pytest.approx(unknown + 1.001 * fastest * 1e-3)
+    forms = estimated.result.forms
+    assert forms.max() <= 1.0
+    assert forms[-1] > 0.1  # in the mean the momentum is half of its change away
+    still = dataclasses.replace(log, wheel_momenta=np.ones((21, 3)))
+    flow = estimation.estimate(still, body_with_wheels(unknown_torque_n_m=unknown)).guaranteed.given.flow
+    np.testing.assert_allclose(flow.unknown_torque, unknown**2 * np.eye(3))
+
+
+def test_a_wheel_whose_momentum_changes_needs_its_motors_torque_and_how_fast_the_body_turns():
+    log, changes = log_of_wheels(), "the momentum changes, by up to 0.001 N m s from one row to the next; it needs flow"
+    with pytest.raises(ValueError, match=rf"flow.wheel_momentum_columns: {changes}.largest_rate_deg_per_s, as"):
+        estimation.estimate(log, body_with_wheels())
+    with pytest.raises(
+        ValueError, match=rf"{changes}.control_torque_columns, as the motors turn the body the other way"
+    ):
+        estimation.estimate(
+            dataclasses.replace(log, control_torques=None), body_with_wheels(largest_rate_deg_per_s=40.0)
+        )
 
 
 # --- directions -------------------------------------------------------------------------------------------------------

@@ -301,6 +301,7 @@ def test_torques_wheels_and_a_start_are_those_of_the_run():
     quaternion = Rotation.from_matrix(log.true_attitudes[0]).as_quat(scalar_first=True)
     start = {"kind": "given", "attitude_qw_qx_qy_qz": quaternion.tolist(), "P_diagonal": [0.04] * 3 + [0.25] * 3}
     fields = body(QUESTIONS, policy="drop_measurement").model_dump(mode="json", exclude_unset=True)
+    fields["flow"]["largest_rate_deg_per_s"] = 60.0
     configuration = Configuration.model_validate(fields | {"start": start})
     # The centers are compared row by row: a filter with other input would be elsewhere.
     answers = estimation.estimate(log, configuration).answers
