@@ -32,7 +32,7 @@ from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
-from elliptude.logs.repair import Repaired, Survey, require_rows_in_time, survey
+from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
 from elliptude.typing import FloatArray
 
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
@@ -193,11 +193,20 @@ def open_configured(path: LogSource, configuration: Configuration) -> LogFile:
         leaving out rows that are late would hide.
     """
     file = open_log(path, configuration.stated(), lenient=configuration.timing.repair)
-    if configuration.timing.repair:
-        return Repaired(file, survey(file, clocks_of(file, configuration)))
-    if configuration.timing.backward == "drop":
+    timing, is_guaranteed = configuration.timing, configuration.estimator.mode == "guaranteed"
+    if timing.repair:
+        repaired = Repaired(file, survey(file, clocks_of(file, configuration)))
+        if is_guaranteed:
+            # That a torque acts since the one before, over empty cells, is for a user to say.
+            unstated: tuple[Lost, ...] = ("empty",) if timing.largest_gap_s is None else ()
+            require_torques(file, repaired.found, ("rows", "samples", *unstated), "a repair")
+        return repaired
+    if timing.backward == "drop":
         # The rows that are left out may be all that shows how much time went by.
-        require_rows_in_time(file, faults_of(path, configuration))
+        found = faults_of(path, configuration)
+        require_rows_in_time(file, found)
+        if is_guaranteed:
+            require_torques(file, found, ("rows",), "timing.backward = 'drop'")
     return file
 
 
@@ -227,6 +236,8 @@ def with_all_faults(error: FileError, path: LogSource, configuration: Configurat
     if found.hopeless:
         # What a key would leave out is no advice for a file that no repair mends.
         return FileError(f"{path}: {'; '.join(found.hopeless)}{f'. Besides: {listed}' if listed else ''}")
+    if found.lost_torques and configuration.estimator.mode == "guaranteed":
+        return FileError(f"{error}. In all: {listed}")  # a repair would be refused
     return FileError(f"{error}. In all: {listed}. --repair leaves them out, and lists them (timing.repair = true)")
 
 

@@ -8,7 +8,7 @@ right. So a clock that was set back is no fault that can be left out: nothing sa
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,10 @@ class Fault:
         return f"{self.what}: {self.count}{where}"
 
 
+Lost: TypeAlias = Literal["rows", "samples", "empty"]
+"""How a sample is lost: rows or lines are left out, or samples; or cells are empty, which a user may have a word on."""
+
+
 @dataclass(eq=False)
 class Survey:
     """What is wrong in a log, and what a repair leaves out."""
@@ -70,6 +74,8 @@ class Survey:
     """Rows of each stream that are left out, in order."""
     samples: dict[str, _Rows] = field(default_factory=dict)
     """Rows in which a column's cells are left out."""
+    lost_torques: dict[Lost, list[Fault]] = field(default_factory=dict)
+    """What is lost with them of torques and wheels' momenta, which act since the row before; of the faults."""
 
     def lines(self) -> list[str]:
         """What was left out, a line for each kind."""
@@ -110,10 +116,11 @@ def survey(file: LogFile, clocks: Sequence[Clock]) -> Survey:
     """
     found = Survey()
     if isinstance(file, CsvTable):
-        _look_at_lines(file, found)
+        _look_at_lines(file, found, has_torques=any(map(_has_torques, clocks)))
     if isinstance(file, CsvFolder):
         for stem in dict.fromkeys(stem for clock in clocks for stem in file.files_of(clock.stream)):
-            _look_at_lines(file.tables[stem], found, f"{stem}.csv, ")
+            there = any(_has_torques(clock) for clock in clocks if stem in file.files_of(clock.stream))
+            _look_at_lines(file.tables[stem], found, f"{stem}.csv, ", has_torques=there)
     for stream in dict.fromkeys(clock.stream for clock in clocks):
         _look_at_stream(file, [clock for clock in clocks if clock.stream == stream], found)
     return found
@@ -145,14 +152,49 @@ def require_rows_in_time(file: LogFile, found: Survey) -> None:
         )
 
 
+def require_torques(file: LogFile, found: Survey, kinds: Sequence[Lost], left_out_by: str) -> None:
+    """Refuse a log of which torques are lost: the next one is no bound of what acted in their intervals.
+
+    Parameters
+    ----------
+    file : LogFile
+    found : Survey
+        Of it.
+    kinds : sequence of {"rows", "samples", "empty"}
+        What counts.
+    left_out_by : str
+        The key that leaves them out, for the message.
+
+    Raises
+    ------
+    FileError
+        If there is one.
+    """
+    lost = [fault for kind in kinds for fault in found.lost_torques.get(kind, [])]
+    if lost:
+        raise FileError(
+            f"{file.path}: {left_out_by} does not go with a control torque or a wheel's momentum in the guaranteed "
+            f"mode: {'; '.join(map(str, lost))}. The torque in the interval that ends there is then unknown. Write "
+            "into the file what it was, or cut the file there"
+        )
+
+
+def _has_torques(clock: Clock) -> bool:
+    return any(channel.fill == "next" for channel in clock.channels)
+
+
+def _fault(file: LogFile, rows: _Rows, what: str, done: str) -> Fault:
+    first = [int(row) for row in rows[:MOST_PLACES]]
+    places = [place or f"sample {row + 1}" for place, row in zip(file.places_of_rows(first), first, strict=True)]
+    return Fault(what, len(rows), tuple(places), done)
+
+
 def _add(found: Survey, file: LogFile, rows: _Rows, what: str, done: str) -> None:
     if len(rows):
-        first = [int(row) for row in rows[:MOST_PLACES]]
-        places = [place or f"sample {row + 1}" for place, row in zip(file.places_of_rows(first), first, strict=True)]
-        found.faults.append(Fault(what, len(rows), tuple(places), done))
+        found.faults.append(_fault(file, rows, what, done))
 
 
-def _look_at_lines(file: CsvTable, found: Survey, where: str = "") -> None:
+def _look_at_lines(file: CsvTable, found: Survey, where: str = "", *, has_torques: bool) -> None:
     uneven, words = file.odd_lines()
     for lines, what, done in (
         (file.repeated_headings(), "lines that repeat the header", "left out"),
@@ -162,6 +204,8 @@ def _look_at_lines(file: CsvTable, found: Survey, where: str = "") -> None:
         if lines:
             places = tuple(f"{where}line {line}" for line in lines[:MOST_PLACES])
             found.faults.append(Fault(what, len(lines), places, done))
+            if has_torques and lines is uneven:
+                found.lost_torques.setdefault("rows", []).append(found.faults[-1])
 
 
 def _look_at_stream(file: LogFile, clocks: Sequence[Clock], found: Survey) -> None:
@@ -205,6 +249,35 @@ def _look_at_stream(file: LogFile, clocks: Sequence[Clock], found: Survey) -> No
                 _add(found, file, without, f"rows without {channel.name}", "a gap")
             rows = _contradicting(times[clock.column], own, left_out)
             _leave_out(file, found, channel, rows, "that differ at the same time", "all of them left out")
+            if channel.fill == "next":
+                _look_for_lost_torques(file, found, clock, channel, times[clock.column], own, left_out)
+
+
+def _look_for_lost_torques(
+    file: LogFile,
+    found: Survey,
+    clock: Clock,
+    channel: Channel,
+    times: FloatArray,
+    own: NDArray[np.uint64],
+    left_out: NDArray[np.bool_],
+) -> None:
+    """What is lost of a torque; ``own`` are its marks, 0 where there is none or it is left out."""
+    kept = np.flatnonzero(~left_out & ~np.isnan(times))
+    # A row that has the time and the torque of one that is kept is a repetition.
+    rows = np.flatnonzero(left_out)
+    begins, ends = (np.searchsorted(times[kept], times[rows], side) for side in ("left", "right"))
+    again = [(own[kept[a:b]] == own[row]).any() for row, a, b in zip(rows, begins, ends, strict=True)]
+    bad = np.setdiff1d(found.samples.get(channel.columns[0], np.empty(0, np.intp)), rows)
+    empty = np.setdiff1d(kept[own[kept] == 0], bad)
+    lost: dict[Lost, tuple[_Rows, str]] = {
+        "rows": (rows[~np.array(again, dtype=np.bool_)], f"rows with {channel.name} that are left out"),
+        "samples": (bad, f"samples of {channel.name} that are left out"),
+        "empty": (empty, f"rows without {channel.name}"),
+    }
+    for kind, (where, what) in lost.items():
+        if len(where):
+            found.lost_torques.setdefault(kind, []).append(_fault(file, where, what, "lost"))
 
 
 def _leave_out(file: LogFile, found: Survey, channel: Channel, rows: _Rows, what: str, done: str) -> None:

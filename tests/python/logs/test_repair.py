@@ -235,3 +235,75 @@ def test_parquet_nan_and_batches(tmp_path, monkeypatch):
     log = joined(list(logs.read_pieces(path, configured())))
     assert len(log.times) == count - 1
     assert len(log.gyro_times) == count - 3
+
+
+# --- torques ----------------------------------------------------------------------------------------------------------
+
+
+def of_body(*, mode="guaranteed", columns="control_torque_columns", **timing):
+    flow = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 2.0, 2.5], "step_s": 0.01, columns: ["gx", "gy", "gz"]}
+    start = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1.0] * 6}
+    return configured(flow=flow, timing=timing, estimator={"mode": mode}, start=start)
+
+
+def lost(rows):
+    """A log with a fault in some rows, and the places that a message names."""
+    changed = clean()
+    for k, written in rows.items():
+        changed[k] = written
+    return changed
+
+
+LOST_TORQUES = [
+    ({17: "0,17;NaN;NaN;NaN;0;0;1"}, r"rows without \w+ \w+ \w+: 1 \(line 19\)"),
+    ({17: "0,17;;;;0;0;1"}, r"rows without .*: 1 \(line 19\)"),
+    ({17: row(0.17, 17).replace("0,5", "1e40")}, r"samples of .* that are left out: 1 \(line 19\)"),
+    ({17: row(0.17, 17).replace("0,5", "")}, r"samples of .* that are left out: 1 \(line 19\)"),
+    ({17: row(1e9, 17), 28: row(0.005, 28)}, r"rows with .* that are left out: 2 \(line 19, line 30\)"),
+    ({17: row(0.17, 17).replace("0,17", "NaN")}, r"rows with .* that are left out: 1 \(line 19\)"),
+    ({17: "0,17;1"}, r"lines without the 7 columns of the header: 1 \(line 19\)"),
+    ({17: row(0.16, 17)}, r"samples of .* that are left out: 2 \(line 18, line 19\)"),
+]
+
+
+@pytest.mark.parametrize("columns", ["control_torque_columns", "wheel_momentum_columns"])
+@pytest.mark.parametrize(("rows", "places"), LOST_TORQUES)
+def test_a_torque_that_is_lost_is_not_the_next_one(tmp_path, rows, places, columns):
+    path = write(tmp_path, lost(rows))
+    name = "the control torque" if columns.startswith("control") else "the wheel momentum"
+    why = rf"a repair does not go with a control torque or a wheel's momentum .*: .*{places}.* is then unknown"
+    with pytest.raises(FileError, match=why) as caught:
+        logs.read_log(path, of_body(repair=True, columns=columns))
+    assert name in str(caught.value) or "lines without" in str(caught.value)
+    # The modes of first order promise nothing.
+    logs.read_log(path, of_body(repair=True, mode="first_order", columns=columns))
+
+
+def test_a_repair_that_loses_no_torque(tmp_path):
+    rows = clean()
+    rows[17] = row(0.17, 17, "0;0;0")
+    rows.insert(30, rows[29])
+    rows.insert(12, HEADER)
+    log = logs.read_log(write(tmp_path, rows), of_body(repair=True))
+    assert len(log.times) == 40
+    np.testing.assert_array_equal(log.control_torques[:, 0], np.arange(40))
+
+
+def test_a_row_that_is_dropped_loses_its_torque(tmp_path):
+    path = write(tmp_path, lost({17: row(0.18, 18), 18: row(0.17, 17)}))
+    with pytest.raises(FileError, match=r"timing.backward = 'drop' does not go with .*: 1 \(line 20\)"):
+        logs.read_log(path, of_body(backward="drop"))
+    assert len(logs.read_log(path, of_body(backward="drop", mode="first_order")).times) == 39
+
+
+@pytest.mark.parametrize("repair", [False, True])
+def test_an_empty_torque_is_a_statement_of_the_next_one(tmp_path, repair):
+    """It acts since the torque before it: over rows of other sensors in between, too."""
+    path = write(tmp_path, lost({k: f"{H * k:.6g};;;;0;0;1".replace(".", ",") for k in (17, 18)}))
+    log = logs.read_log(path, of_body(repair=repair, largest_gap_s=0.05))
+    np.testing.assert_array_equal(log.control_torques[15:21, 0], [15.0, 16.0, 19.0, 19.0, 19.0, 20.0])
+    with pytest.raises(FileError, match=r"0\.03 s after the sample of the control torque before it, more than"):
+        logs.read_log(path, of_body(repair=repair, largest_gap_s=0.025))
+    with pytest.raises(FileError, match=r"rows without the control torque: 2") as caught:
+        logs.read_log(path, of_body(repair=repair))
+    assert "--repair" not in str(caught.value), "which would be refused"
