@@ -67,7 +67,9 @@ def _tables_of(
             option = "--gyro" if name == "gyroscope" else f"--{name}"
             _require_none(f"is of the columns that {option} names", {f"{option}-unit": unit})
     if config is not None:
-        return load_toml(config), config
+        tables = load_toml(config)
+        mapping.configuration_of(tables, config)  # what follows takes them as sound
+        return tables, config
     if like is not None:
         if like not in presets():
             raise typer.BadParameter(f"{like!r} is none of {', '.join(presets())}", param_hint="--like")

@@ -30,7 +30,11 @@ def clocks_of(file: LogFile, configuration: Configuration, names: Sequence[str] 
         column, unit = _stamps_of(file, configuration, timed, stream)
         for other in (column, *channel.columns):
             if file.stream(other) != stream:
-                raise FileError(f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows")
+                about = "; ".join(said for one in (channel.columns[0], other) if (said := file.about(one)))
+                raise FileError(
+                    f"{file.path}: {channel.columns[0]!r} and {other!r} have not the same rows"
+                    f"{f': {about}' if about else ''}"
+                )
         delay = timed.delay_s if timed else 0.0
         clock = clocks.setdefault(
             (column, unit, delay), Clock(column, unit, delay, column != configuration.time_column, [], stream)

@@ -509,6 +509,10 @@ class Repaired:
         """See `LogFile`."""
         return self._file.stamps(stream)
 
+    def about(self, column: str) -> str:
+        """See `LogFile`."""
+        return self._file.about(column)
+
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
         """See `LogFile`."""
         without = self._left_out(columns[0])

@@ -20,7 +20,7 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
-from elliptude.io.readers.base import LogFile
+from elliptude.io.readers.base import LogFile, require_columns
 from elliptude.io.readers.counted import ROW_TIME, CountedRows
 from elliptude.io.readers.open import LogSource
 from elliptude.io.readers.text.csv import CsvTable
@@ -84,6 +84,7 @@ def of_preset(name: str, file: LogFile, at_rest: AtRest | None = None) -> Tables
         complete_xsens(tables, file)
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         sensor["columns"] = [_found(column, file) for column in sensor["columns"]]
+    require_columns(file, tables["flow"]["columns"])
     if "directions" in tables:
         tables["directions"] = [one for one in tables["directions"] if set(file.columns).issuperset(one["columns"])]
     if "velocity" in tables and not set(file.columns).issuperset(tables["velocity"]["columns"]):
@@ -181,7 +182,9 @@ def as_written(tables: Tables, file: LogFile, *, repair: bool) -> Tables:
 def _own_stamps(file: LogFile, tables: Tables) -> tuple[str, str] | None:
     """The column and the unit of the stamps that the gyro's stream has of its own."""
     columns = tables.get("flow", {}).get("columns", [])
-    return file.stamps(file.stream(columns[0])) if columns else None
+    if not columns or columns[0] not in file.columns:  # those who read it all say what is wrong
+        return None
+    return file.stamps(file.stream(columns[0]))
 
 
 def _is_absolute(file: LogFile, column: str, unit: Any) -> bool:
@@ -373,7 +376,8 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
     if not isinstance(flow, dict) or flow.get("kind") != "gyro":
         raise FileError(f"{path}: bounds are proposed from a gyro, and what is beside it: flow.kind = 'gyro' is needed")
     flow.setdefault("noise_deg_per_s", 1.0)
-    for sensor in full.get("directions", []):
+    directions = full.get("directions")
+    for sensor in directions if isinstance(directions, list) else []:
         if isinstance(sensor, dict):
             if not sensor.keys() & {"bound_deg", "bound_rad2", "bound_from"}:
                 sensor["bound_deg"] = 1.0

@@ -3,7 +3,9 @@
 import functools
 import gzip
 
+import numpy as np
 import pytest
+import recorders
 from elliptude import cli
 from typer.testing import CliRunner
 
@@ -263,3 +265,55 @@ def test_check_names_all_faults(tmp_path):
     done = CliRunner().invoke(app(), ["check", str(log), str(config), "--repair"])
     assert "repaired: rows that repeat the row above: 1 (line 22), left out" in done.output
     assert done.exit_code == 0, done.output
+
+
+SAMPLES = {"t": np.arange(9) / 100.0, "acc": np.ones((9, 3)), "mag": np.ones((9, 3))}
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({}, "no column 'gyr[0]'; it has no columns"),
+        ({"t": 1.0, "gyr": 2.0}, "no column 'gyr[0]': array gyr has the shape (); it has no columns"),
+        (SAMPLES, "no column 'gyr[0]'; the columns are t, acc[0], acc[1], acc[2], mag[0], mag[1], mag[2]"),
+        (SAMPLES | {"gyr": np.ones(9)}, "no column 'gyr[0]': array gyr has the shape (9,); the columns are t, "),
+        (SAMPLES | {"gyr": np.ones((9, 3), object)}, "no column 'gyr[0]': array gyr holds objects, not numbers"),
+        (
+            SAMPLES | {"gyr": np.ones((9, 3), complex)},
+            "no column 'gyr[0]': array gyr holds complex numbers, not numbers",
+        ),
+        (SAMPLES | {"gyr": np.ones((9, 3), str)}, "no column 'gyr[0]': array gyr holds text, not numbers"),
+        (
+            SAMPLES | {"t": np.arange(30), "gyr": np.ones((3, 30))},
+            "'gyr[0]' and 't' have not the same rows: array gyr has the shape (3, 30): transpose it, so that a row is "
+            "a sample; array t has the shape (30,)",
+        ),
+    ],
+)
+def test_arrays_that_do_not_fit_the_preset(tmp_path, arrays, message):
+    np.savez(tmp_path / "log.npz", **arrays)
+    assert f"log.npz: {message}" in refused(tmp_path, "bounds", tmp_path / "log.npz", "--like", "broad")
+
+
+def test_a_ulog_without_a_sample(tmp_path):
+    fields = {"timestamp": np.empty(0, int), "gyro_rad": np.empty((0, 3))}
+    recorders.write_ulog(tmp_path / "log.ulg", [("sensor_combined", 0, fields)])
+    nothing = "': no topic has a sample: the log ends before the first one; it has no columns"
+    said = refused(tmp_path, "bounds", tmp_path / "log.ulg", "--like", "px4")
+    assert f"log.ulg: no column 'sensor_combined.gyro_rad[0]{nothing}" in said
+    named = ("--gyro", "a.x,a.y,a.z", "--gyro-unit", "rad/s", "--time", "a.t")
+    assert f"log.ulg: no column 'a.x{nothing}" in refused(tmp_path, "bounds", tmp_path / "log.ulg", *named)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("flow = 3", "flow.kind = 'gyro' is needed"),
+        ("flow = { kind = 'gyro', columns = 3 }", "flow.columns: must be a list, not 3"),
+        (CONFIG.replace("[[directions]]", "[directions]", 1).split("[[")[0], "directions: must be a list"),
+        (CONFIG.replace('"t"', "3"), "time_column: must be text in quotes, not 3"),
+    ],
+)
+def test_bounds_of_a_bad_configuration(tmp_path, content, message):
+    config = write(tmp_path / "config.toml", content)
+    assert message in refused(tmp_path, "bounds", write(tmp_path / "log.csv", lines({})), config)

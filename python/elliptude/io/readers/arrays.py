@@ -19,6 +19,18 @@ MOST_COLUMNS = 10_000
 
 # What a MATLAB file since version 7.3 has behind its first 512 bytes, and an HDF5 file at its beginning.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+# What arrays of other kinds hold, by `numpy.dtype.kind`.
+_OTHER_KINDS = {
+    "O": "objects",
+    "c": "complex numbers",
+    "U": "text",
+    "S": "text",
+    "M": "dates",
+    "m": "times",
+    "V": "records",
+}
+# A matrix of so few rows, and more columns, has its samples side by side.
+_MOST_COMPONENTS = 9
 
 
 class _NamedArrays(NumbersAlone):
@@ -34,9 +46,12 @@ class _NamedArrays(NumbersAlone):
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = as_path(path)
         self._lengths: dict[str, int] = {}
+        self._all: dict[str, tuple[tuple[int, ...], str]] = {}
+        """Shape and kind of each array, also of those that are no columns."""
         self._sources: dict[str, tuple[str, int | None]] = {}
         """The array that a column is in, and which column of it."""
-        for name, (shape, kind) in self._read(self._shapes).items():
+        self._all |= self._read(self._shapes)
+        for name, (shape, kind) in self._all.items():
             if kind in "biuf" and len(shape) in {1, 2} and all(n <= MOST_COLUMNS for n in shape[1:]):
                 found = {name: None} if len(shape) == 1 else {f"{name}[{i}]": i for i in range(shape[1])}
                 self._sources |= {column: (name, i) for column, i in found.items()}
@@ -73,6 +88,17 @@ class _NamedArrays(NumbersAlone):
         yield {
             column: numbered(arrays[name] if i is None else arrays[name][:, i]) for column, (name, i) in sources.items()
         }
+
+    def about(self, column: str) -> str:
+        """See `LogFile`: what the array is that would have the column."""
+        name = column if column in self._all else column.rpartition("[")[0]
+        if name not in self._all:
+            return ""
+        shape, kind = self._all[name]
+        if kind not in "biuf":
+            return f"array {name} holds {_OTHER_KINDS.get(kind, 'something else')}, not numbers"
+        lies = len(shape) == 2 and shape[0] <= _MOST_COMPONENTS < shape[1]
+        return f"array {name} has the shape {shape}{': transpose it, so that a row is a sample' if lies else ''}"
 
     def place(self, column: str, row: int) -> str:
         """See `LogFile`."""

@@ -64,6 +64,9 @@ class LogFile(Protocol):
     def place(self, column: str, row: int) -> str:
         """Where a cell is, for a message: "line 812, column 9 (sun_bx)". ``row`` counts from 0 in its stream."""
 
+    def about(self, column: str) -> str:
+        """What a message says of a column beside its name, or of one that is not there; empty if that is nothing."""
+
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Where rows are, for messages: "line 812"; empty if the streams do not share their rows.
 
@@ -99,6 +102,10 @@ class NumbersAlone:
         """Any column may hold the times."""
         return None
 
+    def about(self, column: str) -> str:
+        """Nothing."""
+        return ""
+
 
 def require_columns(file: LogFile, names: Sequence[str]) -> None:
     """Raise FileError unless each column is there, once.
@@ -115,11 +122,12 @@ def require_columns(file: LogFile, names: Sequence[str]) -> None:
     """
     for name in names:
         if file.columns.count(name) != 1:
-            there_are = ", ".join(file.columns)
-            there_are = there_are if len(there_are) <= 300 else f"{there_are[:296]} ..."
+            there_are = f"the columns are {', '.join(file.columns)}" if file.columns else "it has no columns"
+            there_are = there_are if len(there_are) <= 320 else f"{there_are[:316]} ..."
             fault = "two columns" if name in file.columns else "no column"
             meant = "" if name in file.columns else did_you_mean(name, file.columns)
-            raise FileError(f"{file.path}: {fault} {name!r}{meant}; the columns are {there_are}")
+            about = f": {said}" if (said := file.about(name)) else ""
+            raise FileError(f"{file.path}: {fault} {name!r}{about or meant}; {there_are}")
 
 
 def numbered(values: NDArray[np.generic]) -> Cells:

@@ -79,6 +79,10 @@ class CountedRows:
             return self.file.place(column, row)
         return next(iter(self.file.places_of_rows([row])), f"row {row + 1}")
 
+    def about(self, column: str) -> str:
+        """See `LogFile`."""
+        return self.file.about(column)
+
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """See `LogFile`."""
         return self.file.places_of_rows(rows)

@@ -78,6 +78,10 @@ class UlogFile(NumbersAlone):
         """See `elliptude.io.readers.base.LogFile`."""
         return f"sample {row + 1} of {column}"
 
+    def about(self, column: str) -> str:
+        """See `LogFile`: whether anything was recorded."""
+        return "" if self.columns else "no topic has a sample: the log ends before the first one"
+
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Empty: topics do not share their rows."""
         return [""] * len(rows)

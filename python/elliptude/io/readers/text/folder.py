@@ -122,6 +122,10 @@ class CsvFolder:
         table, name = self.table_of(column)
         return f"{self.stream(column)}.csv, {table.place(name, row)}"
 
+    def about(self, column: str) -> str:
+        """Nothing."""
+        return ""
+
     def places_of_rows(self, rows: Sequence[int]) -> list[str]:
         """Empty: files do not share their rows."""
         return [""] * len(rows)
