@@ -17,7 +17,7 @@ from elliptude.estimation import gaps
 from elliptude.estimation.estimator import estimate
 from elliptude.estimation.guaranteed_result import dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
-from elliptude.from_arrays.inputs import times_of, vectors_of
+from elliptude.from_arrays.inputs import times_of, unit_of_time, vectors_of
 from elliptude.io.files import FileError
 from elliptude.io.readers.arrays import ArrayLog
 from elliptude.io.toml import validate
@@ -38,8 +38,8 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
     "acc": units.ACCELERATION,
     "mag": units.FIELD,
 }
-# s; no gyro in a hand, a drone, a car or a boat is read so seldom.
-_NO_SECONDS = 0.9
+# What to do where a rule does not fit the arrays.
+_REMEDY = "statements='recording' takes bounds from what the recording itself shows"
 # Medians in SI units beyond these show that the unit is not what is stated.
 _PLAUSIBLE = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
 
@@ -77,7 +77,7 @@ def ahrs(
     except ValueError as error:
         if statements not in get_args(Carried):
             raise
-        raise ValueError(f"statements={statements!r}: {error}. {_remedy(times_of(time))}") from error
+        raise ValueError(f"statements={statements!r}: {error}. {unit_of_time(times_of(time)) or _REMEDY}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
     dropped = dropped_columns(run)
@@ -114,15 +114,6 @@ def ahrs(
         ),
         columns=columns,
     )
-
-
-def _remedy(times: FloatArray) -> str:
-    """What to do where a rule does not fit the arrays."""
-    step = float(np.median(np.diff(times)))
-    if step < _NO_SECONDS:
-        return "statements='recording' takes bounds from what the recording itself shows"
-    unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
-    return f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
 
 
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:

@@ -6,10 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.logs.alignment import LARGEST_TIME_S
 from elliptude.typing import FloatArray
 
 # In the unit that is stated; no sensor shows more.
 _LARGEST = 1e9
+# s; no gyro in a hand, a drone, a car or a boat is read so seldom.
+_NO_SECONDS = 0.9
 
 
 def times_of(time: Any) -> FloatArray:
@@ -33,7 +36,20 @@ def times_of(time: Any) -> FloatArray:
         k = int(np.argmax(back))
         before = f"time[{k - 1}], {float(times[k - 1])!r}"
         raise ValueError(f"time[{k}] is {float(times[k])!r}, not after {before}: times must increase")
+    far = np.abs(times - (times[0] if abs(times[0]) <= LARGEST_TIME_S else 0.0)) > LARGEST_TIME_S
+    if far.any():
+        k = int(np.argmax(far))
+        raise ValueError(unit_of_time(times) or f"time[{k}]: the time {times[k]:.6g} s: is its unit right?")
     return times
+
+
+def unit_of_time(times: FloatArray) -> str:
+    """The question whether times are in a smaller unit than seconds, if their steps are so long; else empty."""
+    step = float(np.median(np.diff(times)))
+    if step < _NO_SECONDS:
+        return ""
+    unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
+    return f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
 
 
 def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> FloatArray:

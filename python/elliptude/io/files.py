@@ -60,6 +60,21 @@ def system_fault(error: OSError) -> str:
     return _SYSTEM_FAULTS.get(error.errno or 0) or error.strerror or "it cannot be read"
 
 
+def sentence(text: str) -> str:
+    """A message with a mark at its end, so that another sentence can follow.
+
+    Parameters
+    ----------
+    text : str
+        With a question mark at its end, a full stop, or without any.
+
+    Returns
+    -------
+    str
+    """
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The known name that is most like another one, as the end of a message; empty if none is.
 

@@ -21,6 +21,11 @@ from elliptude.typing import FloatArray
 LARGEST_VALUE = 1e30
 """No sensor measures more, in any unit; the squares of larger numbers are soon beyond what a double holds."""
 
+LARGEST_TIME_S = 1e10
+"""Of a recording, 317 years from its origin; a double tells times there apart by 2 µs, and later ones less well."""
+# Since the year 1, as some count, it is 6.4e10.
+_LARGEST_ORIGIN_S = 1e11
+
 BoolArray: TypeAlias = NDArray[np.bool_]
 Fill: TypeAlias = Literal["none", "linear", "previous", "next"]
 """The value of a channel between two samples: none, one on the line between both, or one of them."""
@@ -154,15 +159,23 @@ def first_second(file: LogFile, clock: Clock, batch: Batch, timing: Timing) -> i
     Raises
     ------
     FileError
-        If there is none.
+        If there is none, or none that is a time.
     """
-    cells = batch[clock.column]
+    cells, per_second = batch[clock.column], units.TICKS_PER_SECOND[clock.unit]
     present = np.flatnonzero(~cells.empty & np.isfinite(cells.values))
     if timing.origin is None and (not len(present) or not _lose_digits(cells.values[present], clock.unit)):
         return 0
     if not len(present):
         raise FileError(f"{file.path}: {file.place(clock.column, 0)}: no time stamp to begin with")
-    return int(cells.values[present[0]] // units.TICKS_PER_SECOND[clock.unit])
+    first = float(cells.values[present[0]]) / per_second
+    middle = float(np.sort(cells.values[present])[len(present) // 2]) / per_second
+    if abs(first) > _LARGEST_ORIGIN_S or abs(first - middle) > LARGEST_TIME_S:
+        raise FileError(f"{file.path}: {file.place(clock.column, int(present[0]))}: {_is_no_time(first)}")
+    return int(cells.values[present[0]] // per_second)
+
+
+def _is_no_time(seconds: float) -> str:
+    return f"the time {seconds:.6g} s: is its unit right?"
 
 
 def _lose_digits(ticks: NDArray[np.float64] | NDArray[np.int64], unit: units.TimeUnit) -> bool:
@@ -255,6 +268,7 @@ def _take_stamps(rows: _Rows, clock: Clock, origin: int) -> _Stamps:
     rows.refuse(~np.isfinite(cells.values) & present, column, "not a finite number")
     if not clock.is_own:
         rows.refuse(~present, column, "empty")
+    _require_times(rows, clock, present, origin)
     times = _seconds(rows.file, clock, cells.values, present, origin)
     # Compared with the latest stamp of all rows before.
     latest = np.maximum.accumulate(np.concatenate([[clock.last], np.where(present, times, -np.inf)]))[:-1]
@@ -271,6 +285,19 @@ def _take_stamps(rows: _Rows, clock: Clock, origin: int) -> _Stamps:
     clock.stamps.append(times[is_new] - clock.delay)
     clock.rows.append(rows.first + np.flatnonzero(is_new))
     return _Stamps(present, times[present])
+
+
+def _require_times(rows: _Rows, clock: Clock, present: BoolArray, origin: int) -> None:
+    """Refuse stamps so far from the origin that they are no times, before anything is subtracted from whole numbers."""
+    per_second = units.TICKS_PER_SECOND[clock.unit]
+    ticks = np.where(present, rows.batch[clock.column].values, float(origin * per_second))
+    seconds = ticks / per_second - origin
+    far = present & (np.abs(seconds) > LARGEST_TIME_S)
+    if far.any():
+        with np.errstate(over="ignore"):
+            steps = np.diff(seconds[present])
+        usual = f" The steps are {np.median(steps):.6g} s (median)" if len(steps) else ""
+        rows.refuse(far, clock.column, f"{_is_no_time(float(seconds[np.argmax(far)]))}{usual}")
 
 
 def _seconds(

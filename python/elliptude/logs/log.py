@@ -26,7 +26,7 @@ from elliptude.configuration.sensors import (
     SunByTime,
     WorldModel,
 )
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
@@ -236,9 +236,10 @@ def with_all_faults(error: FileError, path: LogSource, configuration: Configurat
     if found.hopeless:
         # What a key would leave out is no advice for a file that no repair mends.
         return FileError(f"{path}: {'; '.join(found.hopeless)}{f'. Besides: {listed}' if listed else ''}")
+    said = f"{sentence(str(error))} In all: {listed}"
     if found.lost_torques and configuration.estimator.mode == "guaranteed":
-        return FileError(f"{error}. In all: {listed}")  # a repair would be refused
-    return FileError(f"{error}. In all: {listed}. --repair leaves them out, and lists them (timing.repair = true)")
+        return FileError(said)  # a repair would be refused
+    return FileError(f"{said}. --repair leaves them out, and lists them (timing.repair = true)")
 
 
 def _filled(configuration: Configuration) -> str:

@@ -26,6 +26,8 @@ _A_STEP = 0.9
 _NO_PAUSE = 0.95
 # Rows of which each is earlier than the one above show that all are in reverse order; in fewer a clock may have jumped.
 _LEAST_REVERSED = 3
+# Ticks of a clock; stamps beyond it are none, and count as this.
+_FARTHEST = 1e300
 MOST_PLACES = 20
 """How many places of a fault are kept, the first ones."""
 _MOST_SAID = 3
@@ -293,7 +295,8 @@ def _times(cells: Cells, column: str, origins: dict[str, int]) -> FloatArray:
     if values.dtype == np.int64 and there.any():
         # Whole numbers since 1970 have more digits than a double.
         values = values - origins.setdefault(column, int(values[there][0]))
-    return np.where(there, values.astype(np.float64), np.nan)
+    # Bounded, so that there are numbers for all differences.
+    return np.where(there, np.clip(values.astype(np.float64), -_FARTHEST, _FARTHEST), np.nan)
 
 
 def _bad_samples(batch: Batch, channel: Channel) -> dict[str, _Rows]:

@@ -109,7 +109,8 @@ def _delay(
     if most < 1:
         return None
     shifts = np.arange(-most, most + 1) * step
-    numbers = np.floor((times - times[0]) / piece).astype(np.intp)
+    # Pieces are as many as there are rows in, not as there are seconds.
+    numbers = np.unique(np.floor((times - times[0]) / piece), return_inverse=True)[1]
     inside = (times >= times[0] + most * step) & (times <= times[-1] - most * step)
     sums: FloatArray = np.zeros((len(shifts), numbers[-1] + 1))
     counts = np.zeros_like(sums)

@@ -267,6 +267,18 @@ def test_check_names_all_faults(tmp_path):
     assert done.exit_code == 0, done.output
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time", ["1e300", "-1e300", "1e308", "1e17", "-1e17", "2e10", "-2e10"])
+@pytest.mark.parametrize("i", [0, 399])
+def test_a_stamp_that_is_no_time(tmp_path, time, i):
+    log = write(tmp_path / "log.csv", lines(cell(i, 0, time)))
+    config = write(tmp_path / "config.toml", CONFIG)
+    for command in (("estimate", log, "--config", config, "--out", tmp_path / "out"), ("bounds", log, config)):
+        said = refused(tmp_path, *command)
+        assert f"line {i + 2}, column 1 (t): the time {float(time):g} s: is its unit right?" in said
+        assert "?." not in said
+
+
 SAMPLES = {"t": np.arange(9) / 100.0, "acc": np.ones((9, 3)), "mag": np.ones((9, 3))}
 
 

@@ -331,3 +331,13 @@ def test_times_that_are_no_seconds_are_named(factor, unit):
     still = np.ones((2000, 1))
     with pytest.raises(ValueError, match=rf"time is in s, and its steps are .* s \(median\): are they {unit}\?"):
         el.ahrs(0.01 * factor * np.arange(2000), still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("k", "time"), [(0, -1e300), (0, -2e10), (1999, 1e300), (1999, 1e17), (1999, 1.7e9 + 2e10)])
+@pytest.mark.parametrize("begin", [0.0, 1.7e9])
+def test_a_stamp_that_is_no_time(k, time, begin):
+    still, times = np.ones((2000, 1)), begin + 0.01 * np.arange(2000)
+    times[k] = time
+    with pytest.raises(ValueError, match=rf"time\[{k}\]: the time {re.escape(f'{time:.6g}')} s: is its unit right\?"):
+        el.ahrs(times, still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])

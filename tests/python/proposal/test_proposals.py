@@ -13,7 +13,7 @@ from elliptude import cli
 from elliptude.configuration import rules
 from elliptude.configuration.rules import apply_rule, hand_held, read_rule
 from elliptude.io import tables
-from elliptude.proposal import proposals
+from elliptude.proposal import delays, proposals
 from elliptude.proposal.proposals import Recording
 from elliptude.proposal.vectors import angles_between as angle_between
 from elliptude.proposal.vectors import propose_vector
@@ -427,3 +427,11 @@ def test_no_rest_a_magnetic_reference_from_medians(tmp_path):
 def test_the_rule_is_valid_toml():
     assert isinstance(hand_held(), rules.Rule)
     assert tomllib.loads((rules.resources.files("elliptude") / "data/bounds/hand_held.toml").read_text())
+
+
+def test_a_stamp_far_ahead_costs_no_memory():
+    """Pieces are as many as there are rows in, not as there are seconds."""
+    times = np.append(0.01 * np.arange(1000), 9e9)
+    rates = np.column_stack([np.sin(times), np.cos(0.7 * times), 0.3 * np.sin(2.0 * times)])
+    turned = Rotation.from_rotvec(np.cumsum(0.01 * rates, axis=0)).inv().apply([0.0, 0.6, -0.8])
+    delays.delay_of_vectors(times, turned, rates)
