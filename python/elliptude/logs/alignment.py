@@ -26,6 +26,11 @@ LARGEST_TIME_S = 1e10
 # Since the year 1, as some count, it is 6.4e10.
 _LARGEST_ORIGIN_S = 1e11
 
+
+class OutOfOrderError(FileError):
+    """A row's time is before that of a row above; which of the two is wrong, only the rows around them say."""
+
+
 BoolArray: TypeAlias = NDArray[np.bool_]
 Fill: TypeAlias = Literal["none", "linear", "previous", "next"]
 """The value of a channel between two samples: none, one on the line between both, or one of them."""
@@ -196,10 +201,10 @@ class _Rows:
     first: int
     timing: Timing
 
-    def refuse(self, bad: BoolArray, column: str, fault: str) -> None:
-        """Raise FileError for the first bad row, if there is one."""
+    def refuse(self, bad: BoolArray, column: str, fault: str, error: type[FileError] = FileError) -> None:
+        """Raise an error for the first bad row, if there is one."""
         if bad.any():
-            raise FileError(f"{self.file.path}: {self.file.place(column, self.first + int(np.argmax(bad)))}: {fault}")
+            raise error(f"{self.file.path}: {self.file.place(column, self.first + int(np.argmax(bad)))}: {fault}")
 
     def missing(self, columns: tuple[str, ...]) -> BoolArray:
         """Rows without these numbers, shape (N,). The numbers of a row are there together or not at all."""
@@ -275,7 +280,7 @@ def _take_stamps(rows: _Rows, clock: Clock, origin: int) -> _Stamps:
     late, again = present & (times < latest), present & (times == latest)
     fault = "not after the time of the row before"
     if timing.backward == "refuse":
-        rows.refuse(late, column, f"{fault}: timing.backward = 'drop' would leave it out")
+        rows.refuse(late, column, f"{fault}: timing.backward = 'drop' would leave it out", OutOfOrderError)
     if timing.repeated == "refuse":
         rows.refuse(again, column, f"{fault}: timing.repeated = 'merge' would make them one")
     present = present & ~late

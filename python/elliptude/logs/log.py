@@ -30,7 +30,7 @@ from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
-from elliptude.logs.alignment import Piece, first_second, pieces, take
+from elliptude.logs.alignment import OutOfOrderError, Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
 from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
 from elliptude.typing import FloatArray
@@ -236,6 +236,8 @@ def with_all_faults(error: FileError, path: LogSource, configuration: Configurat
     if found.hopeless:
         # What a key would leave out is no advice for a file that no repair mends.
         return FileError(f"{path}: {'; '.join(found.hopeless)}{f'. Besides: {listed}' if listed else ''}")
+    if isinstance(error, OutOfOrderError) and found.ahead:
+        error = FileError(f"{path}: {found.ahead[0]}: after the time of rows below, so that it alone is wrong")
     said = f"{sentence(str(error))} In all: {listed}"
     if found.lost_torques and configuration.estimator.mode == "guaranteed":
         return FileError(said)  # a repair would be refused

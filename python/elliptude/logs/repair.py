@@ -22,6 +22,10 @@ from elliptude.typing import FloatArray
 
 # Of the usual step between stamps: two rows that are further apart may be neighbours, and have room for no other.
 _A_STEP = 0.9
+# The same where a stamp is far ahead, so that rows behind it that go on from the row before it are no chance.
+_A_SHORT_STEP = 0.75
+# Long steps that are far.
+_FAR = 3.0
 # A step that so many of all are shorter than is a long one, but no pause.
 _NO_PAUSE = 0.95
 # Rows of which each is earlier than the one above show that all are in reverse order; in fewer a clock may have jumped.
@@ -413,9 +417,9 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     long = float(np.quantile(steps[steps > 0.0], _NO_PAUSE)) if (steps > 0.0).any() else 0.0
 
-    def have_room(count: int, room: float) -> bool:
+    def have_room(count: int, room: float, step: float = _A_STEP) -> bool:
         """Whether the time between two rows is that of this many rows, and a lost one perhaps."""
-        return _A_STEP * (count + 1) * usual <= room <= (count + 2) * long
+        return step * (count + 1) * usual <= room <= (count + 2) * long
 
     latest, before = 0, -1  # the last row that is kept, and the one before it
     i = 1
@@ -433,7 +437,9 @@ def _out_of_order(times: FloatArray, marks: NDArray[Any]) -> tuple[_Rows, _Rows,
         fits = repeats or (end < len(times) and have_room(len(run), after - times[latest]))
         if end < len(times) or len(run) == 1:
             fits = fits or _have_places(times[run], np.append(times[max(i - 1000, 0) : i], times[end : end + 1]), usual)
-        if len(run) > 1 and goes_on and (before < 0 or have_room(1, room)) and not repeats:
+        is_far = times[latest] - times[i] > _FAR * long
+        has_room = before < 0 or have_room(1, room, _A_SHORT_STEP if is_far else _A_STEP)
+        if len(run) > 1 and goes_on and has_room and not repeats:
             ahead.append(latest)
             latest = i
             i += 1

@@ -307,3 +307,34 @@ def test_an_empty_torque_is_a_statement_of_the_next_one(tmp_path, repair):
     with pytest.raises(FileError, match=r"rows without the control torque: 2") as caught:
         logs.read_log(path, of_body(repair=repair))
     assert "--repair" not in str(caught.value), "which would be refused"
+
+
+def test_a_stamp_far_ahead_between_short_steps():
+    """The rows behind it go on from the one before it: a short step and a usual one are room enough."""
+    times = [1.0 + H * i for i in range(50)]
+    times[21:] = [time - 0.3 * H for time in times[21:]]
+    for far in (1.9, 100.0, 1e9, 1e300):
+        assert order([*times[:20], far, *times[21:]]) == ([], [20], [])
+    # Not so if it is no more than a few steps ahead, or if the rows behind it leave no room for it.
+    assert order([*times[:20], times[21] + 0.5 * H, *times[21:]])[1] == []
+    assert order([*times[:20], 100.0, *(time - 0.5 * H for time in times[21:])]) == ([], [], [21])
+    # A row was lost, and the clock was set back by little more than a step.
+    assert order([*times[:20], times[20] + H, *(time + 0.6 * H for time in times[21:])])[1] == []
+
+
+@pytest.mark.parametrize("far", ["100.2", "1e9", "1e300"])
+def test_one_stamp_far_ahead_is_named_and_its_row_alone_left_out(tmp_path, far):
+    rows = clean()
+    rows[20] = ";".join([far.replace(".", ","), *rows[20].split(";")[1:]])
+    rows[21:] = [row(H * (i - 0.3), i) for i in range(21, 40)]
+    path = write(tmp_path, rows)
+    for backward in ("refuse", "drop"):
+        with pytest.raises(FileError, match=r"log.csv: line 22, column 1 \(t\): ") as raised:
+            logs.read_log(path, configured(timing={"backward": backward}))
+        assert "line 23" not in str(raised.value)
+        assert "--repair leaves" in str(raised.value)
+        assert "Cut the file" not in str(raised.value)
+    log = logs.read_log(path, configured())
+    kept = [i for i in range(40) if i != 20]
+    np.testing.assert_allclose(log.times, [H * (i - 0.3 * (i > 20)) for i in kept], atol=1e-12)
+    np.testing.assert_array_equal(log.rates[:, 0], kept)
