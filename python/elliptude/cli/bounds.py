@@ -15,6 +15,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from elliptude import units
 from elliptude.cli.columns import in_words as columns_in_words
 from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
@@ -22,6 +23,7 @@ from elliptude.cli.outputs import require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
+from elliptude.configuration.sensors import Magnetometer
 from elliptude.io.files import FileError, replacing
 from elliptude.io.readers.open import open_log
 from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
@@ -59,6 +61,8 @@ _NOTE = (
 )
 
 _DELIMITERS: dict[str, Delimiter] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
+# Units in which an accelerometer may be, those that can be stated and others.
+_ACCELERATIONS: dict[str, float] = dict(units.ACCELERATION) | {"mm/s²": 1e-3}
 _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
 
 
@@ -200,8 +204,8 @@ def bounds(
     mode = _mode(mode, tables)
     repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
     recording, origin = mapping.read_recording(source, configuration)
-    _require_gravity(recording, source)
-    heard = _look(source, configuration, refuse=out is not None or rule is not None)
+    _require_gravity(recording, configuration, source)
+    heard = _look(source, configuration, recording, refuse=out is not None or rule is not None)
     if not reference:
         recording = dataclasses.replace(recording, attitudes=None)
     with _naming(source):
@@ -250,32 +254,62 @@ def bounds(
         typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
 
 
-def _require_gravity(recording: Recording, log: NamedFile) -> None:
-    """Refuse acceleration without gravity: a filter has subtracted its own idea of up, and nothing measured is left."""
-    if recording.specific_forces is None:
+def _require_gravity(recording: Recording, configuration: Configuration, log: NamedFile) -> None:
+    """Refuse acceleration that is far from gravity: in another unit, or without it.
+
+    Where a filter has subtracted its own idea of up, nothing measured is left.
+    """
+    sensor = configuration.accelerometer
+    if sensor is None or recording.specific_forces is None:
         return
     lengths = np.linalg.norm(recording.specific_forces, axis=1)
-    if np.isfinite(lengths).any() and (median := float(np.nanmedian(lengths))) < 0.5 * STANDARD_GRAVITY:
-        raise FileError(
-            f"{log}: the accelerometer shows {median:.3g} m/s², the median of its lengths, where one at rest shows "
-            f"{STANDARD_GRAVITY:g}: without gravity (linear or user acceleration), or in free fall, it does not show "
-            "which way is up. Or its unit is another one"
-        )
+    median = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else STANDARD_GRAVITY
+    if _is_gravity(median):
+        return
+    number = median / units.ACCELERATION[sensor.unit]
+    fitting = [unit for unit, size in _ACCELERATIONS.items() if _is_gravity(number * size)]
+    unit = f"is its unit {' or '.join(fitting) or 'right'}?"
+    if fitting and fitting[0] not in units.ACCELERATION:
+        unit += f" Only {', '.join(units.ACCELERATION)} can be stated"
+    without = "without gravity (linear or user acceleration), or in free fall, it does not show which way is up. Or "
+    raise FileError(
+        f"{log}: the accelerometer shows {median:.3g} m/s², the median of its lengths, where one at rest shows "
+        f"{STANDARD_GRAVITY:g}: {without if median < STANDARD_GRAVITY else ''}{unit}"
+    )
 
 
-def _look(log: NamedFile, configuration: Configuration, *, refuse: bool) -> plausibility.Heard:
+def _is_gravity(length: float) -> bool:
+    return 0.5 <= length / STANDARD_GRAVITY <= 2.0
+
+
+def _look(log: NamedFile, configuration: Configuration, recording: Recording, *, refuse: bool) -> plausibility.Heard:
     """What contradicts between the log and its configuration, as degrees declared as radians, or may.
 
     Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
+    of_field = _field_in_another_unit(recording, configuration)
     if refuse:
+        if of_field and configuration.implausible == "refuse":
+            raise plausibility.ImplausibleError(str(log), of_field)
         next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
+        heard.ignored += of_field
         return heard
     ignoring = configuration.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
         next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
+    heard.ignored += of_field
     return heard
+
+
+def _field_in_another_unit(recording: Recording, configuration: Configuration) -> list[str]:
+    """What is said of a magnetometer that would show the Earth's field in another unit than the stated one."""
+    sensor = next((one for one in configuration.directions if isinstance(one, Magnetometer)), None)
+    if sensor is None or recording.fields is None or not np.isfinite(recording.fields[:, 0]).any():
+        return []
+    strength = units.FIELD["uT"] * float(np.nanmedian(np.linalg.norm(recording.fields, axis=1)))
+    said = plausibility.field_in_another_unit(strength, sensor)
+    return [f"{sensor.name}: {said}"] if said else []
 
 
 @contextmanager

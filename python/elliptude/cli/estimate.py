@@ -98,6 +98,7 @@ def estimate(
     Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
     measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
     names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
+    The exit code is 1 if no row has a set and none says where up is.
     """
     configuration = with_repair(read_configuration(config), repair)
     if ignore_implausible:
@@ -133,10 +134,12 @@ def estimate(
             html_report.write_report(replace(run, axes=axes), report, source.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
-        return
-    _say(source, summary)
-    for file in files:
-        typer.echo(f"  {file}")
+    else:
+        _say(source, summary)
+        for file in files:
+            typer.echo(f"  {file}")
+    if _is_nothing_known(summary):
+        raise typer.Exit(1)
 
 
 def _questions_of(names: str) -> list[Question]:
@@ -149,8 +152,16 @@ def _questions_of(names: str) -> list[Question]:
     return [one for one in known if one in asked]
 
 
+def _is_nothing_known(summary: dict[str, Any]) -> bool:
+    """Whether no row of the guaranteed mode has a set, nor says where up is."""
+    of_up = summary.get("up_claim_share_of_rows")
+    return bool(summary.get("why_no_set")) and (of_up is None or of_up["none"] == 1.0)
+
+
 def _say(log: NamedFile, summary: dict[str, Any]) -> None:
     """Print the main figures of the summary."""
+    if hints := summary.get("why_no_set"):
+        typer.secho(f"{log}: no row has a set: {'; '.join(hints)}", fg=typer.colors.RED)
     for one in summary["repaired"]:
         typer.secho(f"repaired: {one['said']}", fg=typer.colors.YELLOW)
     for one in summary["implausible"]:
@@ -201,8 +212,6 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
             f"  the bounds are proposals from {recording}, so that the sets are no guarantee: once there is a reason "
             "for each bound, delete bounds_from_recording in the configuration"
         )
-    for hint in summary["why_no_set"]:
-        typer.secho(f"  no set at any row: {hint}", fg=typer.colors.YELLOW)
     for sensor, rows in summary["contradicted_rows"].items():
         what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
         typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")

@@ -7,7 +7,7 @@ A log that does not turn shows nothing, and neither does one in which the gyro's
 bias β the change is b̄ × (φ - hβ) over a step h, so that the slope is sought beside three more unknowns.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
@@ -18,7 +18,7 @@ from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, sentence
 from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, joined
@@ -75,6 +75,24 @@ class Finding:
         return f"{self.sensor}: {self.message}" if self.sensor else self.message
 
 
+class ImplausibleError(FileError):
+    """What contradicts within a log, and what to do if it is right.
+
+    Parameters
+    ----------
+    name : str
+        Name of the log.
+    errors : sequence of str
+    """
+
+    def __init__(self, name: str, errors: Sequence[str]) -> None:
+        self.errors = tuple(errors)
+        super().__init__(
+            f"{name}: {sentence('; '.join(errors))} If it is right as it is, say implausible = 'ignore' in the "
+            "configuration, or --ignore-implausible of estimate"
+        )
+
+
 class _WrongUnit(Finding):
     """One that only the unit of the rate, or of time, explains."""
 
@@ -119,7 +137,7 @@ def plausible_pieces(
 
     Raises
     ------
-    FileError
+    ImplausibleError
         With all errors that were found, unless the configuration says to ignore them.
     """
     waiting: list[Log] = []
@@ -154,10 +172,7 @@ def _require_plausible(log: Log, configuration: Configuration, name: str, heard:
     if not errors:
         return is_told
     if configuration.implausible == "refuse":
-        raise FileError(
-            f"{name}: {'; '.join(errors)}. If it is right as it is, say implausible = 'ignore' in the configuration, "
-            "or --ignore-implausible of estimate"
-        )
+        raise ImplausibleError(name, errors)
     heard.ignored += errors
     heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
     return True
@@ -212,14 +227,22 @@ def units_of_field(strength: float, sensor: Magnetometer) -> list[str]:
     return [unit for unit, size in fields.items() if WEAKEST_FIELD <= size <= STRONGEST_FIELD]
 
 
+def field_in_another_unit(strength: float, sensor: Magnetometer) -> str:
+    """What is said of a field (T) that is not the Earth's as stated, and would be in another unit; else empty."""
+    fitting = " or ".join(units_of_field(strength, sensor))
+    if sensor.unit == "normalized" or WEAKEST_FIELD <= strength <= STRONGEST_FIELD or not fitting:
+        return ""
+    shown = f"{strength / sensor.tesla:.4g} {sensor.unit}"
+    return f"its median norm is {shown}, which is not the Earth's field; it would be in {fitting}"
+
+
 def voids_statements(strength: float, sensor: AnyDirection, configuration: Configuration) -> bool:
     """Whether a field (T) is too strong in the stated unit and not in another: errors in µT then count too little."""
     return (
         isinstance(sensor, Magnetometer)
-        and sensor.unit != "normalized"
         and (configuration.rule is not None or isinstance(sensor.bound_from, FieldBound))
         and strength > STRONGEST_FIELD
-        and bool(units_of_field(strength, sensor))
+        and bool(field_in_another_unit(strength, sensor))
     )
 
 
@@ -230,9 +253,8 @@ def _fields_in_other_units(log: Log, configuration: Configuration) -> list[Findi
         strengths = strengths[np.isfinite(strengths)]
         strength = float(np.median(strengths)) if len(strengths) else 0.0
         if isinstance(sensor, Magnetometer) and voids_statements(strength, sensor, configuration):
-            what = f"its median norm is {strength / sensor.tesla:.4g} {sensor.unit}, which is not the Earth's field"
-            fitting = " or ".join(units_of_field(strength, sensor))
-            message = f"{what}; it would be in {fitting}, and what is stated of its errors in µT counts too little"
+            what = field_in_another_unit(strength, sensor)
+            message = f"{what}, and what is stated of its errors in µT counts too little"
             found.append(Finding("error", sensor.name, message))
     return found
 

@@ -329,3 +329,25 @@ def test_a_ulog_without_a_sample(tmp_path):
 def test_bounds_of_a_bad_configuration(tmp_path, content, message):
     config = write(tmp_path / "config.toml", content)
     assert message in refused(tmp_path, "bounds", write(tmp_path / "log.csv", lines({})), config)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "factor", "unit", "message"),
+    [
+        ("a", 1000.0, "m/s^2", "shows 9.8e+03 m/s², the median of its lengths, where one at rest shows 9.80665: is its "
+         "unit mm/s²? Only m/s^2, g, mg can be stated"),
+        ("a", 1000.0 / 9.80665, "g", "is its unit mg?"),
+        ("a", 1.0, "g", "where one at rest shows 9.80665: is its unit m/s^2?"),
+        ("a", 1.0 / 9.80665, "m/s^2", "or in free fall, it does not show which way is up. Or is its unit g?"),
+        ("a", 3.0, "m/s^2", "where one at rest shows 9.80665: is its unit right?"),
+        ("m", 1.0, "T", "field: its median norm is 45.69 T, which is not the Earth's field; it would be in uT. If"),
+        ("m", 1.0, "G", "field: its median norm is 45.69 G, which is not the Earth's field; it would be in uT. If"),
+        ("m", 1.0, "nT", "field: its median norm is 45.69 nT, which is not the Earth's field; it would be in uT. If"),
+    ],
+)  # fmt: skip
+def test_bounds_of_a_sensor_in_another_unit(tmp_path, sensor, factor, unit, message):
+    log = write(
+        tmp_path / "log.csv", lines({i: f"{0.01 * i:.2f},0,0,0,0,0,{9.8 * factor!r},0,18,-42" for i in range(400)})
+    )
+    config = write(tmp_path / "config.toml", CONFIG.replace('"m/s^2"' if sensor == "a" else '"uT"', f'"{unit}"'))
+    assert message in refused(tmp_path, "bounds", log, config, "--out", tmp_path / "out.toml")
