@@ -215,6 +215,8 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
     for sensor, rows in summary["contradicted_rows"].items():
         what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
         typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
+    if summary["contradicted_up"] is not None:
+        typer.secho(f"  {summary['contradicted_up']['said']}", fg=typer.colors.RED)
     if summary["dropped_measurements"]:
         typer.echo(
             f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"

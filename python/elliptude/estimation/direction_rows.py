@@ -40,7 +40,7 @@ _LONGEST_STEP = 10.0
 
 @dataclass(frozen=True)
 class Contradiction:
-    """A row whose measurement proves a stated bound wrong by itself, by its length or by the dip."""
+    """A row whose measurement proves that a stated bound is wrong."""
 
     row: int
     sensor: str

@@ -178,20 +178,43 @@ def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers
         "heading": "from the first row" if run.starts_heading else "as referenced",
         "dropped_measurements": int(run.sets.dropped.sum()),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
+        "contradicted_up": contradicted_up(run),
         "void": list(run.rows.void),
         "gaps": gaps.summarize(run.gaps, run.rows.gyro),
         "why_no_set": why_no_set(run, configuration),
     }
 
 
+def contradicted_up(run: GuaranteedRun) -> dict[str, Any] | None:
+    """How often a measured up contradicts what was followed of it, and that in words; None if it never does."""
+    if not run.up_contradictions:
+        return None
+    first, rows = run.up_contradictions[0], len({one.row for one in run.up_contradictions})
+    where = "1 row contradicts" if rows == 1 else f"{rows} rows contradict"
+    time = f"{float(run.sets.times[first.row]):.6g}"
+    return {
+        "sensor": first.sensor,
+        "rows": rows,
+        "first_s": float(run.sets.times[first.row]),
+        "said": f"{first.sensor}: {where} up as the gyro carries it, first at {time} s, by {first.excess:.3g} degrees: "
+        "a statement about the accelerometer, the motion or the gyro is wrong, and rows before may rest on it too",
+    }
+
+
 def dropped_columns(run: GuaranteedRun) -> dict[str, Column]:
-    """Every measurement that was left out, in order of time: time, place in the file, sensor, why, by how much."""
+    """Every measurement that contradicts, in order of time: time, place in the file, sensor, what, by how much."""
     sensors = run.sensors()
     entries = [
         (int(row), sensors[column], "prediction", float(run.sets.margins[row]), "")
         for row, column in np.argwhere(run.sets.dropped)
     ]
+    listed = {(row, sensor) for row, sensor, *_ in entries}
     entries += [(one.row, one.sensor, "own_bound", -one.excess, one.unit) for one in run.contradictions]
+    entries += [
+        (one.row, one.sensor, "prediction_of_up", -one.excess, one.unit)
+        for one in run.up_contradictions
+        if (one.row, one.sensor) not in listed
+    ]
     entries.sort(key=lambda entry: entry[0])
     return {
         "time_s": np.array([run.sets.times[row] for row, *_ in entries], dtype=np.float64),

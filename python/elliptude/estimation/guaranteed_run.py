@@ -15,7 +15,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import Contradiction, DirectionRows, direction_rows
 from elliptude.estimation.gaps import Gap
-from elliptude.estimation.vertical import Turns, Vertical, followed, vertical_of
+from elliptude.estimation.vertical import Turns, Vertical, contradictions_of_up, followed, vertical_of
 from elliptude.logs.log import Log, interval_rates
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray
@@ -78,6 +78,8 @@ class GuaranteedRun:
     """Gaps of the gyro, which its error bounds do not cover."""
     turns: Turns | None = None
     """How the body turned to each row by the gyro, which ``caps`` follow; None where it is not known."""
+    up_contradictions: tuple[Contradiction, ...] = ()
+    """Measurements of up that contradict what was followed of it."""
     forward: "GuaranteedRun | None" = None
     """The pass forward alone, if the sets use the whole recording; else None."""
 
@@ -145,6 +147,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         starts_heading=starts_heading,
         gaps=gaps_between(log, configuration, rows, guaranteed, given.turns),
         turns=turns,
+        up_contradictions=tuple(contradictions_of_up(rows, turns, caps)),
     )
 
 

@@ -4,14 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.configuration.configuration import Configuration
-from elliptude.estimation.direction_rows import DirectionRows
+from elliptude.estimation.direction_rows import Contradiction, DirectionRows
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray
 
 _UNCONDITIONAL, _CONDITIONAL, _NONE = range(len(CLAIMS))
+# rad; caps that only touch meet: what is left between them is rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,43 @@ def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | N
     return up
 
 
+def contradictions_of_up(rows: DirectionRows, turns: Turns | None, up: DirectionLog | None) -> list[Contradiction]:
+    """Measurements of up that have no direction in common with what was followed to their rows.
+
+    Parameters
+    ----------
+    rows : DirectionRows
+    turns : Turns, optional
+    up : DirectionLog, optional
+        As `followed` found it.
+
+    Returns
+    -------
+    list of Contradiction
+        By how much is in degrees. Whatever the policy did about them, each proves that a statement is wrong.
+    """
+    if up is None or turns is None or rows.up_column is None:
+        return []
+    measured, angles = rows.directions[:, rows.up_column], rows.angles[:, rows.up_column]
+    before = turns.anchors
+    at = np.flatnonzero((before >= 0) & np.isfinite(turns.vectors).all(axis=1) & (angles < np.pi))
+    expected = Rotation.from_rotvec(-turns.vectors[at]).apply(up.directions[before[at]])
+    away = _angles_between(measured[at], expected)
+    excess = np.full(len(before), -np.inf)
+    excess[at] = away - angles[at] - turns.angles[at] - up.angles[before[at]]
+    return [
+        Contradiction(int(row), rows.names[rows.up_column], float(np.rad2deg(max(excess[row], 0.0))), "deg")
+        for row in np.flatnonzero(up.dropped | (excess > _ROUNDING))
+    ]
+
+
+def _angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Angles of unit vectors, rad, shape (N,)."""
+    across = np.linalg.norm(np.cross(one, other), axis=1)
+    angles: FloatArray = np.arctan2(across, np.einsum("ni,ni->n", one, other))
+    return angles
+
+
 def vertical_of(sets: GuaranteedLog, up: DirectionLog | None, reference: FloatArray | None) -> Vertical | None:
     """Up from both: of each row what has the stronger claim, and of equal claims what is sharper.
 
@@ -100,10 +140,7 @@ def vertical_of(sets: GuaranteedLog, up: DirectionLog | None, reference: FloatAr
     estimated = np.einsum("nji,j->ni", sets.attitudes, reference)
     if up is None:
         return Vertical(estimated, bounds.tilt, sets.claims, bounds.tilt)
-    away = np.arctan2(
-        np.linalg.norm(np.cross(estimated, up.directions), axis=1), np.einsum("ni,ni->n", estimated, up.directions)
-    )
-    of_estimate = np.minimum(away + up.angles, np.pi)
+    of_estimate = np.minimum(_angles_between(estimated, up.directions) + up.angles, np.pi)
     followed_is_stronger = up.claims < sets.claims
     set_is_stronger = sets.claims < up.claims
     tilt = np.where(

@@ -15,7 +15,7 @@ from elliptude.configuration.rules import Carried, rule_for
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
 from elliptude.estimation.estimator import estimate
-from elliptude.estimation.guaranteed_result import dropped_columns
+from elliptude.estimation.guaranteed_result import contradicted_up, dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.from_arrays.inputs import times_of, unit_of_time, vectors_of
 from elliptude.io.files import FileError
@@ -80,7 +80,7 @@ def ahrs(
         raise ValueError(f"statements={statements!r}: {error}. {unit_of_time(times_of(time)) or _REMEDY}") from error
     assert estimation.guaranteed is not None
     run, result = estimation.guaranteed, estimation.result
-    dropped = dropped_columns(run)
+    dropped, wrong = dropped_columns(run), contradicted_up(run)
     columns: dict[str, NDArray[Any]] = {
         name: values if isinstance(values, np.ndarray) else np.array(values)
         for name, values in result.columns().items()
@@ -108,6 +108,7 @@ def ahrs(
         notes=(
             *heard.ignored,
             *(f"suspicious: {one}" for one in heard.suspicious),
+            *([] if wrong is None else [wrong["said"]]),
             *why_no_set(run, configuration),
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),

@@ -220,6 +220,8 @@ def _why(listed: DroppedMeasurements, row: int) -> str:
     margin, place = listed.margins[row], listed.places[row]
     if listed.contradicts[row] == "own_bound":
         return f"{place}, {-margin:.3g} {readable_unit(listed.units[row])} beyond its own bound"
+    if listed.contradicts[row] == "prediction_of_up":
+        return f"{place}, {-margin:.3g} {readable_unit(listed.units[row])} beyond the prediction of up"
     return f"{place}, contradicts the prediction, margin {margin:.3g}"
 
 

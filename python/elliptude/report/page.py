@@ -31,6 +31,8 @@ LISTED = 500
 EACH_LISTED = 20_000
 """How many left-out measurements it lists one by one."""
 
+_CONTRADICTED = {"own_bound": "its own bound", "prediction_of_up": "the prediction of up"}
+
 # How many spells are visible at first.
 _OPEN = 12
 
@@ -414,7 +416,7 @@ def _each(listed: DroppedMeasurements | None) -> dict[str, Any] | None:
         "time": [float(_seconds(time)) for time in listed.times[rows]],
         "place": [listed.places[row] for row in rows],
         "sensor": [listed.sensors[row] for row in rows],
-        "why": ["its own bound" if listed.contradicts[row] == "own_bound" else "the prediction" for row in rows],
+        "why": [_CONTRADICTED.get(listed.contradicts[row], "the prediction") for row in rows],
         "margin": [float(f"{margin:.4g}") for margin in listed.margins[rows]],
         "unit": [readable_unit(listed.units[row]) for row in rows],
     }

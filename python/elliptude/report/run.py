@@ -95,7 +95,7 @@ class DroppedMeasurements:
     sensors: tuple[str, ...]
     """Name of each sensor."""
     contradicts: tuple[str, ...]
-    """``prediction`` or ``own_bound``."""
+    """``prediction``, ``prediction_of_up`` or ``own_bound``."""
     margins: FloatArray
     """How far the sets were from meeting, or minus what is missing to the own bound, shape (n,)."""
     units: tuple[str, ...]

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude.configuration.configuration import Configuration
 from elliptude.estimation import estimator
+from elliptude.estimation.direction_rows import Contradiction
 from elliptude.estimation.estimator import Estimation
 from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun, gaps_between, run_filter, run_guaranteed
 from elliptude.estimation.questions.answers import Answers, answers_of
-from elliptude.estimation.vertical import followed
+from elliptude.estimation.vertical import contradictions_of_up, followed
 from elliptude.logs.log import Log
 from elliptude.results import CLAIMS, GuaranteedLog
 from elliptude.smoothing import disputes
@@ -112,6 +113,7 @@ def smoothed_run(log: Log, configuration: Configuration) -> SmoothedRun:
         starts_heading=forward.starts_heading,
         gaps=gaps_between(log, configuration, forward.rows, found.sets, forward.given.turns),
         forward=forward,
+        up_contradictions=_of_both(forward, back.run),
         disagreements=found.disagreements,
         contested=found.contested,
         backward=back.run,
@@ -158,6 +160,7 @@ def _backward(forward: GuaranteedRun, configuration: Configuration) -> _Backward
         weakest = max(weakest, CONDITIONAL)
     sets = run_filter(back.given, start, configuration, forward.rows.up)
     caps = followed(configuration, back.rows, back.turns)
+    wrong = tuple(contradictions_of_up(back.rows, back.turns, caps))
     forward_anchors = None if forward.given.turns is None else forward.given.turns.anchors
     anchors = None if back.given.turns is None else back.given.turns.anchors
     of_caps = None
@@ -169,9 +172,25 @@ def _backward(forward: GuaranteedRun, configuration: Configuration) -> _Backward
     of_sets = disputes.of_sets(forward.sets, forward_anchors), disputes.of_sets(sets, anchors).turned_round()
     sets = replace(sets, claims=np.maximum(sets.claims, weakest).astype(np.uint8))
     run = replace(
-        forward, given=back.given, start=start, sets=sets, rows=back.rows, vertical=None, caps=caps, turns=back.turns
+        forward,
+        given=back.given,
+        start=start,
+        sets=sets,
+        rows=back.rows,
+        vertical=None,
+        caps=caps,
+        turns=back.turns,
+        up_contradictions=wrong,
     )
     return _Backward(run, of_sets, of_caps)
+
+
+def _of_both(forward: GuaranteedRun, backward: GuaranteedRun) -> tuple[Contradiction, ...]:
+    """Measurements of up that contradict what either pass followed of it, in the order of the rows."""
+    last = len(forward.given.times) - 1
+    found = {last - one.row: replace(one, row=last - one.row) for one in backward.up_contradictions}
+    found |= {one.row: one for one in forward.up_contradictions}
+    return tuple(found[row] for row in sorted(found))
 
 
 def _in_order(

@@ -11,10 +11,10 @@ import elliptude
 import numpy as np
 import pytest
 import tomlkit
-from elliptude import estimation, logs
+from elliptude import estimation, logs, smoothing
 from elliptude.configuration import Configuration
-from elliptude.estimation import guaranteed_run
-from elliptude.estimation.vertical import Turns, followed, vertical_of
+from elliptude.estimation import guaranteed_result, guaranteed_run
+from elliptude.estimation.vertical import Turns, contradictions_of_up, followed, vertical_of
 from elliptude.io import tables
 from elliptude.results import CLAIMS, DirectionLog, GuaranteedLog
 from reference import so3
@@ -176,6 +176,66 @@ def test_an_up_that_contradicts_is_dropped_or_raises():
     with pytest.raises(elliptude.InconsistentMeasurement) as caught:
         followed(estimator("raise"), rows, still(8))
     assert caught.value.row == 4
+
+
+@pytest.mark.parametrize("policy", ["drop_measurement", "restart"])
+def test_what_contradicts_up_is_named_with_the_angle_that_is_missing(policy):
+    """Up turns by 0.3 rad in a step that the gyro says is 0.1 rad about the same axis, within 0.01 rad."""
+    directions, angles = np.tile(UP, (8, 1)), np.full(8, 0.02)
+    directions[4:] = Rotation.from_rotvec([-0.3, 0.0, 0.0]).apply(UP)
+    turns = still(8)
+    turns.vectors[4] = [0.1, 0.0, 0.0]
+    rows = rows_of_up(directions, angles)
+    up = followed(estimator(policy), rows, turns)
+    assert (up.claims[3], up.claims[4]) == (UNCONDITIONAL, CONDITIONAL)
+    found = contradictions_of_up(rows, turns, up)
+    assert (found[0].row, found[0].sensor, found[0].unit) == (4, "up", "deg")
+    assert found[0].excess == pytest.approx(np.rad2deg(0.2 - 0.02 - up.angles[3] - 0.01))
+    # What restarts has only one that contradicts; the other goes on to expect what was.
+    assert len(found) == {"restart": 1, "drop_measurement": 4}[policy]
+    directions[4:] = Rotation.from_rotvec([-0.13, 0.0, 0.0]).apply(UP)
+    rows = rows_of_up(directions, angles)
+    assert contradictions_of_up(rows, turns, followed(estimator(policy), rows, turns)) == []
+    assert contradictions_of_up(rows, turns, None) == contradictions_of_up(rows, None, up) == []
+
+
+def up_that_jumps():
+    """Up of a gyro's log, which is measured 0.5 rad off from half of its rows on."""
+    log = lines_log()
+    half = log.times > np.median(log.times)
+    directions = log.directions.copy()
+    directions[half, 0] = Rotation.from_rotvec([0.5, 0.0, 0.0]).apply(directions[half, 0])
+    fields = with_accelerometer(configured({"noise_deg_per_s": 1.0, "interval_rate": "mean_of_ends"}), bound_deg=1.5)
+    fields["estimator"] = {"mode": "guaranteed", "policy": "drop_measurement"}
+    return dataclasses.replace(log, directions=directions), Configuration.model_validate(fields)
+
+
+@pytest.mark.parametrize("estimated_by", [estimation.estimate, smoothing.smooth])
+def test_a_statement_that_is_proved_wrong_by_up_alone_is_reported(estimated_by):
+    """There is no set that could contradict: what is followed of up is all that shows it."""
+    log, configuration = up_that_jumps()
+    done = estimated_by(log, configuration)
+    run = done.guaranteed
+    assert not run.sets.dropped.any()
+    columns = guaranteed_result.dropped_columns(run)
+    first = int(np.argmax(log.times > np.median(log.times)))
+    first += int(np.argmax(np.isfinite(log.directions[first:, 0, 0])))
+    rows = [one.row for one in run.up_contradictions]
+    assert rows == sorted(set(rows))
+    assert first in rows
+    assert (rows[0] == first) == (estimated_by is estimation.estimate)
+    np.testing.assert_array_equal(columns["time_s"], log.times[rows])
+    assert set(columns["sensor"]) == {run.rows.names[run.rows.up_column]}
+    assert set(columns["contradicts"]) == {"prediction_of_up"}
+    assert (columns["margin"] < 0.0).all()
+    summary = guaranteed_result.summarize(run, configuration)["contradicted_up"]
+    assert summary["rows"] == len(rows)
+    assert summary["first_s"] == log.times[rows[0]]
+    assert f"{len(rows)} rows contradict up as the gyro carries it" in summary["said"]
+    assert "is wrong, and rows before may rest on it too" in summary["said"]
+    untouched = estimation.estimate(lines_log(), configuration).guaranteed
+    assert guaranteed_result.contradicted_up(untouched) is None
+    assert guaranteed_result.dropped_columns(untouched)["sensor"] == []
 
 
 # --- from a gyro ------------------------------------------------------------------------------------------------------

@@ -65,6 +65,19 @@ def write(path, times, rates, forces, fields=None):
     path.write_text("\n".join([",".join(head), *rows]) + "\n")
 
 
+def test_up_that_contradicts_what_the_gyro_carries_is_told():
+    """The accelerometer is upside down from halfway on: a statement is proved wrong, which no other sensor shows."""
+    times, rates, forces, _, _ = made(count=3000)
+    sound = el.ahrs(times, rates, forces)
+    assert not any("contradict" in note for note in sound.notes)
+    upside_down = np.where(times[:, None] < 15.0, forces, -forces)
+    wrong = el.ahrs(times, rates, upside_down, implausible="ignore")
+    told = [note for note in wrong.notes if "contradict up as the gyro carries it" in note]
+    assert len(told) == 1
+    assert wrong.dropped["up"] >= 1
+    assert "conditional" in wrong.up_claims
+
+
 @pytest.mark.parametrize("statements", ["hand", "recording", "file"])
 @pytest.mark.parametrize("with_field", [True, False], ids=["field", "no field"])
 def test_the_numbers_are_those_of_the_commands(tmp_path, recording, statements, with_field):
