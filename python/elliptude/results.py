@@ -451,7 +451,7 @@ class AhrsResult:
     are_proposals: bool
     """Whether they are only what the recording showed: then nothing is guaranteed."""
     heading: str
-    """What yaw counts from: "from magnetic east", or "from the first row" without a magnetometer."""
+    """What yaw counts from: "from magnetic east", or "from the first row" without a magnetometer; or "not known"."""
     dropped: Mapping[str, int]
     """How many measurements of each sensor were left out, as they contradict the others or their own bounds."""
     notes: tuple[str, ...]

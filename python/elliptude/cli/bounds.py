@@ -46,7 +46,14 @@ from elliptude.proposal.proposed_rule import (
     statements_of,
     what_it_says,
 )
-from elliptude.proposal.starting_configuration import MARGIN, Mode, starting_configuration, why_no_rule
+from elliptude.proposal.starting_configuration import (
+    MARGIN,
+    UP_ALONE,
+    Mode,
+    is_up_alone,
+    starting_configuration,
+    why_no_rule,
+)
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 from elliptude.units import STANDARD_GRAVITY
 
@@ -246,7 +253,7 @@ def bounds(
         typer.secho(line, fg=typer.colors.YELLOW)
     _say(source, tables, recording, proposed, up, heard.ignored, suspicious)
     _say_statements(carried, statements_of(ruled), says)
-    _say_no_rule(no_rule, recording)
+    _say_no_rule(no_rule, recording, up_alone=is_up_alone(tables))
     typer.echo(_NOTE)
     if out is not None:
         _say_next(source, out, mode, margin)
@@ -397,9 +404,11 @@ def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: li
         typer.secho(line, fg=typer.colors.YELLOW)
 
 
-def _say_no_rule(why: str | None, recording: Recording) -> None:
+def _say_no_rule(why: str | None, recording: Recording, *, up_alone: bool) -> None:
     if why is None:
         return
+    if up_alone:
+        typer.secho(UP_ALONE, fg=typer.colors.YELLOW)
     apart = "" if recording.shared_forces > 0.5 else ": what is not sampled together is not averaged over windows"
     typer.secho(
         f"no rule can describe this recording: {why}. Each sensor states its own bounds, which say less{apart}",

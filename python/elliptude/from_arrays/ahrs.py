@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried, rule_for
+from elliptude.configuration.sensors import VelocityWindowBound
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
 from elliptude.estimation.estimator import estimate
@@ -25,7 +27,12 @@ from elliptude.logs import log as logs
 from elliptude.logs.plausibility import Heard, plausible_pieces
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables
-from elliptude.proposal.starting_configuration import MARGIN, ruled_configuration, starting_configuration
+from elliptude.proposal.starting_configuration import (
+    MARGIN,
+    UP_ALONE,
+    ruled_configuration,
+    starting_configuration,
+)
 from elliptude.results import AhrsResult
 from elliptude.typing import FloatArray
 
@@ -79,6 +86,7 @@ def ahrs(
             raise
         raise ValueError(f"statements={statements!r}: {error}. {unit_of_time(times_of(time)) or _REMEDY}") from error
     assert estimation.guaranteed is not None
+    only_up = _of_up_alone(configuration)
     run, result = estimation.guaranteed, estimation.result
     dropped, wrong = dropped_columns(run), contradicted_up(run)
     columns: dict[str, NDArray[Any]] = {
@@ -103,18 +111,35 @@ def ahrs(
         sets=run.sets,
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
-        heading="from the first row" if run.starts_heading else "from magnetic east",
+        heading="from the first row" if run.starts_heading else "not known" if only_up else "from magnetic east",
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
         notes=(
             *heard.ignored,
             *(f"suspicious: {one}" for one in heard.suspicious),
             *([] if wrong is None else [wrong["said"]]),
+            *only_up,
             *why_no_set(run, configuration),
             *gaps.summarize(run.gaps, run.rows.gyro)["said"],
             *([] if heard.up is None else [str(heard.up)]),
         ),
         columns=columns,
     )
+
+
+def _of_up_alone(configuration: Configuration) -> list[str]:
+    """What to know where a gyro and an accelerometer have no rule: nothing is known of the heading. Else nothing."""
+    accelerometer, flow = configuration.accelerometer, configuration.flow
+    if configuration.rule is not None or accelerometer is None or len(configuration.directions) > 1:
+        return []
+    stated = [f"a bias of at most {flow.bias_deg_per_s:g} deg/s"] if isinstance(flow, GyroFlow) else []
+    bound = accelerometer.bound_from
+    if isinstance(bound, VelocityWindowBound):
+        stated += [f"at most {bound.velocity_m_per_s:g} m/s"] if bound.velocity_m_per_s is not None else []
+        stated += [f"within {bound.position_m:g} m"] if bound.position_m is not None else []
+    return [
+        f"{UP_ALONE} It rests on {', '.join(stated)} and other numbers of a sensor in the hand, which the recording "
+        "does not show: each needs a reason"
+    ]
 
 
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:

@@ -40,8 +40,12 @@ _NEAR = 0.45
 _ANCHOR_S = 4.0
 # The next recording breaks bounds that one recording showed: what contradicts them is left out and listed.
 _ESTIMATOR = {"mode": "guaranteed", "policy": "drop_measurement", "criterion": "trace"}
+# Keys of what is tried, or of where a row is: nothing that could be wrong.
+_CHOICES = {"windows_s", "at"}
 MARGIN = 1.2
 """The factor for maxima, if nothing else is said."""
+UP_ALONE = "Up only, no heading: an accelerometer and a gyro say which way is up, and nothing measures where north is."
+"""What a reader should know of a configuration with one direction and no rule."""
 
 
 def starting_configuration(
@@ -82,8 +86,8 @@ def starting_configuration(
     Raises
     ------
     ValueError
-        If there are no two directions to start from and a rule cannot do with one, or nothing says where the magnetic
-        field points.
+        If there are no two directions to start from, and no accelerometer whose up a gyro can carry; or nothing says
+        where the magnetic field points.
     """
     full = copy.deepcopy(tables)
     comments: dict[Place, str] = {}
@@ -286,10 +290,24 @@ def _guaranteed(
             "There is no [start]: the recording's own rest is where it starts.",
         ]
     _put_by_sensor(full, comments, proposed, margin, origin, shared, carried, reason)
-    return [
-        f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}.",
-        "There is no [start]: it begins with the first measurements that determine an attitude.",
-    ]
+    by_sensor = f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}."
+    if is_up_alone(full):
+        return [by_sensor, UP_ALONE, f"Not seen here, so that each needs a reason: {', '.join(_not_seen(comments))}."]
+    return [by_sensor, "There is no [start]: it begins with the first measurements that determine an attitude."]
+
+
+def is_up_alone(full: Tables) -> bool:
+    """Whether up is all that a configuration lets follow: an accelerometer and a gyro alone, without rule and start."""
+    directions = full.get("directions", [])
+    on_lines = full["flow"].get("interval_rate", "mean_of_ends") == "mean_of_ends"
+    alone = len(directions) == 1 and directions[0].get("kind") == "accelerometer"
+    return alone and on_lines and not full.keys() & {"rule", "start"}
+
+
+def _not_seen(comments: Mapping[Place, str]) -> list[str]:
+    """The keys of statements that the recording does not show."""
+    unseen = [place for place, how in comments.items() if how.startswith(NOT_SEEN) and place[-1] not in _CHOICES]
+    return [".".join(place[-2:]) for place in unseen]
 
 
 def _stated(table: RuleTables) -> Tables:
@@ -357,10 +375,12 @@ def _put_by_sensor(
     reason: str,
 ) -> None:
     directions = full.get("directions", [])
-    if "start" not in full and len(directions) < 2:
+    up_alone = is_up_alone(full)
+    if "start" not in full and len(directions) < 2 and not up_alone:
         raise ValueError(
-            "a configuration to start from needs two directions, such as accelerometer and magnetometer; one does "
-            f"where a rule says all bounds, but {reason}"
+            "a configuration to start from needs two directions, such as accelerometer and magnetometer, or an "
+            "accelerometer and a gyro whose rate is on lines between samples (interval_rate = 'mean_of_ends'); "
+            f"anything else needs a rule, but {reason}"
         )
     if carried != "hand":
         full["carried"] = carried
@@ -369,7 +389,7 @@ def _put_by_sensor(
     if "start" not in full and shared.by_all == 0.0:
         moved = _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False, carried=carried)
-    _bound_gyro(full["flow"], comments, table, proposed)
+    _bound_gyro(full["flow"], comments, table, proposed, _shortest_for_bias(table, up_alone=up_alone))
     if moved > 0.0 and "velocity" in full:
         _move(full["velocity"], comments, ("velocity",), moved)
     for sensor in directions:
@@ -417,15 +437,26 @@ def _rule_numbers(table: RuleTables, section: str, *keys: str) -> dict[str, tupl
     return {key: (table[section][key].value, table[section][key].how) for key in keys}
 
 
-def _bound_gyro(flow: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal) -> None:
+def _shortest_for_bias(table: RuleTables, *, up_alone: bool) -> float:
+    """How long the longest rest must be for the gyro's mean at rest to be its bias, s."""
+    # With no other direction nothing else would show that a slow turn was taken for a rest.
+    return 0.99 * float(table["rest"]["least_s"].value) if up_alone else 0.0
+
+
+def _bound_gyro(
+    flow: Tables, comments: dict[Place, str], table: RuleTables, proposed: Proposal, shortest_rest: float
+) -> None:
     keys = ("noise_deg_per_s", "scale_error", "drift_deg_per_s2", "longest_interval_s", "largest_rate_deg_per_s")
     numbers = _rule_numbers(table, "gyro", *keys, "largest_angular_acceleration_deg_per_s2")
     if not flow.keys() & {"known_bias_deg_per_s", "bias_deg_per_s"}:
-        if proposed.gyro.bias is None:
-            numbers["bias_deg_per_s"] = _BIAS_BY_DATASHEET, "not seen in the recording: datasheets of small sensors"
+        at_rest = proposed.gyro.noise is not None
+        if proposed.gyro.bias is None or (at_rest and _longest_rest(proposed) < shortest_rest):
+            rest = table["rest"]
+            how = f"{NOT_SEEN}: it has no rest of {rest['least_s'].value:g} s; the most that small sensors show at rest"
+            numbers["bias_deg_per_s"] = rest["rate_deg_per_s"].value, f"{how}, by datasheets"
         else:
             known = [round(float(part), 4) for part in np.rad2deg(proposed.gyro.bias)]
-            seen = "over all rest" if proposed.gyro.noise is not None else "against the reference"
+            seen = "over all rest" if at_rest else "against the reference"
             numbers["known_bias_deg_per_s"] = known, f"no guarantee: mean {seen}, subtracted; the rest is bounded next"
             numbers |= _rule_numbers(table, "gyro", "bias_deg_per_s")
     over_windows = not flow.get("estimate_bias") and not flow.get("angular_acceleration_deg_per_s2")

@@ -5,6 +5,7 @@ import json
 import re
 import tomllib
 
+import elliptude as el
 import numpy as np
 import pytest
 import tomlkit
@@ -22,6 +23,11 @@ from test_proposals import BIAS, FIELD, HEADER, STEP, attitude, made, write_csv
 from typer.testing import CliRunner
 
 MARGIN = 1.2
+UP_HEADER = [
+    "Time (s)",
+    *(f"Gyroscope {axis} (rad/s)" for axis in "XYZ"),
+    *(f"Accelerometer {axis} (m/s^2)" for axis in "XYZ"),
+]
 
 
 def run(*arguments):
@@ -270,6 +276,87 @@ def test_a_rule_that_is_there_stays(tmp_path):
     assert read_configuration(config).rule.kind == "hand_held"
 
 
+# --- up alone ---------------------------------------------------------------------------------------------------------
+
+
+def carried_by_hand(seed, *, bias, rest=(0.0, 0.0), seconds=40.0, rate=100.0):
+    """A hand that moves within 1 m at less than 3 m/s, and turns; times, rad/s, m/s², and true up, body axes.
+
+    The gyro's bias, deg/s, is about x; the sensor rests between two times, as a whole and nowhere else.
+    """
+    draws = np.random.default_rng(seed)
+    times = np.arange(0.0, seconds, 1.0 / rate)
+    begin, end = rest
+    share = np.ones(len(times)) if begin == end else np.clip(np.maximum(begin - times, times - end), 0.0, 1.0)
+    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)  # it comes to a rest smoothly
+    phases = draws.uniform(0.0, 2.0 * np.pi, (2, 3))
+    position = share[:, None] * 0.5 * np.sin(2.0 * np.outer(times, [1.0, 1.13, 0.8]) + phases[0])
+    accelerations = np.gradient(np.gradient(position, times, axis=0), times, axis=0)
+    true = share[:, None] * np.sin(np.outer(times, [1.0, 1.3, 0.7]) + phases[1]) * [1.5, 1.0, 2.0]
+    turns = [Rotation.from_rotvec(draws.normal(size=3)).as_matrix()]
+    for one in 0.5 * (true[1:] + true[:-1]) / rate:
+        turns.append(turns[-1] @ Rotation.from_rotvec(one).as_matrix())
+    turns = np.array(turns)
+    forces = np.einsum("nji,nj->ni", turns, accelerations + np.array([0.0, 0.0, 9.807]))
+    noise = draws.uniform(-1.0, 1.0, (2, len(times), 3))
+    rates = true + np.deg2rad([bias, 0.0, 0.0]) + np.deg2rad(0.05) * noise[0]
+    return times, rates, forces + 0.1 + 0.05 * noise[1], turns[:, 2]
+
+
+def off_by(ups, true):
+    return np.arctan2(np.linalg.norm(np.cross(ups, true), axis=1), np.einsum("ni,ni->n", ups, true))
+
+
+@pytest.mark.parametrize(
+    ("bias", "rest", "known"),
+    [(4.8, (0.0, 0.0), False), (-4.0, (20.0, 24.5), True), (3.0, (20.0, 21.6), False)],
+    ids=["no rest", "a rest in the middle", "a rest that is too short"],
+)
+def test_up_alone_without_a_rest_at_the_start(tmp_path, bias, rest, known):
+    """A gyro and an accelerometer that move from the first row on: up at every row, the truth within its bound."""
+    times, rates, forces, ups = carried_by_hand(1, bias=bias, rest=rest)
+    log, config, out = tmp_path / "log.csv", tmp_path / "config.toml", tmp_path / "out"
+    columns = np.column_stack([times, rates, forces]).round(9)
+    np.savetxt(log, columns, "%.9f", ",", header=",".join(UP_HEADER), comments="")
+    said = " ".join(succeed("bounds", log, "--out", config).split())
+    assert "Up only, no heading" in said
+    text = config.read_text()
+    assert_every_number_says_from_what_it_comes(text)
+    assert "# Up only, no heading" in text
+    unseen = re.search(r"# Not seen here, so that each needs a reason: (.*)\.\n", text)[1].split(", ")
+    assert {"bound_from.velocity_m_per_s", "bound_from.position_m", "flow.scale_error"} <= set(unseen)
+    assert ("flow.bias_deg_per_s" in unseen) == (not known)
+    assert not any("windows_s" in name or name.endswith(".at") for name in unseen)
+    written = tomllib.loads(text)
+    assert "rule" not in written
+    rule, flow, (up,) = hand_held(), written["flow"], written["directions"]
+    assert flow["bias_deg_per_s"] == (rule.gyro.bias_deg_per_s if known else rule.rest.rate_deg_per_s)
+    assert ("known_bias_deg_per_s" in flow) == known
+    assert up["bound_from"]["velocity_m_per_s"] == rule.motion.velocity_m_per_s
+    assert tuple(up["bound_from"]["windows_s"]) == rule.motion.windows_s
+    said = succeed("estimate", log, "--config", config, "--out", out)
+    assert "up is known at 100 % of rows" in said
+    results = tables.Result.read(out / "results.csv")
+    assert set(results.up_claims) == {"unconditional"}
+    assert (off_by(results.ups, ups) <= results.up_bounds).all()
+    assert np.rad2deg(results.up_bounds.mean()) < (8.0 if known else 20.0)
+    # And by one call, with the same numbers.
+    found = el.ahrs(columns[:, 0], columns[:, 1:4], columns[:, 4:], statements="recording")
+    np.testing.assert_allclose(found.up_bounds, results.up_bounds, rtol=1e-9)
+    assert found.heading == "not known"
+    note = next(note for note in found.notes if note.startswith("Up only, no heading"))
+    assert f"a bias of at most {flow['bias_deg_per_s']:g} deg/s, at most 3 m/s, within 1 m" in note
+
+
+def test_one_call_names_a_way_that_works():
+    """What the rule for the hand refuses is not refused where its message leads to."""
+    times, rates, forces, ups = carried_by_hand(3, bias=2.0)
+    with pytest.raises(ValueError, match="statements='recording' takes bounds"):
+        el.ahrs(times, rates, forces)
+    found = el.ahrs(times, rates, forces, statements="recording")
+    assert (off_by(found.ups, ups) <= found.up_bounds).all()
+
+
 # --- what is measured -------------------------------------------------------------------------------------------------
 
 
@@ -336,9 +423,11 @@ def test_what_cannot_be_configured_is_not_written(tmp_path):
     accelerometer = '{ name = "a", kind = "accelerometer", columns = ["acc[0]", "acc[1]", "acc[2]"], unit = "m/s^2" }'
     mapping.write_text(text)
     assert "two directions" in refused("bounds", log, mapping, "--out", config)
-    mapping.write_text(f"{text}\ndirections = [{accelerometer}]")
+    holds = text.replace("flow = {", 'flow = { interval_rate = "first_sample",')
+    mapping.write_text(f"{holds}\ndirections = [{accelerometer}]")
     said = refused("bounds", log, mapping, "--out", config)
     assert "two directions" in said
+    assert "interval_rate = 'mean_of_ends'" in said
     assert "a rest of 0 s, and a rule asks for 2 s" in said
     other = (
         '{ name = "m", kind = "magnetometer", columns = ["mag[0]", "mag[1]", "mag[2]"], unit = "uT", '
