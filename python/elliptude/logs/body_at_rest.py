@@ -20,7 +20,7 @@ _NEAR_AN_AXIS = 30.0
 
 @dataclass(frozen=True)
 class UpAtRest:
-    """What accelerometer and magnetometer show in the first rest of a recording."""
+    """What accelerometer and magnetometer show in the first rest of a recording that lasts."""
 
     begin_s: float
     end_s: float
@@ -83,7 +83,7 @@ def up_at_rest(
     fields: FloatArray | None,
     limits: dict[str, float] | None = None,
 ) -> UpAtRest | None:
-    """What the first rest shows; None without one.
+    """What the first rest shows that lasts as long as a piece in which a rest is looked for; None without one.
 
     Parameters
     ----------
@@ -102,14 +102,11 @@ def up_at_rest(
     -------
     UpAtRest, optional
     """
-    still = resting(times, rates, forces, limits)
-    if not still.any():
-        return None
+    limits = usual_limits() if limits is None else limits
     there = np.flatnonzero(np.isfinite(forces).all(axis=1))
-    found = still[there]
-    first = int(np.argmax(found))
-    count = int(np.argmin(found[first:])) or len(found) - first
-    rows = there[first : first + count]
+    rows = _first_rest(times, there, resting(times, rates, forces, limits)[there], limits["duration"])
+    if rows is None:
+        return None
     force = forces[rows].mean(axis=0)
     length = float(np.linalg.norm(force))
     if length == 0.0:
@@ -123,6 +120,28 @@ def up_at_rest(
             mean = field.mean(axis=0)
             dip = float(np.rad2deg(np.arctan2(-(mean @ up), np.linalg.norm(np.cross(mean, up)))))
     return UpAtRest(float(times[rows[0]]), float(times[rows[-1]]), (float(up[0]), float(up[1]), float(up[2])), dip)
+
+
+def _first_rest(
+    times: FloatArray, rows: NDArray[np.intp], still: NDArray[np.bool_], duration: float
+) -> NDArray[np.intp] | None:
+    """The rows of the first rest that lasts; None without one.
+
+    A few samples before a gap, or at the end, hold still next to each other in a car that drives. In a gap of half a
+    piece nobody knows what the body did.
+    """
+    if len(rows) < 2:
+        return None
+    steps = np.diff(times[rows])
+    usual = float(np.median(steps))
+    apart = np.append(steps > max(0.5 * duration, 1.5 * usual), True)
+    begin = still & np.append(True, ~still[:-1] | apart[:-1])
+    end = still & np.append(~still[1:] | apart[:-1], True)
+    for first, last in zip(np.flatnonzero(begin), np.flatnonzero(end), strict=True):
+        # Pieces end between samples: the first and the last one are up to a step inside.
+        if times[rows[last]] - times[rows[first]] + 2.0 * usual >= duration:
+            return rows[first : last + 1]
+    return None
 
 
 def up_in_log(log: Log, configuration: Configuration) -> UpAtRest | None:

@@ -227,6 +227,21 @@ def test_up_in_words():
     assert up_at_rest(arrays["t"][moving], arrays["gyr"][moving], arrays["acc"][moving], None) is None
 
 
+def test_a_rest_in_words_lasts():
+    """Eight samples before a gap that hold still next to each other are no rest, nor are they with eight after it."""
+    times = np.concatenate([0.01 * np.arange(8), 1.9 + 0.01 * np.arange(400)])
+    rates = np.zeros((len(times), 3))
+    forces = np.tile([9.8, 0.0, 0.0], (len(times), 1))
+    forces[times > 1.0] = [0.0, 0.0, -9.8]
+    found = up_at_rest(times, rates, forces, None)
+    assert (found.begin_s, found.end_s) == (1.9, times[-1])
+    assert "-z is up" in str(found)
+    moving = times > 2.1
+    rates[moving] += np.outer(np.sin(9.0 * times[moving]), [0.5, 0.0, 0.0])
+    assert up_at_rest(times, rates, forces, None) is None
+    assert up_at_rest(times[:1], rates[:1], forces[:1], None) is None
+
+
 # --- statements -------------------------------------------------------------------------------------------------------
 
 
