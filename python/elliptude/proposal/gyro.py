@@ -1,6 +1,7 @@
 """What a recording shows about its gyro's errors, at rest and against a reference attitude."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,14 @@ WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 _LONGEST_INCREMENT_S = 16.0
 # A scale error is proposed only if its standard error is at most this: a body must turn enough about all axes.
 _SCALE_WITHIN = 0.01
+# Of the fastest turns: what is slower is not taken into the fit.
+_TURNING = 0.25
+# Of the most that a recording turns about an axis: it must turn as much about each.
+_LEAST_TURNED = 0.05
+# A scale error may be this many times as large as the largest share by which a turn is off: none may be about its axis.
+_TIMES_SHOWN = 2.0
+# Of a step: a rate may be that of the moment, or the mean of the step before or behind it.
+_LATE = (0.0, -0.5, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +127,44 @@ def _against_the_reference(
     # The reference's jitter dominates short increments; beyond a radian a scale error is not just a factor.
     fast = np.quantile(np.linalg.norm(true, axis=1), 0.9) if len(true) else 0.0
     longer = max(round(min(0.5 / max(fast, 1.0), 0.5) / step), 1)
-    mean_rates, increments = _increments(times, rates, reference, known, longer)
-    if len(increments) > 12:
-        # ω̃ = M ω + b, so M and b fit the turns per second by the gyro to those by the reference.
-        unknowns = np.column_stack([increments, np.ones(len(increments))])
-        matrix = np.linalg.lstsq(unknowns, mean_rates, rcond=None)[0].T
-        residual = np.sqrt(np.mean((mean_rates - unknowns @ matrix.T) ** 2))
-        turned_least = np.linalg.svd(increments - increments.mean(axis=0), compute_uv=False)[-1]
-        if residual <= _SCALE_WITHIN * turned_least:
-            return shown, true, float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
-    return shown, true, None
+    fits: list[_ScaleFit] = []
+    for late in _LATE:
+        moved = np.column_stack([np.interp(times + late * step, times, column) for column in rates.T])
+        fit = _scale_fit(*_increments(times, moved, reference, known, longer))
+        fits += [] if fit is None else [fit]
+    return shown, true, min(fits).scale_error if fits else None
+
+
+class _ScaleFit(NamedTuple):
+    """The scale error that explains turns best, and how much it leaves of them, rad/s."""
+
+    residual: float
+    scale_error: float
+
+
+def _scale_fit(mean_rates: FloatArray, increments: FloatArray) -> _ScaleFit | None:
+    """The fit of the turns per second by the gyro to those by the reference; None where they do not show a scale error.
+
+    What rests shows nothing of it, however little its residual is.
+    """
+    lengths = np.linalg.norm(increments, axis=1)
+    if len(lengths) <= 12:
+        return None
+    turning = (lengths > 0.0) & (lengths >= _TURNING * np.quantile(lengths, 0.99))
+    if turning.sum() <= 12:
+        return None
+    mean_rates, increments, lengths = mean_rates[turning], increments[turning], lengths[turning]
+    # ω̃ = M ω + b, so M and b fit the turns per second by the gyro to those by the reference.
+    unknowns = np.column_stack([increments, np.ones(len(increments))])
+    matrix = np.linalg.lstsq(unknowns, mean_rates, rcond=None)[0].T
+    residual = float(np.sqrt(np.mean((mean_rates - unknowns @ matrix.T) ** 2)))
+    turned = np.linalg.svd(increments - increments.mean(axis=0), compute_uv=False)
+    scale_error = float(np.linalg.norm(matrix[:, :3] - np.eye(3), 2))
+    off = mean_rates - increments
+    shown = float(np.max(np.linalg.norm(off - off.mean(axis=0), axis=1) / lengths))
+    is_shown = turned[-1] >= _LEAST_TURNED * turned[0] and residual <= _SCALE_WITHIN * turned[-1]
+    # A fit that is larger than all that the turns are off by is of an axis about which nothing turned.
+    return _ScaleFit(residual, scale_error) if is_shown and scale_error <= _TIMES_SHOWN * shown else None
 
 
 def _over_windows(

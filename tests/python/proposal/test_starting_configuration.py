@@ -11,11 +11,13 @@ import pytest
 import tomlkit
 from datasets import broad, needs_datasets, xio
 from elliptude import cli
+from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.configuration import read_configuration
 from elliptude.configuration.rules import hand_held
 from elliptude.io import tables
 from elliptude.io.files import FileError
 from elliptude.proposal import proposals
+from elliptude.proposal.gyro import propose_gyro
 from elliptude.proposal.proposals import Recording
 from elliptude.report import page as report
 from scipy.spatial.transform import Rotation
@@ -383,6 +385,35 @@ def test_where_nothing_turns_there_is_no_scale_error():
     assert proposals.propose(still).gyro.scale_error is None
     scaled = made(scale=0.01 * np.eye(3))
     assert proposals.propose(scaled).gyro.scale_error == pytest.approx(0.01, abs=0.002)
+
+
+def turned_once(step=0.0025):
+    """A quadrotor that stands, flips once about x and hardly about y and z, and stands: rates and attitudes."""
+    times = np.arange(0.0, 6.6, step)
+    about_x = 4.0 * np.exp(-(((times - 3.0) / 0.12) ** 2))
+    rates = np.column_stack([about_x, 0.05 * about_x**2 / 4.0, 3e-5 * np.sin(times)])
+    return times, rates, Rotation.from_matrix(attitudes_from_rates(np.diff(times), rates))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, -0.5])
+def test_a_log_that_hardly_turns_shows_no_scale_error(late):
+    """A gyro without any error but that a rate is that of the step's end or start: the fit said a third."""
+    times, rates, true = turned_once()
+    shown = np.column_stack([np.interp(times + late * 0.0025, times, one) for one in rates.T])
+    forces = true.inv().apply([0.0, 0.0, 9.80665])
+    recording = Recording(times, shown, forces, attitudes=true.as_quat(scalar_first=True))
+    found = proposals.propose(recording).gyro.scale_error
+    assert found is None or found < 0.005
+
+
+@pytest.mark.parametrize("late", [0.5, -0.5])
+def test_the_scale_error_of_rates_that_are_of_a_steps_end_or_start(late):
+    recording = made(scale=np.diag([0.03, 0.0, 0.0]), gyro_late=late * STEP)
+    # The delay is not taken out here, as it is less than a step.
+    found = propose_gyro(
+        recording.times, recording.angular_velocities, np.zeros(len(recording.times), bool), recording.attitudes
+    )
+    assert found.scale_error == pytest.approx(0.03, abs=0.002)
 
 
 def test_what_differs_from_the_start():
