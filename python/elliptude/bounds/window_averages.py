@@ -164,13 +164,20 @@ class Piece:
         """The sums of `_once`, which triangular weights alone need."""
         return running_sum(self.steps, self._once)
 
-    def window(self, rows: NDArray[np.intp], duration: float, at: Place) -> Window:
-        """The windows of the rows, as long as the recording allows."""
+    def window(
+        self, rows: NDArray[np.intp], duration: float, at: Place, ends: tuple[float, float] = (-np.inf, np.inf)
+    ) -> Window:
+        """The windows of the rows, as long as the recording allows.
+
+        Next to one of its ``ends`` a row is not in the middle of its window, so that this keeps its length.
+        """
         times, here = self._times, self._times[rows]
         slack = 1e-9 * duration
         if at == "middle":
-            start = np.searchsorted(times, here - 0.5 * duration - slack)
-            stop = np.searchsorted(times, here + 0.5 * duration + slack, side="right") - 1
+            first = np.maximum(np.minimum(here - 0.5 * duration, ends[1] - duration), ends[0])
+            last = np.minimum(np.maximum(here + 0.5 * duration, ends[0] + duration), ends[1])
+            start = np.searchsorted(times, first - slack)
+            stop = np.searchsorted(times, last + slack, side="right") - 1
         else:
             start, stop = np.searchsorted(times, here - duration - slack), rows
         return self.between(start, stop, rows, at)

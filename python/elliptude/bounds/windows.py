@@ -112,7 +112,8 @@ def gravity_bounds_over_windows(
         rad/s, body axes, the bias known at the first row subtracted. The gyro's error is that of the rates used: in a
         step the mean of its ends.
     durations : sequence of float
-        Lengths of the windows, s. At the ends of the recording they are as long as it allows.
+        Lengths of the windows, s. At the ends of the recording they are as long as it allows, with the row not in the
+        middle.
     motion : MotionBounds
     gyro : GyroBounds
     sensor : VectorSensorBounds
@@ -271,17 +272,19 @@ def _over_windows(
         piece = Piece(
             stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
         )
-        matrix = OneMatrix(piece, gyro, 0.5 * max(durations), cell) if undoes else None
+        reach = 0.5 * max(durations)
+        matrix = OneMatrix(piece, gyro, reach, cell) if undoes else None
         wanted = np.arange(-(-block.start // every) * every, block.stop, every)
         here = wanted - needed.start
         there = None if known is None else known.take(needed)
-        for window, means in _tried(piece, here, durations, at, offsets, there):
+        for window, means in _tried(piece, here, durations, at, (stamps[0], stamps[-1]), offsets, there):
             averages = piece.averages(window, triangular=len(means) > 1)
             for i, (average, offset) in enumerate(zip(averages, means, strict=True)):
                 others = errors.of_mean(average, window, offset, triangular=i > 0)
                 radius = average.turn + others
                 if matrix is not None:
-                    worth = np.flatnonzero(others + average.by_stamps < np.fmin(best.radii[wanted], radius))
+                    is_near = np.maximum(window.before, window.after) <= reach * (1.0 + 1e-6)
+                    worth = np.flatnonzero(is_near & (others + average.by_stamps < np.fmin(best.radii[wanted], radius)))
                     for some in np.array_split(worth, -(-len(worth) // _AT_ONCE)) if len(worth) else ():
                         turns = matrix.turns(window, average, some, triangular=i > 0)
                         radius[some] = np.fmin(radius[some], turns + others[some])
@@ -299,6 +302,7 @@ def _tried(
     rows: NDArray[np.intp],
     durations: Sequence[float],
     at: Place,
+    ends: tuple[float, float],
     offsets: tuple[MeanOffset, ...],
     velocity: VelocityOfRows | None,
 ) -> Iterator[tuple[Window, tuple[MeanOffset, ...]]]:
@@ -307,7 +311,7 @@ def _tried(
     The longest first: where other errors alone make a shorter one wider, its turns need no second look.
     """
     for duration in sorted(durations, reverse=True):
-        window = piece.window(rows, duration, at)
+        window = piece.window(rows, duration, at, ends)
         yield window, offsets
         if velocity is not None:
             yield piece.between(*velocity.ends(window), rows, at), (velocity.mean_acceleration,)

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import VectorSensorBounds, mean_error
+from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from scipy.optimize import linprog
 
 ERROR, AVERAGED = 1.0, 0.2
@@ -74,3 +76,21 @@ def test_what_is_stated_for_any_window():
     assert VectorSensorBounds(2.0, averaged_error=0.5, averaged_over=0.5).mean_error(0.5) == 0.5
     with pytest.raises(ValueError, match="averaged_over"):
         VectorSensorBounds(averaged_over=-1.0)
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_windows_next_to_the_ends_keep_their_length(every):
+    """What a sensor's mean is stated for half a second of holds for each row, with the row not in the middle."""
+    times = 0.01 * np.arange(300)
+    shaking = np.outer(0.3 * (-1.0) ** np.arange(300), [1.0, 0.0, 0.0])
+    forces = shaking + [0.0, 0.0, 9.807]
+    sensor = VectorSensorBounds(0.35, averaged_error=0.02, averaged_over=0.5)
+    found = gravity_bounds_over_windows(
+        times, forces, np.zeros((300, 3)), [0.5], motion=MotionBounds(0.0), gyro=GyroBounds(1e-4, largest_rate=1e-4),
+        sensor=sensor, gravity=9.807, at="middle", every=every,
+    )  # fmt: skip
+    rows = slice(0, None, every)
+    np.testing.assert_allclose(found.durations[rows], 0.5, atol=1e-9)
+    errors = np.arccos(np.clip(found.directions[rows, 2], -1.0, 1.0))
+    assert (errors <= found.angles[rows]).all()
+    assert (found.angles[rows] < 1.2 * 0.02 / 9.807 + 1e-4).all()
