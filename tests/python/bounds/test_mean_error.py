@@ -83,7 +83,7 @@ def test_windows_next_to_the_ends_keep_their_length(every):
     """What a sensor's mean is stated for half a second of holds for each row, with the row not in the middle."""
     times = 0.01 * np.arange(300)
     shaking = np.outer(0.3 * (-1.0) ** np.arange(300), [1.0, 0.0, 0.0])
-    forces = shaking + [0.0, 0.0, 9.807]
+    forces = shaking + np.array([0.0, 0.0, 9.807])
     sensor = VectorSensorBounds(0.35, averaged_error=0.02, averaged_over=0.5)
     found = gravity_bounds_over_windows(
         times, forces, np.zeros((300, 3)), [0.5], motion=MotionBounds(0.0), gyro=GyroBounds(1e-4, largest_rate=1e-4),
