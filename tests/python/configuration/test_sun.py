@@ -70,7 +70,7 @@ def test_against_astropy():
     expected /= np.linalg.norm(expected, axis=1)[:, None]
     errors = np.linalg.norm(sun.sun_direction_j2000(jd) - expected, axis=1)
     almanac, parallax, aberration = np.rad2deg([errors.max(), 42164.0 / 147.09e6, 7.9 / 299792.458])
-    assert almanac < 0.0082
+    assert almanac < 0.01
     # The parallax of a geostationary orbit and the aberration of a low one are not there at once.
     assert almanac + parallax + aberration < SUN_ERROR_DEG
 

@@ -277,6 +277,19 @@ def test_a_wheel_whose_momentum_changes_needs_its_motors_torque_and_how_fast_the
         )
 
 
+def test_a_stamp_that_is_off_by_how_fast_a_body_turns_at_most():
+    log = still_log(np.arange(5.0), None, np.ones(5, bool))
+    fields = body_with_wheels(largest_rate_deg_per_s=10.0).model_dump(mode="json", exclude_unset=True)
+    fields["directions"][1]["time_offset_bound_s"] = 0.3
+    rows = direction_rows(log, Configuration.model_validate(fields))
+    np.testing.assert_allclose(rows.angles, np.tile([0.02, 0.02 + 0.3 * np.deg2rad(10.0)], (5, 1)))
+    del fields["flow"]["largest_rate_deg_per_s"]
+    with pytest.raises(
+        ValueError, match="'two': time_offset_bound_s of a rigid body needs flow"
+    ):
+        direction_rows(log, Configuration.model_validate(fields))
+
+
 # --- directions -------------------------------------------------------------------------------------------------------
 
 
