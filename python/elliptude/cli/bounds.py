@@ -191,7 +191,7 @@ def bounds(
     """
     if carried == "spacecraft":
         raise typer.BadParameter(_NO_RULE_IN_FREE_FALL, param_hint="--carried")
-    require_outputs((path for path in (out, rule) if path is not None), force=force, read=[log, config])
+    _require_outputs(out, rule, force=force, read=[log, config])
     source = recording_of(log)
     named = {
         "gyroscope": (gyro, gyro_unit),
@@ -259,6 +259,11 @@ def bounds(
         _say_next(source, out, mode, margin)
     if rule is not None:
         typer.echo(f"Written: {rule}, maxima times {margin:g}; {in_words(carried)} where it shows nothing.")
+
+
+def _require_outputs(out: Path | None, rule: Path | None, *, force: bool, read: list[Path | None]) -> None:
+    written = [path for path in (out, rule) if path is not None]
+    require_outputs(written, force=force, read=read, endings=dict.fromkeys(written, (".toml",)))
 
 
 def _require_gravity(recording: Recording, configuration: Configuration, log: NamedFile) -> None:

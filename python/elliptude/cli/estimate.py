@@ -18,7 +18,7 @@ from rich.progress import Progress, TaskID
 from elliptude import smoothing
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.cli.options import LOG_HELP, Force, Repair, ShownAxes, SummaryAsJson, with_repair
-from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
+from elliptude.cli.outputs import FIGURE, PAGE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate, Question
 from elliptude.estimation import guaranteed_result
@@ -124,7 +124,8 @@ def estimate(
         html_report.plotly_script()
         files.append(report)
     other = out / f"results.{'csv' if format == 'parquet' else 'parquet'}"
-    require_outputs([*files, other] if other.exists() else files, force=force, folder=out, read=[log, config])
+    written = [*files, other] if other.exists() else files
+    require_outputs(written, force=force, folder=out, read=[log, config], endings={report: PAGE})
     source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
         summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)

@@ -1,6 +1,6 @@
 """What commands write: whether they can, before they work, and what `estimate` and `demo` write and show alike."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,18 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result
 
+PAGE = (".html", ".htm")
+"""What the names of pages end in."""
 FIGURE, SUMMARY = "estimate.png", "summary.json"
 
 
 def require_outputs(
-    files: Iterable[Path], *, force: bool, folder: Path | None = None, read: Iterable[Path | None] = ()
+    files: Iterable[Path],
+    *,
+    force: bool,
+    folder: Path | None = None,
+    read: Iterable[Path | None] = (),
+    endings: Mapping[Path | None, Sequence[str]] | None = None,
 ) -> None:
     """Refuse what a command could not write in the end, before it works.
 
@@ -29,11 +36,14 @@ def require_outputs(
         It is made if it is missing; that of any other file must be there.
     read : iterable of pathlib.Path or None
         What the command reads, which no output may replace; None is not given.
+    endings : mapping, optional
+        What the names of some of the files must end in, one of these.
 
     Raises
     ------
     FileError
-        If a file cannot be written, is there and must not be replaced, is what the command reads, or comes twice.
+        If a file cannot be written, is there and must not be replaced, is what the command reads, comes twice, or has a
+        name of another ending.
     """
     needed = {path.resolve(): path for path in read if path is not None}
     written = set[Path]()
@@ -44,6 +54,9 @@ def require_outputs(
         if place in written:
             raise FileError(f"{file}: not written: two outputs have this name; give one of them another")
         written.add(place)
+        ending = (endings or {}).get(file, ())
+        if ending and file.suffix.lower() not in ending:
+            raise FileError(f"{file}: not written: its name must end in {' or '.join(ending)}")
         require_writable(file, makes_folders=folder is not None and file.parent.absolute() == folder.absolute())
         if file.exists() and not force:
             raise FileError(f"{file} is there already; --force replaces it")

@@ -19,7 +19,7 @@ from elliptude.cli.options import (
     TruthConfig,
     with_repair,
 )
-from elliptude.cli.outputs import require_outputs
+from elliptude.cli.outputs import PAGE, require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.spool import recording
 from elliptude.report import comparison
@@ -67,7 +67,8 @@ def make_report(
     Sets over time, errors in their bounds, measurements left out, and where the body's axes may point.
     """
     files = [out] + [pictures / name for name in _PICTURES] if pictures is not None else [out]
-    require_outputs(files, force=force, folder=pictures, read=[*files_of_run(result), reference, config])
+    read = [*files_of_run(result), reference, config]
+    require_outputs(files, force=force, folder=pictures, read=read, endings={out: PAGE})
     if reference is None:
         _require_none_of_reference("--config", config, reference_error_deg)
     run, read_label = read_run(result)

@@ -20,11 +20,11 @@ from elliptude.estimation.estimator import estimate
 from elliptude.estimation.guaranteed_result import contradicted_up, dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.from_arrays.inputs import times_of, unit_of_time, vectors_of
-from elliptude.io.files import FileError
+from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.arrays import ArrayLog
 from elliptude.io.toml import validate
 from elliptude.logs import log as logs
-from elliptude.logs.plausibility import Heard, plausible_pieces
+from elliptude.logs.plausibility import Heard, ImplausibleError, plausible_pieces
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.starting_configuration import (
@@ -40,6 +40,9 @@ _NAME = "the arrays"
 # The gyro's bias counts as an error here, and is not estimated.
 _QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
+_ARGUMENTS = {"the gyro": "gyr", "up": "acc", "field": "mag"}
+# Which unit of the gyro makes right what is said of its turns.
+_GYRO_UNITS = {"degrees were declared as radians": "deg/s", "radians were declared as degrees": "rad/s"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyr": units.ANGULAR_VELOCITY,
     "acc": units.ACCELERATION,
@@ -77,6 +80,9 @@ def ahrs(
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
         log = logs.joined(list(pieces))
         estimation = estimate(log, configuration)
+    except ImplausibleError as error:
+        errors = "; ".join(_in_arguments(one) for one in error.errors)
+        raise ValueError(f"{_NAME}: {sentence(errors)} If it is right as it is: implausible='ignore'") from error
     except FileError as error:
         raise ValueError(str(error)) from error
     except InconsistentMeasurement:
@@ -140,6 +146,15 @@ def _of_up_alone(configuration: Configuration) -> list[str]:
         f"{UP_ALONE} It rests on {', '.join(stated)} and other numbers of a sensor in the hand, which the recording "
         "does not show: each needs a reason"
     ]
+
+
+def _in_arguments(error: str) -> str:
+    """What contradicts within a log, with the names of arguments in the place of those of a configuration."""
+    for name, argument in _ARGUMENTS.items():
+        error = error.replace(f"'{name}'", argument)
+        error = f"{argument}{error.removeprefix(name)}" if error.startswith(f"{name}:") else error
+    unit = next((unit for words, unit in _GYRO_UNITS.items() if words in error), None)
+    return error if unit is None else f"{error}: gyr_unit={unit!r}?"
 
 
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:

@@ -199,6 +199,8 @@ def require_writable(path: str | os.PathLike[str], *, makes_folders: bool = Fals
     final = tried = Path(path)
     if final.is_dir():
         raise FileError(f"{final}: not written: it is a folder")
+    if final.exists() and not final.is_file():
+        raise FileError(f"{final}: not written: it is there, and no file: a device or a pipe")
     while makes_folders and not tried.parent.exists():
         tried = tried.parent
     try:

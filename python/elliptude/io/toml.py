@@ -133,7 +133,7 @@ def load_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         If the file cannot be read, or is not TOML (with line and column).
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise FileError(f"{path}: {system_fault(error)}") from error
     except UnicodeDecodeError as error:

@@ -3,6 +3,7 @@
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
+from datetime import date, time
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -102,6 +103,8 @@ def _fault(fault: ErrorDetails, model: type[BaseModel]) -> str:
     if kind == "value_error":
         return fault["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
+        if other := _other_kind(model, fault["loc"]):
+            return other
         keys = _known_keys(model, fault["loc"])
         return "no such key" + (did_you_mean(str(fault["loc"][-1]), keys) or f"; there are {', '.join(sorted(keys))}")
     if kind == "missing" and isinstance(fault["loc"][-1], int):
@@ -125,7 +128,10 @@ def _fault(fault: ErrorDetails, model: type[BaseModel]) -> str:
 def _value(fault: ErrorDetails) -> str:
     """What stands there instead, if it is short enough to be said."""
     value = fault["input"]
-    if fault["type"] in {"missing", "extra_forbidden"} or not isinstance(value, bool | int | float | str):
+    is_list = isinstance(value, list) and fault["type"] not in _OTHER_KINDS
+    if isinstance(value, date | time):
+        return f", not {value.isoformat()}"
+    if fault["type"] in {"missing", "extra_forbidden"} or not (is_list or isinstance(value, bool | int | float | str)):
         return ""
     shown = str(value).lower() if isinstance(value, bool) else repr(value)
     return f", not {textwrap.shorten(shown, 60, placeholder='...')}"
@@ -154,6 +160,19 @@ def _key_path(fault: ErrorDetails, data: Mapping[str, Any]) -> str:
 
 def _known_keys(model: type[BaseModel], place: Sequence[int | str]) -> set[str]:
     return {key for one in _models_at(model, place[:-1]) for key in one.model_fields}
+
+
+def _other_kind(model: type[BaseModel], place: Sequence[int | str]) -> str:
+    """What is said of a key that a table of another kind has; empty if none has it."""
+    if len(place) < 2:
+        return ""
+    kind, key = place[-2:]
+    siblings = _models_at(model, place[:-2])
+    others = _kinds({one for one in siblings if key in one.model_fields})
+    if kind not in _kinds(siblings) or not others:
+        return ""
+    taking = " or ".join(f"kind = {other!r}" for other in sorted(others))
+    return f"no such key with kind = {kind!r}; {taking} takes it"
 
 
 def _models_at(model: type[BaseModel], place: Sequence[int | str]) -> set[type[BaseModel]]:

@@ -2,6 +2,7 @@
 
 import functools
 import gzip
+import os
 
 import numpy as np
 import pytest
@@ -351,3 +352,56 @@ def test_bounds_of_a_sensor_in_another_unit(tmp_path, sensor, factor, unit, mess
     )
     config = write(tmp_path / "config.toml", CONFIG.replace('"m/s^2"' if sensor == "a" else '"uT"', f'"{unit}"'))
     assert message in refused(tmp_path, "bounds", log, config, "--out", tmp_path / "out.toml")
+
+
+UNREADABLE = {
+    "a quote": (lines(cell(7, 0, '"0.07'), more=ROWS * 20), "line 9: text in quotes that does not end, or a cell of"),
+    "a header whose line does not end": (HEADER, "a header, but no rows below it"),
+    "a gzip": (gzip.compress(lines({}).encode()), "log.csv: compressed: give it a name that ends in .csv.gz"),
+    "no ZIP": (b"PK\x03\x04 no more", "log.zip: not a ZIP archive, or cut off: copy it again"),
+    "no NPZ": (b"PK\x03\x04 no more", "log.npz: not an NPZ file, or cut off: copy it again"),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_file_that_cannot_be_read_is_spoken_of_in_our_words(tmp_path, name):
+    content, message = UNREADABLE[name]
+    log = write(tmp_path / f"log.{name[3:].lower() if name.startswith('no') else 'csv'}", content)
+    said = estimate(tmp_path, log, write(tmp_path / "config.toml", CONFIG))
+    assert message in said
+    assert "field limit" not in said
+    assert "zip file" not in said
+
+
+def test_a_mark_of_the_byte_order_is_no_fault(tmp_path):
+    config = write(tmp_path / "config.toml", b"\xef\xbb\xbf" + CONFIG.encode())
+    done = CliRunner().invoke(app(), ["check", str(write(tmp_path / "log.csv", lines({}))), str(config)])
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("noise_deg_per_s = 1.0", "noise_deg_per_s = [1, 2]", "flow.noise_deg_per_s: must be a number, not [1, 2]"),
+        ("noise_deg_per_s = 1.0", "noise_deg_per_s = 2020-01-01", "must be a number, not 2020-01-01"),
+        (
+            "[[directions]]",
+            "[rule]\nkind = 'hand_held'\n[rule.gyro]\nnoise_deg_per_s = 1.0\n[[directions]]",
+            "rule.gyro: no such key with kind = 'hand_held'; kind = 'stated' takes it",
+        ),
+    ],
+)
+def test_a_value_of_another_kind(tmp_path, old, new, message):
+    config = write(tmp_path / "config.toml", CONFIG.replace(old, new, 1))
+    assert message in estimate(tmp_path, write(tmp_path / "log.csv", lines({})), config)
+
+
+def test_outputs_of_another_kind(tmp_path):
+    log, config = write(tmp_path / "log.csv", lines({})), write(tmp_path / "config.toml", CONFIG)
+    os.mkfifo(tmp_path / "pipe.toml")
+    said = refused(tmp_path, "bounds", log, config, "--out", tmp_path / "pipe.toml", "--force")
+    assert "pipe.toml: not written: it is there, and no file: a device or a pipe" in said
+    said = refused(tmp_path, "bounds", log, config, "--out", tmp_path / "c.csv")
+    assert "c.csv: not written: its name must end in .toml" in said
+    report = ("estimate", log, "--config", config, "--out", tmp_path / "out", "--report", tmp_path / "r.txt")
+    assert "r.txt: not written: its name must end in .html or .htm" in refused(tmp_path, *report)

@@ -183,3 +183,15 @@ def test_columns_of_times_are_columns_like_any_other(tmp_path):
     (tmp_path / "misspelt.toml").write_text(misspelt)
     with pytest.raises(FileError, match="no column 'packet_time', did you mean 'packet_time_s'"):
         read_log(log, read_configuration(tmp_path / "misspelt.toml"))
+
+
+def test_the_words_of_older_files(tmp_path):
+    """Their header says Sample rate and Counter."""
+    recording = made()
+    text = exported(recording, fine=False)
+    text = text.replace("Update Rate: 200.0Hz", "Sample rate: 200.0Hz").replace("PacketCounter", "Counter")
+    times, read = times_of(tmp_path, write(tmp_path, text))
+    np.testing.assert_allclose(times, (60000 + np.arange(len(recording.times))) / RATE, atol=1e-9)
+    assert "column 1 (Counter)" in read.file.place("packet_time_s", 3)
+    (tmp_path / "log.csv").write_text("Counter,x\n1,2\n3,4\n")
+    assert open_log(tmp_path / "log.csv").columns == ("Counter", "x")

@@ -354,3 +354,18 @@ def test_a_stamp_that_is_no_time(k, time, begin):
     times[k] = time
     with pytest.raises(ValueError, match=rf"time\[{k}\]: the time {re.escape(f'{time:.6g}')} s: is its unit right\?"):
         el.ahrs(times, still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])
+
+
+def test_what_contradicts_is_said_in_arguments(recording):
+    times, rates, forces, fields, _ = recording
+    with pytest.raises(
+        ValueError, match=r"acc: turns .* as if its degrees were declared as radians: gyr_unit='deg/s'\?"
+    ) as raised:
+        el.ahrs(times, np.rad2deg(rates), forces, fields, mag_unit="uT")
+    said = str(raised.value)
+    assert said.endswith("If it is right as it is: implausible='ignore'")
+    assert "configuration" not in said
+    with pytest.raises(
+        ValueError, match=r"gyr: 0 in all of .* though acc turns by up to .*: is it off\? If it is right"
+    ):
+        el.ahrs(times, 0.0 * rates, forces, fields, mag_unit="uT")

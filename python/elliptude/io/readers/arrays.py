@@ -71,6 +71,8 @@ class _NamedArrays(NumbersAlone):
             return read(*arguments)
         except FileError:
             raise
+        except zipfile.BadZipFile as error:
+            raise FileError(f"{self.path}: not {self.KIND}, or cut off: copy it again") from error
         except OSError as error:
             fault = system_fault(error) if error.errno else f"not {self.KIND}"
             raise FileError(f"{self.path}: {fault}") from error

@@ -22,6 +22,7 @@ from elliptude.io.files import FileError, as_path, system_fault
 from elliptude.io.readers.base import Batch, NumbersAlone, cells_of
 from elliptude.io.readers.text.dialect import (
     ALL_FOUND_OUT,
+    CELL_WITHOUT_END,
     DELIMITERS,
     MISSING,
     NUMBER,
@@ -39,6 +40,8 @@ BATCH_BYTES = 1 << 22
 """Bytes of the text that are read at a time."""
 
 
+# What compressed files begin with, and what their names must end in.
+_COMPRESSED = {b"\x1f\x8b": ".csv.gz", b"\x28\xb5\x2f\xfd": ".csv.zst"}
 _BEGINNING = 1 << 18
 """Bytes of the text that show how the file is written."""
 
@@ -76,7 +79,11 @@ class CsvTable(NumbersAlone):
         self.units: tuple[str, ...] = ()
         """What a row below the header says, a unit for each column."""
         with self._bytes() as stream:
-            self.dialect = Dialect(encoding=stated.encoding or encoding_of(stream.read(_BEGINNING)))
+            beginning = stream.read(_BEGINNING)
+        for mark, ending in _COMPRESSED.items():
+            if beginning.startswith(mark):
+                raise FileError(f"{path}: compressed: give it a name that ends in {ending}")
+        self.dialect = Dialect(encoding=stated.encoding or encoding_of(beginning))
         with self._text() as text:
             for self._header_line, line in enumerate(text, start=1):
                 if line.startswith(("#", "//")):
@@ -185,6 +192,8 @@ class CsvTable(NumbersAlone):
                 )
         except (pa.ArrowException, OSError) as error:
             self._find_fault(types)
+            if next(self._all_rows(), None) is None:  # the header is all, and its line does not end
+                return
             raise FileError(f"{self.path}: it cannot be read as CSV") from error
 
     def refuse(self, bad: NDArray[np.bool_], name: str, fault: str) -> None:
@@ -278,10 +287,14 @@ class CsvTable(NumbersAlone):
         first = self._header_line + self._units_lines
         with self._text() as text:
             reader = csv.reader(islice(text, first, None), delimiter=self._mark)
+            begin = first + 1
             try:
-                yield from ((first + reader.line_num, cells) for cells in reader if cells)
+                for cells in reader:
+                    if cells:
+                        yield first + reader.line_num, cells
+                    begin = first + reader.line_num + 1
             except csv.Error as error:
-                raise FileError(f"{self.path}: line {first + reader.line_num}: {error}") from error
+                raise FileError(f"{self.path}: line {begin}: {CELL_WITHOUT_END}") from error
 
     @contextmanager
     def _text(self, *, as_it_is: bool = False) -> Iterator[io.TextIOWrapper]:

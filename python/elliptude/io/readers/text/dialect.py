@@ -56,6 +56,8 @@ _UNITS = {
     *units.FIELD,
 }
 _MOST_ROWS = 1000
+CELL_WITHOUT_END = "text in quotes that does not end, or a cell of more than 131072 letters"
+"""What is at fault where Python's reader gives up."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,7 @@ def find_dialect(path: os.PathLike[str], header: str, rows: Sequence[str], encod
         names = cells_of_line(header, delimiter)
         cells = [cells_of_line(row, delimiter) for row in rows[:_MOST_ROWS]]
     except csv.Error as error:
-        raise FileError(f"{path}: not CSV: {error}") from error
+        raise FileError(f"{path}: not CSV: {CELL_WITHOUT_END}") from error
     named = [name for name in names if name]
     counted = any(named == [str(first + i) for i in range(len(named))] for first in (0, 1))  # pandas does so
     if named and not counted and all(NUMBER.fullmatch(name.replace(",", ".")) for name in named):

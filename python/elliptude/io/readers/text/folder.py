@@ -301,5 +301,7 @@ def _folder_of(path: os.PathLike[str]) -> Path:
         raise
     except OSError as error:
         raise FileError(f"{path}: {system_fault(error)}") from error
+    except zipfile.BadZipFile as error:
+        raise FileError(f"{path}: not a ZIP archive, or cut off: copy it again") from error
     except Exception as error:  # zipfile and what it unpacks with raise what they happen to meet
         raise FileError(f"{path}: not a ZIP archive that can be read: {error}") from error

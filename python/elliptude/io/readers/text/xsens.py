@@ -2,7 +2,8 @@
 
 Not every device sends SampleTimeFine; the column may be there and empty. Then the time of day says when a sample was,
 in seven columns. Or the counter of packets does, with the rate that a line above the header states, such as
-``// Update Rate: 100.0Hz``. Either becomes a column of times like any other.
+``// Update Rate: 100.0Hz``. Either becomes a column of times like any other. Older versions of MT Manager call the rate
+``Sample rate``, and the column ``Counter``.
 """
 
 import os
@@ -25,7 +26,8 @@ _TIME_OF_DAY = tuple(f"UTC_{part}" for part in ("Year", "Month", "Day", "Hour", 
 _LEAST = np.array([1970, 1, 1, 0, 0, 0, 0])
 # Nanoseconds since 1970 are 64 bits until 2262; a minute may have a leap second.
 _MOST = np.array([2261, 12, 31, 23, 59, 60, 999_999_999])
-_RATE = re.compile(r"update\s+rate\s*:\s*(\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE)
+_OLD_COUNTER = "Counter"
+_RATE = re.compile(r"(?:update|sample)\s+rate\s*:\s*(\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE)
 # A counter of 16 bits: it begins anew.
 _COUNTS = 65_536
 
@@ -41,7 +43,8 @@ class XsensTable(CsvTable):
 
     def __init__(self, path: str | os.PathLike[str], stated: Stated = ALL_FOUND_OUT, *, lenient: bool = False) -> None:
         super().__init__(path, stated, lenient=lenient)
-        rates = [float(match[1].replace(",", ".")) for line in self.comments if (match := _RATE.search(line))]
+        rates = _rates(self)
+        self._counter = COUNTER if COUNTER in self.written else _OLD_COUNTER
         self.rate_hz = stated.packet_rate_hz or (rates[0] if rates else 0.0)
         """Packets in a second, by the user or by a line above the header; 0 if neither says it."""
         there = self._first_cells.keys()
@@ -49,8 +52,8 @@ class XsensTable(CsvTable):
         if STAMP not in there:
             if there >= set(_TIME_OF_DAY):
                 self._sources[UTC_TIME] = _TIME_OF_DAY
-            if COUNTER in there and self.rate_hz > 0.0:
-                self._sources[PACKET_TIME] = (COUNTER,)
+            if self._counter in there and self.rate_hz > 0.0:
+                self._sources[PACKET_TIME] = (self._counter,)
         self.columns = tuple(dict.fromkeys((*self.written, *self._sources)))
 
     def batches(self, columns: Sequence[str]) -> Iterator[Batch]:
@@ -62,7 +65,7 @@ class XsensTable(CsvTable):
             if UTC_TIME in columns and UTC_TIME in self._sources:
                 found[UTC_TIME] = _since_1970([batch[name] for name in _TIME_OF_DAY])
             if PACKET_TIME in columns and PACKET_TIME in self._sources:
-                counted = count.on(batch[COUNTER])
+                counted = count.on(batch[self._counter])
                 found[PACKET_TIME] = Cells(counted.values / self.rate_hz, counted.empty)
             yield {name: found[name] for name in columns}
 
@@ -71,11 +74,11 @@ class XsensTable(CsvTable):
         if column in self._sources and column == UTC_TIME:
             line, first, last = self.places_of_rows([row])[0], _TIME_OF_DAY[0], _TIME_OF_DAY[-1]
             return f"{line}, columns {first} to {last} (a time of day)"
-        return super().place(COUNTER if column in self._sources else column, row)
+        return super().place(self._counter if column in self._sources else column, row)
 
 
 def open_table(path: str | os.PathLike[str], stated: Stated = ALL_FOUND_OUT, *, lenient: bool = False) -> CsvTable:
-    """Open a CSV file as what it is: Xsens' have PacketCounter.
+    """Open a CSV file as what it is: Xsens' have PacketCounter, or older ones Counter and a rate.
 
     Parameters
     ----------
@@ -88,11 +91,16 @@ def open_table(path: str | os.PathLike[str], stated: Stated = ALL_FOUND_OUT, *, 
         If it cannot be read, or the rate of packets is stated and there is no PacketCounter.
     """
     table = CsvTable(path, stated, lenient=lenient)
-    if COUNTER in table.columns:
+    if COUNTER in table.columns or (_OLD_COUNTER in table.columns and (stated.packet_rate_hz or _rates(table))):
         return XsensTable(path, stated, lenient=lenient)
     if stated.packet_rate_hz is not None:
         raise FileError(f"{path}: packet_rate_hz is of the column {COUNTER}, and there is none")
     return table
+
+
+def _rates(table: CsvTable) -> list[float]:
+    """The rates that lines above the header state, Hz."""
+    return [float(match[1].replace(",", ".")) for line in table.comments if (match := _RATE.search(line))]
 
 
 class _Count:
