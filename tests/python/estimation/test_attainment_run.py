@@ -284,9 +284,7 @@ def test_a_stamp_that_is_off_by_how_fast_a_body_turns_at_most():
     rows = direction_rows(log, Configuration.model_validate(fields))
     np.testing.assert_allclose(rows.angles, np.tile([0.02, 0.02 + 0.3 * np.deg2rad(10.0)], (5, 1)))
     del fields["flow"]["largest_rate_deg_per_s"]
-    with pytest.raises(
-        ValueError, match="'two': time_offset_bound_s of a rigid body needs flow"
-    ):
+    with pytest.raises(ValueError, match="'two': time_offset_bound_s of a rigid body needs flow"):
         direction_rows(log, Configuration.model_validate(fields))
 
 
