@@ -69,10 +69,19 @@ class FilterSession {
   void bound_vector() {
     if constexpr (!measures_rate) {
       const double width = 10 * (0.1 + static_cast<double>(world_.vector().norm()));
-      require(
-          filter_.bound_vector({Eigen::Vector3d::Zero(), width * width * Eigen::Matrix3d::Identity()}) == Status::ok,
-          "a valid bound", "bound_vector");
+      bound_vector_by(width);
     }
+  }
+
+  /// One that contradicts what the filter knows, as lies have it, is refused until the filter has forgotten them.
+  void bound_vector_by(double width) {
+    const Ellipsoid<double, 3> bound{Eigen::Vector3d::Zero(), width * width * Eigen::Matrix3d::Identity()};
+    Status status = filter_.bound_vector(bound);
+    if (status == Status::empty_intersection && !honest_) {
+      filter_.forget();
+      status = filter_.bound_vector(bound);
+    }
+    require(status == Status::ok, "a valid bound", "bound_vector");
   }
 
   /// The truth is in the set, which is of two where the bias is not estimated.
@@ -304,8 +313,7 @@ class FilterSession {
       return;  // where a second more is none
     }
     if constexpr (measures_rate) {
-      require(filter_.bound_vector({Eigen::Vector3d::Zero(), 1e6 * Eigen::Matrix3d::Identity()}) == Status::ok,
-              "a valid bound", "bound_vector");
+      bound_vector_by(1e3);
     } else {
       bound_vector();
     }

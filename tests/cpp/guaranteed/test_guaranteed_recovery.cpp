@@ -282,7 +282,7 @@ TEST_CASE("a bias known without an attitude that contradicts its bound is given 
     };
     for (int k = 0; k <= 6; ++k) {
       GuaranteedUpdate<double> update;
-      REQUIRE(filter.predict(0.1 * k, {}) == Status::ok);
+      REQUIRE(filter.predict(0.1 * k, {Vector3d::Zero()}) == Status::ok);
       REQUIRE(filter.update({directions, 2, nullptr, nullptr}, update) == Status::ok);
     }
     REQUIRE(filter.knows_attitude());

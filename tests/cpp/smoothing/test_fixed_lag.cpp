@@ -449,6 +449,7 @@ TEST_CASE("backward pass: earlier contradictions are none of later moments") {
     FilterMoment<GyroScene::Filter> known;
     known.time = time;
     known.interval.duration = 1;
+    known.interval.input = {Vector3d::Zero()};
     known.contradictions = contradictions;
     known.known = {{{exp(Vector3d(about_x, 0, 0)), Vector3d::Zero()}, within * within * Matrix6<double>::Identity()},
                    Claim::unconditional};
