@@ -19,6 +19,7 @@ from elliptude.calibration.vector_sensors import (
     SensorSet,
     SensorStatements,
     proposal,
+    require_possible,
     sensor_set,
 )
 from elliptude.configuration.calibration import (
@@ -327,7 +328,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         else:
             continue
         try:
-            _require_possible(log.times[rows], vectors[rows], stated)
+            require_possible(log.times[rows], vectors[rows], stated)
             left = sensor_set(poses, stated)
         except ContradictionError as error:
             unit = "m/s^2" if isinstance(sensor, Accelerometer) else "uT"
@@ -436,24 +437,6 @@ def _accelerometer(
     rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
     poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
     return stated, poses
-
-
-def _require_possible(times: FloatArray, vectors: FloatArray, stated: SensorStatements) -> None:
-    """Refuse samples that no sensor within the statements shows; windows would only hide them among others."""
-    if not len(times):
-        return
-    longest = (1.0 + stated.scale_error) * (stated.greatest + stated.disturbance) + stated.offset + stated.noise
-    shortest = (1.0 - stated.scale_error) * (stated.least - stated.disturbance) - stated.offset - stated.noise
-    # Squares of very large components overflow; one component alone is enough then.
-    sizes = np.abs(vectors).max(axis=1)
-    lengths = np.where(sizes > longest, sizes, np.linalg.norm(np.where(sizes[:, None] > longest, 0.0, vectors), axis=1))
-    excess = np.fmax(np.maximum(lengths - longest, shortest - lengths) - 1e-10 * longest, 0.0)
-    if excess.any():
-        worst = int(np.argmax(excess))
-        raise ContradictionError(
-            f"no parameters agree with the sample at {times[worst]:.3f} s: it is {excess[worst]:.3g} too "
-            f"{'long' if lengths[worst] > longest else 'short'} in"
-        )
 
 
 def _magnetometer(

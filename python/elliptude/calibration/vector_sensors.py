@@ -97,6 +97,24 @@ class SensorSet:
         return bool(self.offset.any()) or not np.array_equal(self.matrix, np.eye(3))
 
 
+def require_possible(times: FloatArray, vectors: FloatArray, stated: SensorStatements) -> None:
+    """Refuse samples that no sensor within the statements shows; windows would only hide them among others."""
+    if not len(times):
+        return
+    longest = (1.0 + stated.scale_error) * (stated.greatest + stated.disturbance) + stated.offset + stated.noise
+    shortest = (1.0 - stated.scale_error) * (stated.least - stated.disturbance) - stated.offset - stated.noise
+    # Squares of very large components overflow; one component alone is enough then.
+    sizes = np.abs(vectors).max(axis=1)
+    lengths = np.where(sizes > longest, sizes, np.linalg.norm(np.where(sizes[:, None] > longest, 0.0, vectors), axis=1))
+    excess = np.fmax(np.maximum(lengths - longest, shortest - lengths) - 1e-10 * longest, 0.0)
+    if excess.any():
+        worst = int(np.argmax(excess))
+        raise ContradictionError(
+            f"no parameters agree with the sample at {times[worst]:.3f} s: it is {excess[worst]:.3g} too "
+            f"{'long' if lengths[worst] > longest else 'short'} in"
+        )
+
+
 def sensor_set(poses: Sequence[Pose], stated: SensorStatements) -> SensorSet:
     """All parameters that agree with the poses and with what is stated.
 

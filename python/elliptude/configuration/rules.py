@@ -178,6 +178,12 @@ class Rule(Model):
     bounds_from_recording: str | None = None
     """The recording that the numbers are proposals from, if nobody has given reasons for them."""
 
+    def field_change(self) -> float:
+        """How far the field may be from its mean over the rest, µT."""
+        disturbance = 0.0 if self.magnetometer is None else self.magnetometer.disturbance_ut
+        change = self.rest.field_change_ut
+        return disturbance if change is None else min(change, disturbance)
+
 
 def read_rule(path: str | os.PathLike[str]) -> Rule:
     """Read a rule in a TOML file.
@@ -357,8 +363,7 @@ def apply_rule(
             velocity=velocity,
         )
 
-    everywhere = slice(0, len(stamps))
-    up = up_within(everywhere, rule.motion.bounds())
+    up = up_within(slice(None), rule.motion.bounds())
     up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
     noise = gyro.rate_error(np.linalg.norm(rates, axis=1), stamps - stamps[0])
     if fields is None or rule.magnetometer is None:
@@ -388,11 +393,9 @@ def apply_rule(
         )
 
     _require_heading(reference, error)
-    field = field_within(everywhere, magnetometer.disturbance_ut)
+    field = field_within(slice(None), magnetometer.disturbance_ut)
     # The reference is the mean field over the rest, from which it is less far there.
-    change = rule.rest.field_change_ut
-    if change is not None and change < magnetometer.disturbance_ut:
-        field = _known_better(field, rest, field_within(rest, change))
+    field = _known_better(field, rest, field_within(rest, rule.field_change()))
     field = _without_contradictions(field, up, reference, whole=magnetometer.contradiction_voids == "recording")
     east = cross_bounds(up, field, reference, in_plane_error=error)
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)

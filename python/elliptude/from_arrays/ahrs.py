@@ -67,16 +67,13 @@ def ahrs(
     """See `elliptude.ahrs`, whose arguments these are; ``stated_units`` has the unit of each sensor."""
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
-    if not isinstance(questions, Sequence):
-        raise TypeError(f"questions: {questions!r}, not a list of words: {', '.join(_QUESTIONS)}")
-    for question in (questions := [questions] if isinstance(questions, str) else questions):
-        if question not in _QUESTIONS:
-            raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
+    questions = _known_questions(questions)
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
-    tables["implausible"] = implausible
     heard = Heard()
     try:
-        configuration = _configuration(file, tables, statements).with_questions(questions)
+        configuration = _configuration(file, tables | {"implausible": implausible}, statements).with_questions(
+            questions
+        )
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
         log = logs.joined(list(pieces))
         estimation = estimate(log, configuration)
@@ -130,6 +127,16 @@ def ahrs(
         ),
         columns=columns,
     )
+
+
+def _known_questions(questions: Sequence[str]) -> Sequence[str]:
+    """The questions as a list of words that are some."""
+    if not isinstance(questions, Sequence):
+        raise TypeError(f"questions: {questions!r}, not a list of words: {', '.join(_QUESTIONS)}")
+    for question in (questions := [questions] if isinstance(questions, str) else questions):
+        if question not in _QUESTIONS:
+            raise ValueError(f"questions: {question!r} is none of {', '.join(_QUESTIONS)}")
+    return questions
 
 
 def _of_up_alone(configuration: Configuration) -> list[str]:
