@@ -38,6 +38,7 @@ from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import (
+    between_samples,
     in_words,
     numbers_of,
     own_rest_of,
@@ -240,7 +241,7 @@ def bounds(
     no_rule, says = None, list[str]()
     if mode == "guaranteed" and "rule" not in tables:
         no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
-        says = what_it_says(numbers_of(ruled), proposed)
+        says = [*what_it_says(numbers_of(ruled), proposed), *between_samples(proposed, carried)]
     up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)

@@ -450,13 +450,13 @@ def rest_at_start(rule: RestRule, times: FloatArray, rates: FloatArray, forces: 
         count = min(count, int(gaps[0]) + 1)
     lasted = times[count - 1] - times[0] if count else 0.0
     if lasted < 0.99 * rule.least_s:
-        begin = times <= times[0] + rule.least_s
         behind = slice(count, int(np.searchsorted(times, times[min(count, len(times) - 1)] + rule.duration_s)))
-        why = (
-            why_no_rest(times[behind], rates[behind], forces[behind], **rule.limits())
-            if not resting[begin].all()
-            else ("the recording ends there" if count == len(times) else "the gyro has a gap there")
-        )
+        if count == len(times):
+            why = "the recording ends there"
+        elif len(gaps) and count == gaps[0] + 1:
+            why = f"the gyro has a gap of {times[count] - times[count - 1]:.3g} s after {times[count - 1]:.6g} s"
+        else:
+            why = why_no_rest(times[behind], rates[behind], forces[behind], **rule.limits())
         raise ValueError(
             f"the recording starts with a rest of {lasted:.3g} s; the rule asks for {rule.least_s:g} s: {why}"
         )

@@ -11,7 +11,8 @@ from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
-from elliptude.estimation import estimator
+from elliptude.estimation import estimator, gaps
+from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
@@ -122,6 +123,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             saturation.add(log)
             findings += [Finding("warning", "", said) for said in saturation.said()]
             up = up_in_log(log, configuration)
+            findings += _refused(log, configuration, findings)
     findings += [
         Finding("warning", one.sensor, f"suspicious: {one.message}")
         for one in suspicions.of_configuration(configuration)
@@ -129,6 +131,19 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
     reports = [_report(one, configuration) for one in samples]
     findings += [finding for one in samples for finding in _suspicions(one, configuration)]
     return Report(reports, findings, up, repaired)
+
+
+def _refused(log: Log, configuration: Configuration, found: list[Finding]) -> list[Finding]:
+    """What the guaranteed mode refuses: no rest for a rule, an interval that the gyro's bounds do not cover."""
+    if configuration.estimator.mode != "guaranteed" or any(finding.severity == "error" for finding in found):
+        return []
+    try:
+        if isinstance(configuration.flow, GyroFlow):
+            log = gaps.without_rates_in_gaps(log, gaps.longest_interval(log, configuration))
+        direction_rows(log, configuration)
+    except ValueError as error:
+        return [Finding("error", "", str(error))]
+    return []
 
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:

@@ -83,6 +83,8 @@ class Proposal:
     """What counted as a rest, as `rest_rows` has it."""
     no_rest: str | None = None
     """Why nothing is a rest; None if something is."""
+    rest_ends: str | None = None
+    """What ends the rest at the start, or why there is none; None without an accelerometer."""
     field_angle: tuple[float, float] | None = None
     """The field's angle from the specific force over the whole recording, rad: median, and median distance from it."""
 
@@ -104,13 +106,16 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
     forces, fields, attitudes = recording.specific_forces, recording.fields, recording.attitudes
     limits = rest_limits(recording)
     no_rest: str | None = "without an accelerometer a rest is not seen"
+    ends: str | None = None
     if forces is None:
         resting = np.zeros(len(times), dtype=np.bool_)
     else:
         resting = rest_rows(times, rates, forces, **limits)
         no_rest = None if resting.any() else why_no_rest(times, rates, forces, **limits)
         # Whether the body rests across a gap is not known.
-        resting[:-1] &= np.diff(times) <= longest_interval_of(np.diff(times), None)
+        gaps = np.diff(times) > longest_interval_of(np.diff(times), None)
+        ends = _what_ends_the_rest(recording, resting, gaps, limits)
+        resting[:-1] &= ~gaps
     # A constant bias says nothing about the delay.
     gyro_delay = None if attitudes is None else delay_of_rates(times, rates, attitudes)
     delay = 0.0 if gyro_delay is None else gyro_delay.delay
@@ -139,8 +144,25 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
         start=_against_the_start(recording, resting, delay + late) if resting[0] else None,
         rest_limits=limits,
         no_rest=no_rest,
+        rest_ends=ends,
         field_angle=None if forces is None or fields is None else _field_angle(forces, fields),
     )
+
+
+def _what_ends_the_rest(
+    recording: Recording, still: NDArray[np.bool_], gaps: NDArray[np.bool_], limits: dict[str, float]
+) -> str:
+    """What ends the rest at the start, in words; ``gaps`` are those of the N − 1 steps."""
+    times, forces = recording.times, recording.specific_forces
+    assert forces is not None
+    count = len(still) if still.all() else int(np.argmin(still))
+    first_gap = int(np.argmax(gaps)) if gaps.any() else len(still)
+    if first_gap < count:
+        return f"a gap of {times[first_gap + 1] - times[first_gap]:.3g} s after {times[first_gap]:.6g} s"
+    if count == len(still):
+        return "the recording ends there"
+    behind = slice(count, int(np.searchsorted(times, times[count] + limits["duration"])))
+    return why_no_rest(times[behind], recording.angular_velocities[behind], forces[behind], **limits)
 
 
 def rest_limits(recording: Recording) -> dict[str, float]:

@@ -14,6 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
+from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.configuration import rules
 from elliptude.configuration.rules import Carried
 from elliptude.proposal.delays import DelayProposal
@@ -303,6 +304,18 @@ def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list
                 "heading by more: the horizontal part of the field alone counts for it."
             )
     return lines
+
+
+def between_samples(proposed: Proposal, carried: Carried) -> list[str]:
+    """That the usual noise does not hold for samples as far apart as these, in words; empty where it does."""
+    step, most = proposed.gyro.longest_interval / TIMES_USUAL, rules.rule_for(carried).gyro.longest_interval_s
+    if most is None or not step > most:
+        return []
+    return [
+        f"The gyro's samples are {1e3 * step:.3g} ms apart. The noise in {in_words(carried)} is for steps of up to "
+        f"{1e3 * most:.3g} ms: what the rate does between samples further apart is not in it. Fewer than "
+        f"{math.ceil(1.0 / most)} samples a second need statements of their own, above all noise_deg_per_s."
+    ]
 
 
 def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:

@@ -22,7 +22,14 @@ from elliptude.configuration.rules import Carried
 from elliptude.proposal.document import Place, document_of
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
-from elliptude.proposal.proposed_rule import NOT_SEEN, RuleTables, own_rest_of, rule_tables, upward
+from elliptude.proposal.proposed_rule import (
+    NOT_SEEN,
+    RuleTables,
+    between_samples,
+    own_rest_of,
+    rule_tables,
+    upward,
+)
 from elliptude.proposal.statistics import Quantiles
 from elliptude.proposal.vectors import VectorProposal
 
@@ -281,6 +288,7 @@ def _guaranteed(
         comments["estimator", "criterion"] = "sharper headings, and fewer sets lost; no effect on what holds"
     if "rule" in full:
         return ["Its [rule] was there before, and says all bounds."]
+    apart = between_samples(proposed, carried)
     table = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(full))
     reason = why_no_rule(full, table, proposed, shared.by_all)
     if reason is None:
@@ -288,12 +296,15 @@ def _guaranteed(
         return [
             "A [rule] says all bounds, as the recording starts at rest. The frame is ENU; north is magnetic north.",
             "There is no [start]: the recording's own rest is where it starts.",
+            *apart,
         ]
     _put_by_sensor(full, comments, proposed, margin, origin, shared, carried, reason)
     by_sensor = f"Each sensor states its bounds. A [rule] for the whole recording is not used: {reason}."
     if is_up_alone(full):
-        return [by_sensor, UP_ALONE, f"Not seen here, so that each needs a reason: {', '.join(_not_seen(comments))}."]
-    return [by_sensor, "There is no [start]: it begins with the first measurements that determine an attitude."]
+        unseen = ", ".join(_not_seen(comments))
+        return [by_sensor, UP_ALONE, f"Not seen here, so that each needs a reason: {unseen}.", *apart]
+    begins = "There is no [start]: it begins with the first measurements that determine an attitude."
+    return [by_sensor, begins, *apart]
 
 
 def is_up_alone(full: Tables) -> bool:
@@ -354,7 +365,8 @@ def why_no_rule(full: Tables, table: RuleTables, proposed: Proposal, shared_stam
     least = table["rest"]["least_s"].value
     lasted = 0.0 if proposed.start is None else proposed.start.duration
     if lasted < 0.99 * least:
-        why = "" if proposed.no_rest is None else f"; {proposed.no_rest}"
+        ended = proposed.no_rest or proposed.rest_ends
+        why = "" if ended is None else f"; {ended}"
         return f"the recording starts with a rest of {lasted:.3g} s, and a rule asks for {least:g} s{why}"
     try:
         of_sensors = {key: value for key, value in full.items() if key != "carried"}

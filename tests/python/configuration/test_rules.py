@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from elliptude.configuration import rules, suspicions
+from elliptude.proposal import proposals
 from elliptude.proposal.proposed_rule import what_it_says
 from scipy.spatial.transform import Rotation
 
@@ -186,3 +187,20 @@ def test_why_a_rest_is_too_short_is_said_of_what_comes_after_it():
     said = r"a rest of 0.99 s; the rule asks for 2 s: in the quietest 0.5 s, from 1 s on, the gyro deviates"
     with pytest.raises(ValueError, match=said):
         rules.apply_rule(rule, times, shown, forces)
+
+
+def test_a_gap_that_ends_the_rest_is_named():
+    """Not what the sensor shows after it, which may be a rest too."""
+    rule, times, shown, forces = smooth("hand", ([0.0], [0.0]), ([0.0], [0.0]))
+    times = times + 0.4 * (np.arange(len(times)) > 0)
+    with pytest.raises(
+        ValueError, match=r"a rest of 0 s; the rule asks for 2 s: the gyro has a gap of 0.41 s after 0 s"
+    ):
+        rules.apply_rule(rule, times, shown, forces)
+    start = proposals.propose(proposals.Recording(times, shown, forces))
+    assert start.rest_ends == "a gap of 0.41 s after 0 s"
+    whole = proposals.propose(proposals.Recording(times[1:], shown[1:], forces[1:]))
+    assert whole.rest_ends == "the recording ends there"
+    shown[100:, 2] = np.deg2rad(3.0) * np.where(np.arange(2900) // 10 % 2, 1.0, -1.0)
+    moved = proposals.propose(proposals.Recording(times[1:], shown[1:], forces[1:]))
+    assert "the gyro deviates from its mean" in moved.rest_ends

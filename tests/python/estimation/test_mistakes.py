@@ -242,6 +242,24 @@ def test_a_rest_in_words_lasts():
     assert up_at_rest(times[:1], rates[:1], forces[:1], None) is None
 
 
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [(slice(None, None, 2), "samples are 0.02 s apart"), (slice(500, None), "the rule asks for 2 s")],
+    ids=["too far apart", "no rest"],
+)
+def test_check_says_what_estimate_refuses(tmp_path, rows, said):
+    """And `bounds`, of samples too far apart, that the rule's noise is not for them."""
+    arrays = {name: array[rows] for name, array in recording().items()}
+    log, config = files(tmp_path, by_rule(), arrays)
+    checked, estimated = run("check", log, config), run("estimate", log, "--config", config, "--out", tmp_path / "out")
+    assert (checked.exit_code, estimated.exit_code) == (1, 1)
+    assert said in words(checked)
+    assert said in words(estimated)
+    assert "1 errors" in words(checked)
+    proposed = words(run("bounds", log, "--like", "broad"))
+    assert ("Fewer than 67 samples a second need statements of their own" in proposed) == ("apart" in said)
+
+
 # --- statements -------------------------------------------------------------------------------------------------------
 
 
