@@ -69,14 +69,11 @@ def ahrs(
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
     questions = _known_questions(questions)
     file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
-    heard = Heard()
+    tables["implausible"], heard = implausible, Heard()
     try:
-        configuration = _configuration(file, tables | {"implausible": implausible}, statements).with_questions(
-            questions
-        )
+        configuration = _configuration(file, tables, statements).with_questions(questions)
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
-        log = logs.joined(list(pieces))
-        estimation = estimate(log, configuration)
+        estimation = estimate(logs.joined(list(pieces)), configuration)
     except ImplausibleError as error:
         errors = "; ".join(_in_arguments(one) for one in error.errors)
         raise ValueError(f"{_NAME}: {sentence(errors)} If it is right as it is: implausible='ignore'") from error

@@ -31,8 +31,8 @@ HAND = {
         "row_at": "middle",
     },
     "magnetometer": {
-        "disturbance_ut": 5.0, "error_ut": 4.0, "averaged_error_ut": 1.3, "averaged_over_s": 0.5, "scale_error": 0.01, "window_s": 0.5,
-        "delay_s": 0.010, "time_offset_bound_s": 0.010, "contradiction_voids": "recording",
+        "disturbance_ut": 5.0, "error_ut": 4.0, "averaged_error_ut": 1.3, "averaged_over_s": 0.5, "scale_error": 0.01,
+        "window_s": 0.5, "delay_s": 0.010, "time_offset_bound_s": 0.010, "contradiction_voids": "recording",
     },
 }  # fmt: skip
 
