@@ -35,5 +35,5 @@ def test_the_requirements_are_those_of_the_package():
     extras = PYPROJECT["project"]["optional-dependencies"]
     assert listed("host") == as_conda_has_it(PYPROJECT["build-system"]["requires"])
     assert listed("run") == as_conda_has_it(PYPROJECT["project"]["dependencies"] + extras["cli"])
-    others = [one for extra in ("report", "igrf", "ulog", "ros") for one in extras[extra]]
+    others = [one for extra in ("report", "igrf", "ulog", "hdf5", "ros") for one in extras[extra]]
     assert listed("run_constraints") == as_conda_has_it(others)

@@ -92,6 +92,22 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
     interruptible.set_interruption(interruption_by_signals());
   }
   raise_unless_ok(Filter::make(interruptible, settings, time, filter), "criterion");
+  const auto bound_vector = [&] {
+    if (vector_bound_) {
+      const Status status = filter.bound_vector(*vector_bound_);
+      if (status == Status::out_of_range) {
+        value_error("vector_bound must have a center and half-widths of at most " + beyond_domain());
+      }
+      if (status == Status::empty_intersection) {
+        value_error("vector_bound has nothing in common with what start says of the vector: one of them is wrong");
+      }
+      raise_unless_ok(status, "vector_bound");
+    }
+  };
+  // A bias that is left to its bound is in that, whatever the start says of it.
+  if (!settings.estimates_vector) {
+    bound_vector();
+  }
   if (start) {
     const Status status =
         start->is_gibbs ? filter.start(start->as<State, GibbsChart>()) : filter.start(start->as<State>());
@@ -108,15 +124,8 @@ void PythonGuaranteedFilter::make(const typename Filter::Flow& flow, const typen
     }
     raise_unless_ok(status, "start");
   }
-  if (vector_bound_) {
-    const Status status = filter.bound_vector(*vector_bound_);
-    if (status == Status::out_of_range) {
-      value_error("vector_bound must have a center and half-widths of at most " + beyond_domain());
-    }
-    if (status == Status::empty_intersection) {
-      value_error("vector_bound has nothing in common with what start says of the vector: one of them is wrong");
-    }
-    raise_unless_ok(status, "vector_bound");
+  if (settings.estimates_vector) {
+    bound_vector();
   }
   filter_ = filter;
 }

@@ -32,7 +32,8 @@ def blocks(times: FloatArray, longest: float, at: Place, more: float = 0.0) -> I
     for start in range(0, len(times), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(times))
         reach = longest * (1.0 + 1e-6)
-        before, after = (0.5 * reach + more, 0.5 * reach + more) if at == "middle" else (reach, 0.0)
+        # Next to the ends of a recording a window about its row reaches its whole length to one side.
+        before, after = (reach + more, reach + more) if at == "middle" else (reach, 0.0)
         first = int(np.searchsorted(times, times[start] - before))
         last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
         yield slice(start, stop), slice(first, last)

@@ -552,4 +552,6 @@ def _mean_at_rest(
         return vectors[there].mean(axis=0), error, 0.0
     run = slice(int(begins[longest]), int(ends[longest]) + 1)
     mean: FloatArray = running_sum(np.diff(times[run]), vectors[run])[-1] / lasted
-    return mean, error, lasted
+    # As many additions lose of the mean.
+    lost = float(np.finfo(np.float64).eps) * (len(vectors) + 20.0) * float(np.linalg.norm(mean))
+    return mean, error + lost, lasted

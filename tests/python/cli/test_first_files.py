@@ -74,15 +74,12 @@ def test_a_rule_in_the_place_of_a_configuration(tmp_path):
     assert "hand_held.toml: a rule for bounds, and no configuration; one names it by [rule] with kind = 'file'" in said
 
 
-def test_a_field_that_is_too_weak_to_say_anything(tmp_path):
-    """µT whose header says nT: `bounds` asks for the unit, and so does `estimate` if it is not mended."""
+def test_a_field_in_another_unit(tmp_path):
+    """µT whose header says nT: `bounds` says which unit would fit."""
     log = write(tmp_path, [name.replace("uT", "nT") for name in HEADER], columns_of(made()))
-    said = succeed("bounds", log, "--out", tmp_path / "config.toml")
-    assert "The magnetometer says nothing: the disturbance may be as large as the field, 0.0457 µT." in said
-    assert "The Earth's is 20 to 70 µT: is the unit right?" in said
-    said = refuse("estimate", log, "--config", tmp_path / "config.toml", "--out", tmp_path / "out")
-    assert "first.csv: at rest the magnetometer shows a field of 0.0457 µT with a horizontal part of 0.018 µT" in said
-    assert "is the unit right?" in said
+    said = refuse("bounds", log, "--out", tmp_path / "config.toml")
+    assert "field: its median norm is 45.7 nT, which is not the Earth's field; it would be in uT" in said
+    assert not (tmp_path / "config.toml").exists()
 
 
 def test_arrays():

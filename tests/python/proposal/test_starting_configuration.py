@@ -179,7 +179,9 @@ def test_without_a_magnetometer_the_heading_counts_from_the_first_row(tmp_path):
     assert said["heading"] == "from the first row"
     assert said["inside_share_of_updates"] == 1.0
     # First order needs a second direction.
-    assert "two directions" in refused("bounds", log, "--like", "broad", "--mode", "first_order", "--out", out / "o")
+    assert "two directions" in refused(
+        "bounds", log, "--like", "broad", "--mode", "first_order", "--out", out / "o.toml"
+    )
 
 
 # --- by sensor --------------------------------------------------------------------------------------------------------
