@@ -371,7 +371,7 @@ typedef struct {
   elliptude_number scale;                /* largest relative error of a rate; default: 0 */
   elliptude_number angular_acceleration; /* largest, rad/s²: how the body turns between samples; default: 0 */
   elliptude_number longest_interval;     /* that a rate stands for, s; negative for any (the default) */
-  elliptude_number largest_rate;         /* of the body at any time, rad/s; negative if not known (the default); not 0 */
+  elliptude_number largest_rate; /* of the body at any time, rad/s; negative if not known (the default); not 0 */
 } elliptude_gyro_parameters;
 
 typedef struct {

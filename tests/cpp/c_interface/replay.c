@@ -53,10 +53,12 @@ static void print_row(const char* filter, int row, elliptude_status predicted, c
   printf("%s %d: %s, %s, %s,", filter, row, elliptude_message(predicted), elliptude_message(report->status),
          elliptude_message(asked));
   printf(
-      " claim %d, lacks %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, trust %d %d,",
-      (int)report->claim, (int)report->lacks, (unsigned long long)report->dropped, (unsigned long long)report->contradicting,
-      (int)report->fusions, (int)report->iterations, (int)report->prediction_used, (unsigned)report->limits_hit,
-      (int)report->agreeing_updates, (int)report->disputed_updates);
+      " claim %d, lacks %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, "
+      "trust %d %d,",
+      (int)report->claim, (int)report->lacks, (unsigned long long)report->dropped,
+      (unsigned long long)report->contradicting, (int)report->fusions, (int)report->iterations,
+      (int)report->prediction_used, (unsigned)report->limits_hit, (int)report->agreeing_updates,
+      (int)report->disputed_updates);
   print_numbers("margin", &report->margin, 1);
   print_numbers("time", &set->time, 1);
   print_numbers("attitude", set->attitude, 9);

@@ -64,11 +64,12 @@ void print_row(const char* name, int row, Status predicted, Status updated, cons
   const Status asked = filter.bounds({0, 0, 2}, bounds);
   std::printf("%s %d: %s, %s, %s,", name, row, message(predicted), message(updated), message(asked));
   std::printf(
-      " claim %d, lacks %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, trust %d %d,",
-      static_cast<int>(filter.claim()), static_cast<int>(filter.lacks()), static_cast<unsigned long long>(update.dropped),
-      static_cast<unsigned long long>(update.contradicting), update.fusions, update.steps,
-      update.prediction_used ? 1 : 0, update.ended_by_limit ? 4U : 0U, filter.trust().agreeing_updates(),
-      filter.trust().disputed_updates());
+      " claim %d, lacks %d, dropped %llx, contradicting %llx, fusions %d, iterations %d, prediction %d, limits %u, "
+      "trust %d %d,",
+      static_cast<int>(filter.claim()), static_cast<int>(filter.lacks()),
+      static_cast<unsigned long long>(update.dropped), static_cast<unsigned long long>(update.contradicting),
+      update.fusions, update.steps, update.prediction_used ? 1 : 0, update.ended_by_limit ? 4U : 0U,
+      filter.trust().agreeing_updates(), filter.trust().disputed_updates());
   print("margin", update.margin);
   print("time", filter.time());
   print("attitude", filter.ellipsoid().center.attitude);
