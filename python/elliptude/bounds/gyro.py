@@ -129,32 +129,36 @@ class GyroBounds:
         angles: FloatArray = np.minimum(self.largest_rate * np.asarray(durations, dtype=np.float64), np.pi)
         return angles
 
-    def angle_across_gap(self, duration: float, begin: FloatArray, end: FloatArray, elapsed: float) -> float:
-        """Bound of the angle between the turn over a gap and one at the mean of the rates around it, (18.47).
+    def angles_across_gaps(
+        self, durations: FloatArray, begin: FloatArray, end: FloatArray, elapsed: FloatArray
+    ) -> FloatArray:
+        """Bounds of the angle between the turn over a gap and one at the mean of the rates around it, (18.47).
 
         Parameters
         ----------
-        duration : float
-            Of the gap, s.
-        begin, end : (3,) array
-            The measured rates where it begins and ends, rad/s; NaN if there is none.
-        elapsed : float
-            The longest time between the gap and when the bias was known, s.
+        durations : (M,) array
+            Of the gaps, s.
+        begin, end : (M, 3) array
+            The measured rates where they begin and end, rad/s; NaN if there is none.
+        elapsed : (M,) array
+            The longest time between each gap and when the bias was known, s.
 
         Returns
         -------
-        float
+        (M,) array
             rad; infinite or NaN where nothing is known.
         """
         if np.isinf(self.angular_acceleration):
-            return np.inf
+            return np.full(len(durations), np.inf)
         # Of the samples, and of what the rate does beside its slow change.
-        error = float(self.rate_error(lengths_of(np.stack([begin, end])), elapsed).mean()) + self.noise
-        fastest = float(np.linalg.norm(0.5 * (begin + end))) + error
-        change = self.angular_acceleration * duration
+        of_samples = self.rate_error(lengths_of(begin), elapsed) + self.rate_error(lengths_of(end), elapsed)
+        error = 0.5 * of_samples + self.noise
+        fastest = lengths_of(0.5 * (begin + end)) + error
+        change = self.angular_acceleration * durations
         # From their mean the rate is half of that away at most, and a quarter in the mean; the axes turn meanwhile.
-        away = min(0.5 * change, 0.25 * change * (1.0 + 0.5 * fastest * duration + 0.25 * change * duration))
-        return duration * (error + self.noise + away)
+        turning = 0.25 * change * (1.0 + 0.5 * fastest * durations + 0.25 * change * durations)
+        angles: FloatArray = durations * (error + self.noise + np.minimum(0.5 * change, turning))
+        return angles
 
     def steady_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
         """Bound of the rate's error without the noise, (18.9): the part that does not average out.
@@ -352,7 +356,8 @@ class GyroBounds:
         span = float(stamps[behind] - stamps[before])
         with np.errstate(over="ignore", invalid="ignore"):
             rate = 0.5 * (rates[before] + rates[behind])
-            angle = self.angle_across_gap(span, rates[before], rates[behind], float(since[[before, behind]].max()))
+            around, longest = rates[[before, behind]], since[[before, behind]].max()
+            angle = float(self.angles_across_gaps(np.array([span]), around[:1], around[1:], np.array([longest]))[0])
             turned = span * float(np.linalg.norm(rate))
         says_more = angle < self.turns_over_gaps(stamps[behind] - stamps[behind - 1]) and turned + angle < np.pi
         return (behind, rate, angle) if says_more else None

@@ -73,10 +73,13 @@ class OneMatrix:
         self._piece, self._gyro = piece, gyro
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹, as in (18.13).
         self._scale, self._other = gyro.scale_error / (1.0 - gyro.scale_error), 1.0 / (1.0 - gyro.scale_error)
-        steps, attitudes = piece.steps, piece.attitudes
-        self._effects, self._chords = scale_effects(steps, attitudes, piece.rates)
-        # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the steps' coning.
-        self._biased = running_sum(steps, gyro.bias + gyro.drift * piece.since_known) + piece.coned / self._other
+        steps, frame, rows = piece.steps, piece.frame, piece.rows
+        # In a gap the matrix does nothing that is not in the bound of the turn across it.
+        effects, chords = scale_effects(frame.covered_steps, frame.attitudes, frame.rates)
+        self._effects, self._chords = effects[rows], chords[rows]
+        # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the frame.
+        biased = running_sum(frame.steps, gyro.bias + gyro.drift * frame.since_known)
+        self._biased = biased[rows] + piece.apart / self._other
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
         # q: what the errors of the rate would turn if all had one direction.
         self._straight = self._scale * piece.turned + self._other * gyro.noise * piece.elapsed
@@ -124,15 +127,16 @@ class OneMatrix:
         outward = (falling - rising).T
         biased, chords = self._biased[of.row] * inward + outward[0], self._chords[of.row] * inward + outward[1]
         effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects.take(of.row, axis=0), mean)
-        length, swept, spanned = average.length[indices], average.swept[indices], average.spanned[indices]
-        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, length + average.lost[indices]))
+        swept, spanned = average.swept[indices], average.spanned[indices]
+        pieces = average.pieces[indices] + average.lost[indices]
+        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, pieces))
         second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
-        # The matrix acts in the carried frame, which coning turns by no more than over the whole window.
-        coned = (self._piece.coned[of.stop] - self._piece.coned[of.start]) * swept
-        turns: FloatArray = self._scale * (push + chords + coned) + self._other * (noise + biased)
+        # The matrix acts in the carried frame, which is no further off than over the whole window.
+        apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
+        turns: FloatArray = self._scale * (push + chords + apart) + self._other * (noise + biased)
         return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
@@ -150,8 +154,8 @@ class OneMatrix:
 
     def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
         """What rounding may add, as in section 18.2: to the 27 numbers of the effects, and to both bounds."""
-        turned, stop = self._piece.turned, window.stop
-        steps = stop - window.start + 1.0 + turned[stop] - turned[window.start]
+        turned, rows, stop = self._piece.turned, self._piece.rows, window.stop
+        steps = rows[stop] - rows[window.start] + 1.0 + turned[stop] - turned[window.start]
         entry = (average.lost[indices] + _EPSILON * steps * average.length[indices]) * turned[stop]
         bounds = self._other * self._biased[stop] + self._scale * self._chords[stop]
         rounding: FloatArray = 64.0 * self._scale * entry + 3.0 * average.lost[indices] * bounds
@@ -226,16 +230,18 @@ class OneMatrix:
         spread = np.einsum("nij,nij->n", squares, squares) / 3.0 - middle**2
         together = np.sqrt(3.0 * (middle + np.sqrt(2.0 * np.maximum(spread, 0.0)))) * _ROUNDED_NORM
         # Rounding of the sums as in 18.2; it is nothing beside the turns.
-        turned, coned = self._piece.turned, self._piece.coned
-        others = 64.0 * _EPSILON * (last + 1.0) * turned[last] + self._chords[last] - self._chords[first]
-        others += (coned[last] - coned[first]) * (turned[last] - turned[first])
+        turned, apart = self._piece.turned, self._piece.apart
+        others = (
+            64.0 * _EPSILON * (self._piece.rows[last] + 1.0) * turned[last] + self._chords[last] - self._chords[first]
+        )
+        others += (apart[last] - apart[first]) * (turned[last] - turned[first])
         turns: FloatArray = self._scale * (np.minimum(by_rows, together) + others)
         return turns
 
     def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:
         """Bounds of the turn by scale error and noise between any rows of cells so many apart, (18.38), rad."""
         gyro, nodes, count = self._gyro, self._nodes, len(self._nodes) - 1
-        turned, elapsed = self._piece.turned[nodes], self._piece.elapsed[nodes]
+        turned, elapsed, gaps = (of[nodes] for of in (self._piece.turned, self._piece.elapsed, self._piece.gap_count))
         inner = at_nodes[away - 1][1 : count - away + 1] if away else at_nodes[1][:count]
         middle = at_nodes[away]
         corners = 0.25 * (middle[: count - away] + middle[1 : count - away + 1] + at_nodes[away + 1] + inner)
@@ -243,7 +249,8 @@ class OneMatrix:
         corners += 0.5 * self._scale * (in_cell[: count - away] + in_cell[away:])
         swept = turned[away + 1 :] - turned[: count - away]
         spanned = elapsed[away + 1 :] - elapsed[: count - away]
-        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept))
+        crossed = gaps[away + 1 :] - gaps[: count - away]
+        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, 1.0 + crossed))
         turn: FloatArray = np.minimum(corners, self._scale * swept) + self._other * noise
         return turn
 

@@ -89,6 +89,32 @@ class VectorSensorBounds:
         averaged = self.error if self.averaged_error is None else self.averaged_error
         return mean_error(self.error, averaged, self.averaged_over, durations, skews)
 
+    def mean_error_across_gaps(self, peaks: ArrayLike, gaps: ArrayLike, lost: ArrayLike) -> FloatArray:
+        """Bound of the mean error over windows that reach across gaps between samples, (18.53).
+
+        Parameters
+        ----------
+        peaks : (...) array
+            The largest weight, 1/s; the weights rise to it and fall, or are equal.
+        gaps : (...) array
+            How many gaps there are in the window.
+        lost : (...) array
+            How long they are together, s.
+
+        Returns
+        -------
+        (...) array
+            Of the mean of what was sampled, in which a gap's value is on the line between the samples around it.
+        """
+        peaks, gaps, lost = (np.asarray(array, dtype=np.float64) for array in (peaks, gaps, lost))
+        if self.averaged_error is None or self.averaged_error >= self.error:
+            return np.full(peaks.shape, self.error if self.averaged_error is None else self.averaged_error)
+        # What pieces, each too short for a mean, may add to the mean's bound times the length of all.
+        short = self.averaged_over * (self.error**2 - self.averaged_error**2) / (2.0 * self.error)
+        more = (gaps + 1.0) * short + lost * (self.error - self.averaged_error)
+        bound: FloatArray = np.minimum(self.error, self.averaged_error + peaks * more)
+        return bound
+
 
 def mean_error(
     error: float, averaged: float, averaged_over: float, durations: ArrayLike, skews: ArrayLike | None = None

@@ -8,14 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import (
-    attitudes_from_rates,
-    coning_angles,
-    from_the_first,
-    lengths_of,
-    running_sum,
-)
+from elliptude.bounds.turns import lengths_of, running_sum
 from elliptude.typing import FloatArray
 
 _BLOCK_ROWS = 1 << 16
@@ -40,6 +35,22 @@ def blocks(times: FloatArray, longest: float, at: Place, more: float = 0.0) -> I
 
 
 @dataclass(frozen=True, eq=False)
+class Gaps:
+    """What windows reach across without a sample of the sensor."""
+
+    count: FloatArray
+    """How many gaps."""
+    time: FloatArray
+    """How long they are together, s; rounded up."""
+    squares: FloatArray
+    """The sum of the squares of their lengths, s²; rounded up."""
+
+    def take(self, indices: NDArray[np.intp]) -> "Gaps":
+        """Those of some windows."""
+        return Gaps(self.count[indices], self.time[indices], self.squares[indices])
+
+
+@dataclass(frozen=True, eq=False)
 class Window:
     """Indices of windows: their beginning, the top of the triangle, their end, and the row that they are for."""
 
@@ -51,6 +62,7 @@ class Window:
     """From the beginning to the top, s; NaN where the window is not whole."""
     after: FloatArray
     """From the top to the end, s."""
+    gaps: Gaps
 
     def take(self, indices: NDArray[np.intp]) -> "Window":
         """Some of them."""
@@ -61,6 +73,7 @@ class Window:
             self.row[indices],
             self.before[indices],
             self.after[indices],
+            self.gaps.take(indices),
         )
 
 
@@ -88,6 +101,8 @@ class Average:
     """The mean of the lengths times the turn by the offset of their stamps."""
     lost: FloatArray
     """What a mean of lengths may lose by rounding."""
+    pieces: FloatArray
+    """The mean of the lengths times the number of pieces, between gaps, up to the row; not below `length`."""
 
 
 def weighted(once: FloatArray, twice: FloatArray | None, window: Window) -> tuple[FloatArray, FloatArray]:
@@ -118,47 +133,64 @@ def weighted(once: FloatArray, twice: FloatArray | None, window: Window) -> tupl
 
 
 class Piece:
-    """Running integrals of a piece of a recording, from which weighted means over windows are differences."""
+    """Running integrals of a piece of a recording, from which weighted means over windows are differences.
+
+    Its rows are those with a sample of the sensor.
+
+    Parameters
+    ----------
+    frame : CarriedFrame
+        At the gyro's rows.
+    rows : (n,) array
+        Which of them have a sample.
+    times : (n,) array
+        Of these samples, s.
+    vectors : (n, 3) array
+    turned_by_offset : (n,) array
+        How far the body turns within the offset of their stamps, rad.
+    gyro : GyroBounds
+    across_gaps : bool
+        Whether windows reach across gaps between samples, where the frame does.
+    """
 
     def __init__(
         self,
+        frame: CarriedFrame,
+        rows: NDArray[np.intp],
         times: FloatArray,
         vectors: FloatArray,
-        rates: FloatArray,
         turned_by_offset: FloatArray,
         gyro: GyroBounds,
-        bias_known: float,
-        maximum_step: float,
+        *,
+        across_gaps: bool = True,
     ) -> None:
-        self._times = times
-        self._gyro = gyro
-        missing = np.isnan(vectors).any(axis=1) | np.isnan(rates).any(axis=1) | np.isnan(turned_by_offset)
-        vectors, rates = np.where(missing[:, None], 0.0, vectors), np.where(missing[:, None], 0.0, rates)
-        steps = np.diff(times)
-        self._missing_rows = np.concatenate([[0], np.cumsum(missing)])
-        self._long_steps = np.concatenate([[0], np.cumsum(steps > maximum_step)])
-        self.attitudes = attitudes_from_rates(steps, rates)
-        # No window reaches across a longer step. Sums across it would leave no digits for the rows behind it.
-        steps = np.minimum(steps, maximum_step)
-        self.steps, self.rates, self.since_known = steps, rates, times - bias_known
-        self.elapsed = np.concatenate([[0.0], np.cumsum(steps)])
-        speeds = lengths_of(rates)
+        self._times, self._gyro = times, gyro
+        self.frame, self.rows = frame, rows
+        self.attitudes, self.since_known = frame.attitudes[rows], frame.since_known[rows]
+        self.elapsed, self.turned, self.apart = frame.elapsed[rows], frame.turned[rows], frame.apart[rows]
+        self.steps = np.diff(self.elapsed)
+        gaps = (np.diff(frame.gaps[rows]) > 0) | (np.diff(rows) > 1)
+        lengths_of_gaps = np.where(gaps, self.steps, 0.0)
+        in_gaps = np.column_stack([gaps, lengths_of_gaps, lengths_of_gaps**2])
+        self._in_gaps = np.concatenate([np.zeros((1, 3)), np.cumsum(in_gaps, axis=0)])
+        self.gap_count = self._in_gaps[:, 0]
+        """How many gaps there are before each row."""
+        self._closed = frame.closed[rows] if across_gaps else self.gap_count
         lengths = lengths_of(vectors)
-        self.coned = from_the_first(coning_angles(steps, rates))
-        self._steady = running_sum(steps, gyro.steady_error(speeds, self.since_known)) + self.coned
-        self.turned = running_sum(steps, speeds)
+        self._steady = frame.steady[rows]
         self.carried = np.einsum("nij,nj->ni", self.attitudes, vectors)
-        # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset.
+        # Columns: the vector, ‖f‖, and ‖f‖ times what bounds its turn: steady error, angle turned, time, offset; gaps.
         weights = lengths[:, None] * np.column_stack(
             [
                 np.ones_like(times),
                 self._steady,
                 self.turned,
                 self.elapsed,
-                np.where(missing, 0.0, turned_by_offset),
+                turned_by_offset,
+                *([self.gap_count] if gaps.any() else []),
             ]
         )
-        self._once = running_sum(steps, np.column_stack([self.carried, weights]))
+        self._once = running_sum(self.steps, np.column_stack([self.carried, weights]))
 
     @cached_property
     def _twice(self) -> FloatArray:
@@ -187,16 +219,17 @@ class Piece:
         """The windows of the rows with these ends; a row is in the middle if it is not its window's end."""
         times = self._times
         top = rows if at == "middle" else np.searchsorted(times, 0.5 * (times[start] + times[stop]))
-        missing = self._missing_rows[stop + 1] - self._missing_rows[start]
-        long_steps = self._long_steps[stop] - self._long_steps[start]
-        whole = (stop > start) & (missing == 0) & (long_steps == 0)
+        whole = (stop > start) & (self._closed[stop] == self._closed[start])
         before = np.where(whole, times[top] - times[start], np.nan)
-        return Window(start, top, stop, rows, before, times[stop] - times[top])
+        # As many sums were rounded as there are gaps.
+        in_gaps = self._in_gaps[stop] - self._in_gaps[start]
+        in_gaps[:, 1:] += _EPSILON * self._in_gaps[stop, :1] * self._in_gaps[stop, 1:]
+        return Window(start, top, stop, rows, before, times[stop] - times[top], Gaps(*in_gaps.T))
 
     def averages(self, window: Window, *, triangular: bool) -> Iterator[Average]:
         """Means with equal weights, then with those of a triangle."""
         span = window.before + window.after
-        count = window.stop - window.start
+        count = self.rows[window.stop] - self.rows[window.start]
         # What the additions of a running sum, as many as the window has, may lose of a mean, if the sum ends at one.
         share = _EPSILON * (count + 20.0) / span
         yield self._average(window, *weighted(self._once, None, window), share)
@@ -223,14 +256,18 @@ class Piece:
             return rounded
 
         spanned, swept = between(6, self.elapsed), between(5, self.turned)
+        pieces = both[:, 3]
+        if self._once.shape[1] > 8:
+            pieces = pieces + between(8, self.gap_count)
         noise = self._gyro.noise * spanned
         if np.isfinite(self._gyro.increment):
             longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-            by_increment = self._gyro.swept_increment(swept, both[:, 3] + lost)
+            by_increment = self._gyro.swept_increment(swept, pieces + lost)
             noise = np.minimum(noise, by_increment * (1.0 + 0.5 * self._gyro.noise * longest))
         turned = self.turned[window.stop] - self.turned[window.start]
         rounding = 2.0 * lost + share * self._once[window.stop, 7]
-        rounding += 32.0 * _EPSILON * (window.stop - window.start + 1 + turned) * both[:, 3]
+        steps = self.rows[window.stop] - self.rows[window.start] + 1
+        rounding += 32.0 * _EPSILON * (steps + turned) * both[:, 3]
         return Average(
             mean=both[:, :3],
             length=both[:, 3],
@@ -242,4 +279,5 @@ class Piece:
             spanned=spanned,
             by_stamps=both[:, 7],
             lost=lost,
+            pieces=pieces,
         )

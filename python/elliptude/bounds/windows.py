@@ -5,11 +5,13 @@ Needs only NumPy; SI units and radians; rows are instants. Derivations and proof
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
+from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.one_matrix import OneMatrix, cell_length
 from elliptude.bounds.samples import (
@@ -55,15 +57,19 @@ class MotionBounds:
         Radius of a ball that the sensor does not leave during a window, m; the ball may be another for another window.
     acceleration : float
         Bound of the linear acceleration at every instant, m/s².
+    jerk : float
+        How fast that changes at most, m/s³, but for a part no larger than the accelerometer's error: what it may do
+        while samples are lost.
     """
 
     velocity: float = np.inf
     position: float = np.inf
     acceleration: float = np.inf
+    jerk: float = np.inf
 
     def __post_init__(self) -> None:
         """Check."""
-        for name in ("velocity", "position", "acceleration"):
+        for name in ("velocity", "position", "acceleration", "jerk"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
 
@@ -76,6 +82,29 @@ class MotionBounds:
         from_velocity = 4.0 * self.velocity / (before + after)
         from_position = 4.0 * self.position / (before * after)
         return np.minimum(self.acceleration, np.minimum(from_velocity, from_position))
+
+    def unseen(self, window: Window, error: float, *, triangular: bool) -> FloatArray:
+        """Bound of how far the mean of samples is from that of the motion because of gaps, (18.54), m/s².
+
+        Where no jerk is stated no window reaches across a gap.
+
+        Parameters
+        ----------
+        window : Window
+        error : float
+            Of a sample, and what of the acceleration may change faster than by the jerk, m/s².
+        triangular : bool
+            Whether weights rise to a top and fall; they are equal otherwise.
+
+        Returns
+        -------
+        (M,) array
+        """
+        peak = (2.0 if triangular else 1.0) / (window.before + window.after)
+        share = 1.0 / 3.0 if triangular else 0.25
+        by_jerk = share * self.jerk * window.gaps.squares if np.isfinite(self.jerk) else 0.0
+        unseen: FloatArray = peak * (by_jerk + error * window.gaps.time)
+        return unseen
 
 
 def gravity_bounds_over_windows(
@@ -107,10 +136,10 @@ def gravity_bounds_over_windows(
     times : (N,) array
         s, increasing.
     specific_forces : (N, 3) array
-        m/s², body axes; at rest it points up. No window reaches over a row with NaN.
+        m/s², body axes; at rest it points up. NaN where there was no sample.
     angular_velocities : (N, 3) array
-        rad/s, body axes, the bias known at the first row subtracted. The gyro's error is that of the rates used: in a
-        step the mean of its ends.
+        rad/s, body axes, the bias known at the first row subtracted; NaN where there was no sample. The gyro's error is
+        that of the rates used: in a step the mean of its ends.
     durations : sequence of float
         Lengths of the windows, s. At the ends of the recording they are as long as it allows, with the row not in the
         middle.
@@ -125,7 +154,8 @@ def gravity_bounds_over_windows(
     at : {"end", "middle"}
         ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
     maximum_step : float
-        No window reaches over a longer step between rows, s.
+        A longer step between rows, s, is a gap, as rows with NaN are. Windows reach across it if ``gyro`` says how the
+        rate changes in one, and ``motion`` how the acceleration does.
     every : int
         Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
     velocity : MeasuredVelocity, optional
@@ -143,14 +173,20 @@ def gravity_bounds_over_windows(
     """
 
     def uniform(window: Window) -> FloatArray:
-        return motion.mean_acceleration_uniform(window.before, window.after)
+        mean = motion.mean_acceleration_uniform(window.before, window.after)
+        return mean + motion.unseen(window, sensor.error, triangular=False)
 
     def triangular(window: Window) -> FloatArray:
-        return motion.mean_acceleration_triangular(window.before, window.after)
+        mean = motion.mean_acceleration_triangular(window.before, window.after)
+        return mean + motion.unseen(window, sensor.error, triangular=True)
 
+    def measured(known: VelocityOfRows, window: Window) -> FloatArray:
+        return known.mean_acceleration(window) + motion.unseen(window, sensor.error, triangular=False)
+
+    of_velocity = None if velocity is None else (velocity, measured)
     return _over_windows(
         times, specific_forces, angular_velocities, durations, (uniform, triangular), gyro, sensor, gravity,
-        gravity_error, time_offset, at, maximum_step, every, velocity,
+        gravity_error, time_offset, at, maximum_step, every, of_velocity, across_gaps=np.isfinite(motion.jerk),
     )  # fmt: skip
 
 
@@ -230,6 +266,7 @@ def cross_bounds(
 
 
 MeanOffset = Callable[[Window], FloatArray]
+_OffsetOfVelocity = tuple[MeasuredVelocity, Callable[[VelocityOfRows, Window], FloatArray]]
 
 
 def _over_windows(
@@ -246,7 +283,9 @@ def _over_windows(
     at: Place,
     maximum_step: float,
     every: int,
-    velocity: MeasuredVelocity | None = None,
+    of_velocity: _OffsetOfVelocity | None = None,
+    *,
+    across_gaps: bool = True,
 ) -> WindowBounds:
     """Bounds from means over windows: with equal weights and, if there is a second offset, weights like a triangle.
 
@@ -262,22 +301,37 @@ def _over_windows(
     if every < 1:
         raise ValueError(f"every must be at least 1, not {every}")
     turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro, vectors=rows)
-    known = None if velocity is None else velocity.at_rows(stamps, at, time_offset)
+    # Rows of the gyro, gaps between them, and rows among them with a sample.
+    of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
+    gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)
+    sampled = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turned_by_offset))[of_gyro])
+    samples = of_gyro[sampled]
+    known = None if of_velocity is None else of_velocity[0].at_rows(stamps[samples], at, time_offset)
 
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
     # About a row a scale error that is one matrix undoes a part of what it does; section 18.12.
     undoes, cell = at == "middle" and gyro.scale_error > 0.0, cell_length(max(durations))
-    for block, needed in blocks(stamps, max(durations), at, 2.0 * cell if undoes else 0.0):
+    for block, needed in blocks(stamps[samples], max(durations), at, 2.0 * cell if undoes else 0.0):
+        first, stop = sampled[needed][0], sampled[needed][-1] + 1
+        carrying = of_gyro[first:stop]
+        frame = CarriedFrame(stamps[carrying], rates[carrying], gaps[first : stop - 1], gyro, stamps[0])
+        there = samples[needed]
         piece = Piece(
-            stamps[needed], rows[needed], rates[needed], turned_by_offset[needed], gyro, stamps[0], maximum_step
-        )
+            frame, sampled[needed] - first, stamps[there], rows[there], turned_by_offset[there], gyro,
+            across_gaps=across_gaps,
+        )  # fmt: skip
         reach = 0.5 * max(durations)
         matrix = OneMatrix(piece, gyro, reach, cell) if undoes else None
-        wanted = np.arange(-(-block.start // every) * every, block.stop, every)
-        here = wanted - needed.start
-        there = None if known is None else known.take(needed)
-        for window, means in _tried(piece, here, durations, at, (stamps[0], stamps[-1]), offsets, there):
+        here = np.flatnonzero(there % every == 0)
+        here = here[(here >= block.start - needed.start) & (here < block.stop - needed.start)]
+        wanted = there[here]
+        given = None
+        if of_velocity is not None and known is not None:
+            given = known.take(needed), of_velocity[1]
+        for window, means in _tried(
+            piece, here, durations, at, (stamps[samples[0]], stamps[samples[-1]]), offsets, given
+        ):
             averages = piece.averages(window, triangular=len(means) > 1)
             for i, (average, offset) in enumerate(zip(averages, means, strict=True)):
                 others = errors.of_mean(average, window, offset, triangular=i > 0)
@@ -304,7 +358,7 @@ def _tried(
     at: Place,
     ends: tuple[float, float],
     offsets: tuple[MeanOffset, ...],
-    velocity: VelocityOfRows | None,
+    given: tuple[VelocityOfRows, Callable[[VelocityOfRows, Window], FloatArray]] | None,
 ) -> Iterator[tuple[Window, tuple[MeanOffset, ...]]]:
     """Windows of the rows, and what may be in the means over them, with equal weights and with a triangle's.
 
@@ -313,8 +367,9 @@ def _tried(
     for duration in sorted(durations, reverse=True):
         window = piece.window(rows, duration, at, ends)
         yield window, offsets
-        if velocity is not None:
-            yield piece.between(*velocity.ends(window), rows, at), (velocity.mean_acceleration,)
+        if given is not None:
+            velocity, measured = given
+            yield piece.between(*velocity.ends(window), rows, at), (partial(measured, velocity),)
 
 
 @dataclass(frozen=True)
@@ -337,7 +392,11 @@ class _Errors:
         """All of (18.7) but what turns do, with what rounding does."""
         with np.errstate(invalid="ignore", divide="ignore"):
             skews = window.after - window.before if triangular else None
-            own = self.sensor.mean_error(window.before + window.after, skews)
+            spans, gaps = window.before + window.after, window.gaps
+            own = self.sensor.mean_error(spans, skews)
+            peaks = (2.0 if triangular else 1.0) / spans
+            across = self.sensor.mean_error_across_gaps(peaks, gaps.count, gaps.time)
+            own = np.where(gaps.count > 0.0, across, own)
             own = own + self.scale * (average.length + self.sensor.error) / (1.0 - self.scale)
             errors: FloatArray = own + offset(window) + average.rounding / (1.0 - self.scale)
         return errors

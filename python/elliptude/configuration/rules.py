@@ -131,13 +131,20 @@ class MotionRule(Model):
     position_m: NotNegative
     # Of the mean over any of the windows, and over shorter ones at the ends of a recording.
     acceleration_m_per_s2: Positive | None = None
+    # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
+    largest_jerk_m_per_s3: Positive | None = None
     windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
     row_at: Literal["end", "middle"]
 
     def bounds(self) -> MotionBounds:
         """In SI units."""
         acceleration = np.inf if self.acceleration_m_per_s2 is None else self.acceleration_m_per_s2
-        return MotionBounds(self.velocity_m_per_s, self.position_m, acceleration)
+        return MotionBounds(self.velocity_m_per_s, self.position_m, acceleration, self.jerk)
+
+    @property
+    def jerk(self) -> float:
+        """The largest, m/s³; infinite if it is not stated."""
+        return np.inf if self.largest_jerk_m_per_s3 is None else self.largest_jerk_m_per_s3
 
 
 class MagnetometerRule(Model):
@@ -177,6 +184,10 @@ class Rule(Model):
     """Whose numbers are the usual ones for this kind of recording; those for the hand if it is not stated."""
     bounds_from_recording: str | None = None
     """The recording that the numbers are proposals from, if nobody has given reasons for them."""
+
+    def motion_in_rest(self) -> MotionBounds:
+        """Bounds of the motion in the rest at the start, in SI units."""
+        return MotionBounds(self.rest.velocity_m_per_s, jerk=self.motion.jerk)
 
     def field_change(self) -> float:
         """How far the field may be from its mean over the rest, µT."""
@@ -364,7 +375,7 @@ def apply_rule(
         )
 
     up = up_within(slice(None), rule.motion.bounds())
-    up = _known_better(up, rest, up_within(rest, MotionBounds(rule.rest.velocity_m_per_s)))
+    up = _known_better(up, rest, up_within(rest, rule.motion_in_rest()))
     noise = gyro.rate_error(np.linalg.norm(rates, axis=1), stamps - stamps[0])
     if fields is None or rule.magnetometer is None:
         return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)

@@ -169,6 +169,8 @@ class VelocityWindowBound(Model):
     velocity_m_per_s: NotNegative | None = None
     position_m: NotNegative | None = None
     acceleration_m_per_s2: NotNegative | None = None
+    # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
+    largest_jerk_m_per_s3: Positive | None = None
     gravity_error_m_per_s2: NotNegative = 0.0
     at: Literal["end", "middle"] = "end"
 

@@ -293,7 +293,12 @@ def _over_windows(
         vectors_there,
         rates[rows],
         bound.windows_s,
-        motion=MotionBounds(known(bound.velocity_m_per_s), known(bound.position_m), known(bound.acceleration_m_per_s2)),
+        motion=MotionBounds(
+            known(bound.velocity_m_per_s),
+            known(bound.position_m),
+            known(bound.acceleration_m_per_s2),
+            known(bound.largest_jerk_m_per_s3),
+        ),
         gyro=gyro,
         sensor=errors,
         gravity=sensor.gravity_m_per_s2,

@@ -491,7 +491,8 @@ def _bound_accelerometer(
     gravity_error = _rule_numbers(table, "accelerometer", "gravity_error_m_per_s2")
     if over_windows:
         bound: Tables = {"kind": "velocity_window"}
-        numbers = _rule_numbers(table, "motion", "velocity_m_per_s", "position_m", "windows_s") | gravity_error
+        keys = ("velocity_m_per_s", "position_m", "largest_jerk_m_per_s3", "windows_s")
+        numbers = _rule_numbers(table, "motion", *keys) | gravity_error
         numbers["at"] = table["motion"]["row_at"].value, table["motion"]["row_at"].how
     else:
         # Windows need the accelerometer's samples at the gyro's stamps, and rates on lines.
@@ -505,8 +506,8 @@ def _bound_accelerometer(
     _put(sensor, comments, place, _rule_numbers(table, "accelerometer", "time_offset_bound_s"))
     sensor["bound_from"] = bound
     error: Tables = sensor.setdefault("sensor_error", {})
-    keys = ("error_m_per_s2", "averaged_error_m_per_s2", "scale_error")
-    _put(error, comments, (*place, "sensor_error"), _rule_numbers(table, "accelerometer", *keys))
+    errors = _rule_numbers(table, "accelerometer", "error_m_per_s2", "averaged_error_m_per_s2", "scale_error")
+    _put(error, comments, (*place, "sensor_error"), errors)
 
 
 def _bound_magnetometer(

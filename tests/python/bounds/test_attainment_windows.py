@@ -246,20 +246,21 @@ def test_a_late_vector_in_a_turning_body():
 
 @pytest.mark.parametrize("missing", ["force", "rate"])
 @pytest.mark.parametrize("at", ["end", "middle"])
-def test_no_window_holds_a_missing_row(at, missing):
-    """Not at its start, not at its end, and any other has a bound."""
+def test_no_window_reaches_across_a_missing_row(at, missing):
+    """If nothing is stated of gaps; and any other has a bound."""
     forces, rates = np.tile(G * UP, (401, 1)), np.zeros((401, 3))
     (forces if missing == "force" else rates)[200] = np.nan
     bounds = windows(forces, rates=rates, durations=[1.0], at=at)
     assert not bounds.contradicted.any()
     without = np.flatnonzero(np.isnan(bounds.angles))
-    expected = np.arange(200, 301) if at == "end" else np.arange(150, 251)
+    # Windows begin and end at rows that are there.
+    expected = np.arange(200, 300) if at == "end" else np.arange(151, 250)
     # At the recording's ends windows are shorter; one row is no window.
     np.testing.assert_array_equal(np.setdiff1d(without, [0, 400]), expected)
 
 
 @pytest.mark.parametrize("at", ["end", "middle"])
-def test_no_window_holds_a_long_step(at):
+def test_no_window_reaches_across_a_long_step(at):
     times = 0.01 * np.arange(401)
     times[200:] += 0.2
     bounds = windows(np.tile(G * UP, (401, 1)), times=times, durations=[1.0], at=at, maximum_step=0.1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.one_matrix import OneMatrix, cell_length, nuclear_norms
 from elliptude.bounds.window_averages import Piece, weighted
@@ -39,7 +40,8 @@ def true_attitudes(times, rates, matrix, added=0.0):
 
 
 def parts(times, rates, gyro, duration, vectors):
-    piece = Piece(times, vectors, rates, np.zeros(len(times)), gyro, times[0], np.inf)
+    frame = CarriedFrame(times, rates, np.zeros(len(times) - 1, dtype=bool), gyro, times[0])
+    piece = Piece(frame, np.arange(len(times)), times, vectors, np.zeros(len(times)), gyro)
     matrix = OneMatrix(piece, gyro, 0.5 * duration, cell_length(duration))
     return piece, matrix
 

@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 from elliptude.bounds import window_averages
+from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.turns import running_integral
 from elliptude.bounds.window_averages import Piece
@@ -100,7 +101,8 @@ def test_running_sums_are_within_what_is_said_of_their_rounding(monkeypatch, gyr
     times, rates, vectors, attitudes = recorded(20_000, 2.0**-8, rate, [0.2, -0.1, G])
     vectors[:, 0] += 0.3 * np.sin(times)
     offsets = np.full(len(times), 1e-3 * part)
-    piece = Piece(times, vectors, rates, offsets, gyro, times[0], np.inf)
+    frame = CarriedFrame(times, rates, np.zeros(len(times) - 1, dtype=bool), gyro, times[0])
+    piece = Piece(frame, np.arange(len(times)), times, vectors, offsets, gyro)
     exact = copy.copy(piece)
     stamps, speeds = times.astype(EXACT), np.sqrt((rates.astype(EXACT) ** 2).sum(axis=1))
     exact.elapsed = stamps - stamps[0]

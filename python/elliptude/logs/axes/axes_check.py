@@ -228,6 +228,7 @@ def _wider(motion: MotionBounds, bound: VelocityWindowBound) -> MotionBounds:
         wider(motion.velocity, bound.velocity_m_per_s),
         wider(motion.position, bound.position_m),
         np.inf if bound.acceleration_m_per_s2 is None else bound.acceleration_m_per_s2,
+        wider(motion.jerk, bound.largest_jerk_m_per_s3),
     )
 
 
