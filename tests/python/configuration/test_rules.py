@@ -27,7 +27,8 @@ HAND = {
         "averaged_error_m_per_s2": 0.2, "averaged_over_s": 0.5, "scale_error": 0.01, "time_offset_bound_s": 0.005,
     },
     "motion": {
-        "velocity_m_per_s": 3.0, "position_m": 1.0, "largest_jerk_m_per_s3": 5000.0, "windows_s": [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0],
+        "velocity_m_per_s": 3.0, "position_m": 1.0, "largest_jerk_m_per_s3": 5000.0,
+        "windows_s": [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0],
         "row_at": "middle",
     },
     "magnetometer": {
