@@ -235,7 +235,7 @@ def field_bounds_over_windows(
 def cross_bounds(
     up: DirectionBounds, field: WindowBounds, reference: ArrayLike, *, in_plane_error: float
 ) -> DirectionBounds:
-    """The direction of field × up: horizontal, and east if the horizontal field points north, (18.14).
+    """The direction of field × up: horizontal, and east if the horizontal field points north, (18.14), (18.55).
 
     It says about the heading what the field says, without the error in the plane of up and the field.
 
@@ -261,8 +261,20 @@ def cross_bounds(
     crossed = np.cross(field.lengths[:, None] * field.directions, up.directions)
     missing = np.isnan(up.angles) | np.isnan(field.angles)
     crossed[missing] = np.nan
-    radii = field.radii - in_plane_error + 2.0 * (strength + in_plane_error) * np.sin(0.5 * up.angles)
-    return bounded_directions(crossed, radii, horizontal, in_plane_error, 1.0, 0.0)
+    of_field = field.radii - in_plane_error
+    of_tilt = 2.0 * (strength + in_plane_error) * np.sin(0.5 * up.angles)
+    whole = bounded_directions(crossed, of_field + of_tilt, horizontal, in_plane_error, 1.0, 0.0)
+    # In the plane across the measured up a tilt brings in the vertical field, and takes of the horizontal one.
+    tilt = np.minimum(up.angles, 0.5 * np.pi)
+    vertical, length = abs(float(vector[2])) + in_plane_error, horizontal + in_plane_error
+    of_tilt = np.where(tilt < up.angles, np.inf, vertical * np.sin(tilt) + length * 2.0 * np.sin(0.5 * tilt) ** 2)
+    level = bounded_directions(crossed, of_field + of_tilt, horizontal, in_plane_error, 1.0, 0.0)
+    halves = np.sin(0.5 * level.angles) ** 2 + np.sin(0.5 * up.angles) ** 2
+    out_of_level = 2.0 * np.arcsin(np.sqrt(np.minimum(halves, 1.0)))
+    excess = np.maximum(whole.excess, level.excess)
+    return DirectionBounds(
+        whole.directions, np.where(excess > 0.0, np.nan, np.minimum(whole.angles, out_of_level)), excess
+    )
 
 
 MeanOffset = Callable[[Window], FloatArray]
