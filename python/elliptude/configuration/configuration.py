@@ -228,6 +228,11 @@ class Configuration(Model):
             raise ValueError("start: a rule says how a recording starts")
         if self.carried is not None:
             raise ValueError("carried: is for the rule to say")
+        if self.estimator.policy == "relaxed":
+            raise ValueError(
+                "estimator.policy: 'relaxed' is not for a rule: it has one accelerometer and at most one magnetometer, "
+                "and if either may be wrong, no attitude is left to begin with. Use 'drop_measurement' or 'restart'"
+            )
         if self.reference_frame not in {None, "ENU"}:
             raise ValueError("reference_frame: a rule's is ENU, with magnetic north where the recording starts")
         given = self.flow.model_fields_set - _SAID_OF_A_RULES_SENSOR
@@ -251,6 +256,12 @@ class Configuration(Model):
             by_gravity = isinstance(reference, RestPhase) and reference.attitude_qw_qx_qy_qz is None
             if by_gravity and self.accelerometer is None:
                 raise ValueError(f"directions[{i}]: a rest phase without an attitude needs an accelerometer")
+            if by_gravity and self.estimator.policy == "relaxed":
+                raise ValueError(
+                    f"directions[{i}] ({sensor.name}).reference: a rest phase without an attitude takes up from the "
+                    "accelerometer, so that this one sensor makes two measurements wrong, and estimator.policy = "
+                    "'relaxed' counts each. State attitude_qw_qx_qy_qz, or reference_ut"
+                )
             on_earth = (
                 (self.rule is None and isinstance(sensor, Accelerometer))
                 or isinstance(reference, WorldModel)

@@ -279,3 +279,29 @@ def test_the_sun_by_time_may_be_off():
     ball = (1e-4 * np.eye(3)).tolist()
     assert added(bound_rad2=ball) == pytest.approx(0.03)
     assert Configuration.model_validate(gyro()).directions[0].added_angle == 0.0
+
+
+@pytest.mark.parametrize(
+    ("says", "message"),
+    [
+        ({"declination_deg": 0.0}, r"directions\[1\] \(field\).reference: a rest phase without an attitude"),
+        ({"attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0]}, None),
+    ],
+)
+def test_a_reference_from_two_sensors_is_not_relaxed(says, message):
+    """An accelerometer that is wrong in the rest makes the field wrong in every row, and itself in some."""
+    phase = {"kind": "rest_phase", "from_s": 0.0, "to_s": 1.0} | says
+    directions = [
+        {"name": "up", "kind": "accelerometer", "columns": ["a", "b", "c"], "unit": "m/s^2", "bound_deg": 1.0},
+        {"name": "field", "kind": "magnetometer", "columns": ["d", "e", "f"], "unit": "uT", "bound_deg": 1.0},
+        pendulum()["directions"][0],
+    ]
+    directions[1]["reference"] = phase
+    tables = guaranteed(gyro()) | {"directions": directions, "reference_frame": "ENU"}
+    Configuration.model_validate(tables)
+    tables["estimator"] = {"mode": "guaranteed", "policy": "relaxed", "most_wrong": 1}
+    if message is None:
+        Configuration.model_validate(tables)
+        return
+    with pytest.raises(ValueError, match=message):
+        Configuration.model_validate(tables)

@@ -499,6 +499,9 @@ def test_compare_and_report_read_the_table(tmp_path):
     assert f"outside the set at {(results.forms[known] > 1.0).sum()} of {known.sum()} rows" in done.output
 
 
+RELAXED = {"mode": "guaranteed", "policy": "relaxed", "most_wrong": 1}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -514,6 +517,10 @@ def test_compare_and_report_read_the_table(tmp_path):
         ({"estimator": {"mode": "guaranteed", "when_sets_do_not_meet": "skip"}}, "when_sets_do_not_meet is not of"),
         ({"rule": {"kind": "hand_held"}, "estimator": {"policy": "restart"}}, "policy needs mode = 'guaranteed'"),
         ({"estimator": {"mode": "guaranteed", "most_wrong": 1}}, "most_wrong"),
+        # Of two sensors one is left, from which no attitude begins; nor does a start from the other one hold.
+        ({"estimator": RELAXED}, "estimator.policy: 'relaxed' is not for a rule"),
+        ({"estimator": RELAXED, "directions": ruled()["directions"][:1]}, "'relaxed' is not for a rule"),
+        ({"estimator": RELAXED | {"most_wrong": 2}, "rule": {"kind": "hand_held"}}, "'relaxed' is not for a rule"),
     ],
 )
 def test_what_does_not_go_together(changes, message):
