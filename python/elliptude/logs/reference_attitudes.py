@@ -75,7 +75,7 @@ def has_sample_at(reference: Reference, times: FloatArray) -> NDArray[np.bool_]:
     known = reference.times
     after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
     nearest = np.minimum(np.abs(known[after] - times), np.abs(known[np.maximum(after - 1, 0)] - times))
-    return np.asarray(nearest <= np.maximum(_EQUAL_TIME, 4.0 * np.spacing(np.abs(times))))
+    return np.asarray(nearest <= _EQUAL_TIME)
 
 
 def attitudes_at(

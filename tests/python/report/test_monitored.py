@@ -416,3 +416,12 @@ def test_a_proof_needs_a_sample_at_the_very_time(later, same):
     assert (has_sample_at(reference, times) == same).all()
     rows, _ = attitudes_at(reference, times, np.arange(100), 0.0)
     assert len(rows) == 100
+
+
+def test_seconds_since_1970_are_the_same_or_prove_nothing():
+    """A step of such a number is 240 ns; three of them are no very time, though the rows are within a microsecond."""
+    times = 1.7e9 + np.arange(5)
+    for steps, same in ((0, True), (1, False), (3, False)):
+        reference = Reference(times + steps * np.spacing(1.7e9), Rotation.identity(5))
+        assert (has_sample_at(reference, times) == same).all()
+        assert len(attitudes_at(reference, times, np.arange(5), 0.0)[0]) == 5
