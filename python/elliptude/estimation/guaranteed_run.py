@@ -135,7 +135,7 @@ def run_guaranteed(log: Log, configuration: Configuration) -> GuaranteedRun:
         claims = guaranteed.claims.copy()
         claims[claims < CONDITIONAL] = CONDITIONAL
         guaranteed = replace(guaranteed, claims=claims)
-    caps = followed(configuration, rows, turns)
+    caps = followed(configuration, rows, turns, guaranteed, from_anchors=given.turns is not None)
     return GuaranteedRun(
         log=measured,
         given=given,

@@ -43,8 +43,15 @@ class Vertical:
     """Bound of the angle between the estimated attitude's up and true up, rad, NaN without an attitude, shape (N,)."""
 
 
-def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | None) -> DirectionLog | None:
-    """Up by its measured direction and the gyro alone, whatever else contradicts.
+def followed(
+    configuration: Configuration,
+    rows: DirectionRows,
+    turns: Turns | None,
+    sets: GuaranteedLog | None = None,
+    *,
+    from_anchors: bool = False,
+) -> DirectionLog | None:
+    """Up by its measured direction and the gyro alone; section 18.9.
 
     Parameters
     ----------
@@ -52,6 +59,11 @@ def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | N
     rows : DirectionRows
     turns : Turns, optional
         None where nothing says how the body turned.
+    sets : GuaranteedLog, optional
+        Of the attitude, by the same rows. Where they have left out a measured up, or their past, up that rests on it is
+        conditional; what else contradicts does not count.
+    from_anchors : bool
+        Whether the rows of the sets are predicted by these turns, and not each from the one before.
 
     Returns
     -------
@@ -67,19 +79,82 @@ def followed(configuration: Configuration, rows: DirectionRows, turns: Turns | N
     policy = configuration.estimator.policy
     if rows.up is None or rows.up_column is None or turns is None or policy == "relaxed":
         return None
-    filter_of_up = elliptude.DirectionFilter(policy, configuration.estimator.regain_after)
-    up = filter_of_up.run_turns(
+    up = elliptude.DirectionFilter(policy, configuration.estimator.regain_after).run_turns(
         turns.vectors,
         turns.angles,
         anchors=turns.anchors,
         directions=rows.directions[:, rows.up_column],
         bounds=rows.angles[:, rows.up_column],
     )
+    if sets is not None:
+        left_out = _left_out(sets, rows.up_column)
+        lasting = left_out.copy()
+        if from_anchors:
+            # A row between two anchors says that it contradicts, and counts no further.
+            lasting[np.setdiff1d(np.arange(len(lasting)), turns.anchors)] = False
+        if lasting.any():
+            up, rests_on_it = _through_disputes(configuration, rows, turns, lasting)
+            left_out |= rests_on_it
+        up = _weakened(up, left_out)
     sensor = rows.names[rows.up_column]
     if any(one.sensor == sensor for one in rows.contradictions):
         # A statement about this sensor is wrong, and may be wrong elsewhere without showing it.
-        return replace(up, claims=np.where(up.claims == _UNCONDITIONAL, _CONDITIONAL, up.claims).astype(np.uint8))
+        return _weakened(up, np.ones(len(up.claims), dtype=np.bool_))
     return up
+
+
+def _weakened(up: DirectionLog, rows: NDArray[np.bool_]) -> DirectionLog:
+    claims = np.where(rows & (up.claims == _UNCONDITIONAL), _CONDITIONAL, up.claims)
+    return replace(up, claims=claims.astype(np.uint8))
+
+
+def _left_out(sets: GuaranteedLog, up_column: int) -> NDArray[np.bool_]:
+    """Rows at which sets have left out what up is followed by: the measured up, or what was known before."""
+    past = (sets.margins < 0.0) & ~sets.dropped.any(axis=1)
+    return np.asarray(past | sets.dropped[:, up_column], dtype=np.bool_)
+
+
+def _through_disputes(
+    configuration: Configuration, rows: DirectionRows, turns: Turns, contradicts: NDArray[np.bool_]
+) -> tuple[DirectionLog, NDArray[np.bool_]]:
+    """Up where something else contradicts it at some rows, and the rows at which it rests on that.
+
+    As after a contradiction of its own, up is taken from a measurement alone once as many anchors have agreed as the
+    configuration says.
+    """
+    regain_after, n = configuration.estimator.regain_after, len(contradicts)
+    directions, angles = rows.directions[:, rows.up_column], rows.angles[:, rows.up_column]
+    measured = np.isfinite(directions[:, 0]) & (angles < np.pi)
+    filter_of_up = elliptude.DirectionFilter(configuration.estimator.policy, regain_after)
+    found = DirectionLog(np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.bool_))
+
+    def run(block: slice) -> None:
+        part = filter_of_up.run_turns(
+            turns.vectors[block],
+            turns.angles[block],
+            anchors=np.full(block.stop - block.start, -1),
+            directions=directions[block],
+            bounds=angles[block],
+        )
+        for name in ("directions", "angles", "claims", "dropped"):
+            getattr(found, name)[block] = getattr(part, name)
+
+    rests_on_it = np.zeros(n, dtype=np.bool_)
+    disputed, agreed, begin = False, 0, 0
+    # All rows from one anchor's next to the next anchor are predicted from the first.
+    for end in np.union1d(turns.anchors[turns.anchors >= 0], [n - 1]).tolist():
+        block = slice(begin, end + 1)
+        run(block)
+        rests_on_it[block] = np.logical_or.accumulate(np.append(disputed, contradicts[block]))[1:]
+        disputed = bool(rests_on_it[end]) and found.claims[end] != _NONE
+        agreed = 0 if contradicts[block].any() else agreed
+        agreed += int(measured[end] and not contradicts[end])
+        if disputed and agreed >= regain_after and measured[end] and found.claims[end] == _UNCONDITIONAL:
+            filter_of_up.forget()
+            run(slice(end, end + 1))
+            rests_on_it[end] = disputed = False
+        begin = end + 1
+    return found, rests_on_it
 
 
 def contradictions_of_up(rows: DirectionRows, turns: Turns | None, up: DirectionLog | None) -> list[Contradiction]:

@@ -159,7 +159,7 @@ def _backward(forward: GuaranteedRun, configuration: Configuration) -> _Backward
     if forward.contradictions:
         weakest = max(weakest, CONDITIONAL)
     sets = run_filter(back.given, start, configuration, forward.rows.up)
-    caps = followed(configuration, back.rows, back.turns)
+    caps = followed(configuration, back.rows, back.turns, sets, from_anchors=back.given.turns is not None)
     wrong = tuple(contradictions_of_up(back.rows, back.turns, caps))
     forward_anchors = None if forward.given.turns is None else forward.given.turns.anchors
     anchors = None if back.given.turns is None else back.given.turns.anchors

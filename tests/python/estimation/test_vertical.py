@@ -238,6 +238,114 @@ def test_a_statement_that_is_proved_wrong_by_up_alone_is_reported(estimated_by):
     assert guaranteed_result.dropped_columns(untouched)["sensor"] == []
 
 
+# --- what the sets have left out --------------------------------------------------------------------------------------
+
+
+def estimated_sets(count, left_out=(), past=()):
+    """Sets that have left out the measured up at some rows, and their past at others."""
+    margins, dropped = np.ones(count), np.zeros((count, 4), bool)
+    margins[[*left_out, *past]] = -1.0
+    dropped[list(left_out), 1] = True
+    return SimpleNamespace(margins=margins, dropped=dropped)
+
+
+def anchored(count, step):
+    """Each row from the last multiple of a step before it."""
+    rows = np.arange(count)
+    return Turns(np.where(rows > 0, (rows - 1) // step * step, -1), np.zeros((count, 3)), np.full(count, 1e-3))
+
+
+@pytest.mark.parametrize("kind", ["left_out", "past"])
+def test_up_that_rests_on_what_the_sets_have_left_out_is_conditional(kind):
+    """From the row on, until as many updates have agreed; it is then what was measured there, and nothing else."""
+    rows = rows_of_up(np.tile(UP, (30, 1)), np.where(np.arange(30) == 3, 0.01, 0.02))
+    plain = followed(estimator(), rows, still(30, 1e-4))
+    found = followed(estimator(), rows, still(30, 1e-4), estimated_sets(30, **{kind: [5]}))
+    np.testing.assert_array_equal(found.claims == CONDITIONAL, (np.arange(30) >= 5) & (np.arange(30) < 15))
+    np.testing.assert_array_equal(found.angles[:15], plain.angles[:15])
+    assert plain.angles[15] < 0.012
+    assert found.angles[15] == pytest.approx(0.02)
+    # What another sensor was left out for does not count.
+    other = estimated_sets(30)
+    other.margins[5], other.dropped[5, 0] = -1.0, True
+    assert (followed(estimator(), rows, still(30, 1e-4), other).claims == UNCONDITIONAL).all()
+
+
+def test_a_dispute_of_up_begins_again_with_each_contradiction():
+    directions, angles = np.tile(UP, (50, 1)), np.full(50, 0.02)
+    found = followed(estimator(), rows_of_up(directions, angles), still(50, 1e-4), estimated_sets(50, [5, 10], [18]))
+    np.testing.assert_array_equal(np.flatnonzero(found.claims == CONDITIONAL), np.arange(5, 28))
+    # Rows without a measured up agree with nothing.
+    angles[20:30] = np.nan
+    found = followed(estimator(), rows_of_up(directions, angles), still(50, 1e-4), estimated_sets(50, [5, 10], [18]))
+    np.testing.assert_array_equal(np.flatnonzero(found.claims == CONDITIONAL), np.arange(5, 38))
+    # A contradiction of its own is one, too: of row 24, which it has got over ten updates later.
+    angles[:] = 0.02
+    directions[24] = [1.0, 0.0, 0.0]
+    found = followed(estimator(), rows_of_up(directions, angles), still(50, 1e-4), estimated_sets(50, [18]))
+    np.testing.assert_array_equal(np.flatnonzero(found.claims == CONDITIONAL), np.arange(18, 34))
+    # Where nothing is known any more, nothing rests on what was left out.
+    turns = still(50, 1e-4)
+    turns.angles[21], angles[21] = np.inf, np.nan
+    directions[24] = UP
+    found = followed(estimator(), rows_of_up(directions, angles), turns, estimated_sets(50, [18]))
+    assert found.claims[18:23].tolist() == [CONDITIONAL] * 3 + [NONE, UNCONDITIONAL]
+
+
+def test_a_dispute_of_up_between_anchors():
+    """Sets that go from row to row have carried on what contradicts; sets from the same anchors have not."""
+    rows = rows_of_up(np.tile(UP, (60, 1)), np.full(60, 0.02))
+    turns, settings = anchored(60, 5), estimator()
+    settings.estimator.regain_after = 3
+    for from_anchors, left_out, conditional in (
+        (False, 12, np.arange(12, 25)),
+        (True, 12, [12]),
+        (True, 10, np.arange(10, 25)),
+    ):
+        sets = estimated_sets(60, [left_out])
+        found = followed(settings, rows, turns, sets, from_anchors=from_anchors)
+        np.testing.assert_array_equal(np.flatnonzero(found.claims == CONDITIONAL), conditional)
+
+
+@pytest.mark.parametrize("policy", ["drop_measurement", "restart"])
+@pytest.mark.parametrize("estimated_by", [estimation.estimate, smoothing.smooth])
+@pytest.mark.parametrize("stars", [0, 2])
+def test_a_wrong_up_that_the_sets_leave_out_is_nowhere_unconditional(policy, estimated_by, stars):
+    """Up is 8 degrees off at one row, within 2 by its bound; what the gyro has carried there is wide enough to meet it.
+
+    Two stars contradict it; where they are seen before it alone, the past does.
+    """
+    times, lie = 0.1 * np.arange(100), 30
+    references = np.eye(3)[[2, 0, 1]]
+    directions = np.full((100, 3, 3), np.nan)
+    directions[::10] = references
+    directions[lie, 0] = so3.exp(np.radians([8.0, 0.0, 0.0])) @ references[0]
+    directions[lie, 1 + stars :] = np.nan
+    log = logs.Log(
+        times=times, directions=directions, references=np.tile(references, (100, 1, 1)), rates=np.zeros((100, 3))
+    )
+    fields = with_accelerometer(
+        configured({"noise_deg_per_s": 6.0 if stars else 5.0, "interval_rate": "mean_of_ends"}), bound_deg=2.0
+    )
+    sensors = [
+        {"name": name, "columns": ["a", "b", "c"], "reference": reference.tolist(), "bound_deg": 0.2}
+        for name, reference in zip("pq", references[1:], strict=True)
+    ]
+    fields |= {
+        "directions": fields["directions"][:1] + sensors,
+        "estimator": {"mode": "guaranteed", "policy": policy, "regain_after": 3, "best": "center"},
+    }
+    estimated = estimated_by(log, Configuration.model_validate(fields))
+    result, caps = estimated.result, estimated.guaranteed.caps
+    assert (angle_between(caps.directions, UP) > caps.angles + 1e-9).any()
+    unconditional = np.array(result.up_claims) == "unconditional"
+    assert (angle_between(result.ups, UP) <= result.up_bounds + 1e-9)[unconditional].all()
+    assert (angle_between(caps.directions, UP) <= caps.angles + 1e-9)[caps.claims == UNCONDITIONAL].all()
+    assert not unconditional[lie]
+    assert unconditional[:20].all()
+    assert unconditional[60 if stars else 70 :].all()
+
+
 # --- from a gyro ------------------------------------------------------------------------------------------------------
 
 
