@@ -194,7 +194,7 @@ def ahrs(
         were not measured. Columns of pandas and Polars are arrays, too.
     mag : (N, 3) array_like, optional
         The magnetic field, body axes. Without it yaw counts from the first row.
-    statements : "hand", "drone", "car", "boat", "recording" or path-like
+    statements : "hand", "person", "drone", "car", "boat", "recording" or path-like
         What is stated about the sensors' errors. "hand" and the like: the rule for a small sensor that is carried so,
         and begins at rest; the field at that rest is the reference. "recording": what `elliptude bounds` proposes from
         the recording itself, which is no guarantee. A path: a rule in a TOML file, as `elliptude bounds --rule` writes

@@ -144,7 +144,7 @@ def bounds(
         ),
     ] = None,
     carried: Annotated[
-        Literal["hand", "drone", "car", "boat", "spacecraft"],
+        Literal["hand", "person", "drone", "car", "boat", "spacecraft"],
         typer.Option(help="How the sensor is carried: it says, with a reason for each, what a recording cannot show."),
     ] = "hand",
     margin: Annotated[float, quantity("Factor for maxima in what is written.", least=1.0, greatest=100.0)] = MARGIN,

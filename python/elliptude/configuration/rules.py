@@ -42,7 +42,7 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, lt=1)]
 
 
-Carried: TypeAlias = Literal["hand", "drone", "car", "boat"]
+Carried: TypeAlias = Literal["hand", "person", "drone", "car", "boat"]
 """How a sensor is carried, as far as there are numbers with reasons for it."""
 
 
@@ -226,7 +226,7 @@ def rule_for(carried: Carried) -> Rule:
 
 def carried_numbers() -> list[tuple[str, str]]:
     """Tables and keys of the numbers that depend on how a sensor is carried."""
-    others: tuple[Carried, ...] = ("drone", "car", "boat")
+    others: tuple[Carried, ...] = ("person", "drone", "car", "boat")
     found = {(name, key) for one in others for name, table in _stated(one).items() for key in table}
     return [place for place in reasons_for("hand") if place in found]
 

@@ -71,7 +71,7 @@ def of_rule(
         From tables and keys of `elliptude.configuration.rules.Rule` to numbers; any of them may be missing.
     stated : str
         How the numbers came about, for the message.
-    carried : {"hand", "drone", "car", "boat"}
+    carried : {"hand", "person", "drone", "car", "boat"}
         Whose numbers are the usual ones.
 
     Returns

@@ -258,7 +258,7 @@ def _require_as_slow(velocity: MeasuredVelocity | None, largest: float, stated_b
         raise ValueError(
             f"{stated_by} states a speed of at most {largest:g} m/s, but the measured velocity changes by "
             f"{differences.max():.3g} m/s along an axis: state how fast this vehicle goes (--carried of `elliptude "
-            "bounds` has numbers for a car, a drone or a boat)"
+            "bounds` has numbers for a car, a drone, a boat or a person)"
         )
 
 

@@ -11,7 +11,7 @@ from elliptude.typing import FloatArray
 
 # In the unit that is stated; no sensor shows more.
 _LARGEST = 1e9
-# s; no gyro in a hand, a drone, a car or a boat is read so seldom.
+# s; no gyro in a hand, on a person, a drone, a car or a boat is read so seldom.
 _NO_SECONDS = 0.9
 
 

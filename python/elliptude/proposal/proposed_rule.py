@@ -77,7 +77,7 @@ def rule_tables(
         The factor for maxima.
     from_start : bool
         Whether bias and field come from the rest at the start, if there is one, or from all rest.
-    carried : {"hand", "drone", "car", "boat"}
+    carried : {"hand", "person", "drone", "car", "boat"}
         How the sensor is carried: it says what the recording does not show.
     own_rest : {"no", "longer", "any"}
         Whether the rest at the start lasts as long as in this recording, and not as in all of its kind: if that is

@@ -83,7 +83,7 @@ def starting_configuration(
         What was subtracted from the file's times, s.
     shared_stamps, shared_forces : float
         The share of rows at which all sensors were sampled, and the accelerometer.
-    carried : {"hand", "drone", "car", "boat"}
+    carried : {"hand", "person", "drone", "car", "boat"}
         How the sensor is carried: it says what the recording does not show.
 
     Returns

@@ -154,7 +154,10 @@ def test_what_is_there_is_kept_and_the_option_named(files):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("bounds", "x", "--carried", "plane"), "'plane' is not one of 'hand', 'drone', 'car', 'boat', 'spacecraft' "),
+        (
+            ("bounds", "x", "--carried", "plane"),
+            "'plane' is not one of 'hand', 'person', 'drone', 'car', 'boat', 'spacecraft' ",
+        ),
         (("bounds", "x", "--margin", "wide"), "'--margin': not a number "),
         (("validate", "--out", "x", "--trials", "1e3"), "'--trials': not a whole number "),
         (("validate", "--out", "x", "--trials", "0"), "'--trials': must be at least 1 "),

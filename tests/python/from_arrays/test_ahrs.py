@@ -120,7 +120,7 @@ def test_times_since_1970_are_counted_as_the_commands_do(tmp_path, recording):
     assert found.times[0] == 0.25
 
 
-@pytest.mark.parametrize("carried", ["drone", "car", "boat"])
+@pytest.mark.parametrize("carried", ["person", "drone", "car", "boat"])
 def test_how_a_sensor_is_carried_is_a_rule(tmp_path, carried):
     path = tmp_path / "rule.toml"
     path.write_text(tomlkit.dumps(rule_for(carried).model_dump(mode="json", exclude_none=True)))
