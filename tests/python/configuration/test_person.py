@@ -149,6 +149,21 @@ def test_up_is_within_the_bounds(name, step_ms):
     assert np.rad2deg(np.median(up.angles)) < (110.0 if "running wrist" in name else 80.0)
 
 
+@pytest.mark.parametrize("name", GAITS)
+def test_up_is_within_the_bounds_where_samples_were_lost(name):
+    recorded = shown(name)
+    kept = np.random.default_rng(5).uniform(size=len(recorded[0])) > 0.04 * (recorded[0] > 3.0)
+    times, rates, forces, _, attitudes = (values[kept] for values in recorded)
+    assert np.diff(times).max() > PERSON.gyro.longest_interval_s
+    up = rules.apply_rule(PERSON, times, rates, forces).up
+    true = attitudes.inv().apply([0.0, 0.0, 1.0])
+    off = np.arccos(np.clip(np.einsum("ni,ni->n", up.directions, true), -1.0, 1.0))
+    known = np.isfinite(up.angles)
+    assert known.mean() > 0.9
+    assert not up.contradicted.any()
+    assert (off <= up.angles)[known].all()
+
+
 def test_the_numbers_of_a_hand_do_not_hold_on_a_runner():
     """The tests here can fail."""
     times, rates, forces, _, attitudes = shown("running back", 10)
