@@ -65,7 +65,7 @@ def _tables_of(
     for name, (columns, unit) in named.items():
         if columns is None:
             option = "--gyro" if name == "gyroscope" else f"--{name}"
-            _require_none(f"is of the columns that {option} names", {f"{option}-unit": unit})
+            _require_none(f"goes with {option}, which names the columns", {f"{option}-unit": unit})
     if config is not None:
         tables = load_toml(config)
         mapping.configuration_of(tables, config)  # what follows takes them as sound

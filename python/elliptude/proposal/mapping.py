@@ -9,6 +9,7 @@ import copy
 import dataclasses
 import os
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any, TypeAlias
@@ -336,6 +337,9 @@ def why_not_stated(columns: Sequence[str], of_day: Mapping[str, str]) -> str:
     str
     """
     headers = [column.strip() for column in columns]
+    if len(headers) == 1:
+        header = textwrap.shorten(headers[0], 40, placeholder="...")
+        return f"it is one column, {header!r}; if there are more, --delimiter says what separates them"
     if twice := [name for name in dict.fromkeys(headers) if headers.count(name) > 1]:
         return f"two columns are called {twice[0]!r}"
     if unknown := unknown_units(columns):

@@ -55,7 +55,7 @@ LOGS = {
     "only blank lines": ("\n\n\n", "empty, not even a header"),
     "header alone": (HEADER + "\n", "a header, but no rows below it"),
     "no header": ("\n".join(ROWS), "its first line has numbers; the names of the columns must stand there"),
-    "letters": (lines(cell(7, 1, "fast")), "line 9, column 2 (wx): not a number: 'fast'"),
+    "letters": (lines(cell(7, 1, "fast")), "(wx): not a number: 'fast'; empty the cell, or delete the line"),
     "decimal comma beside points": (lines(cell(7, 1, '"0,5"')), "line 9, column 2 (wx): not a number; [csv] decimal"),
     "one decimal point among commas": (
         "t;wx\n" + "0,5;1\n" * 3 + "0.5;1,5\n", "'0,5' has a decimal comma and '0.5' a decimal point",
@@ -86,11 +86,17 @@ LOGS = {
     "two columns of one name": (lines({}, header=HEADER.replace("wx", "wy")), "no column 'wx'"),
     "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "log.csv"),
     "zeros": (b"\0" * 1000, "log.csv"),
-    "broken gzip": (gzip.compress(b"t,wx\n1,2\n" * 999)[:50], "log.csv.gz"),
+    "open quote": (lines(cell(7, 1, '"0')), "line 9: text in quotes that goes on to line 401, and leaves 2 columns"),
+    "broken gzip": (
+        gzip.compress(b"t,wx\n1,2\n" * 999)[:50],
+        "log.csv.gz: its compressed content is damaged, or cut off: copy it again",
+    ),
+    "no MAT": (b"MATLAB 5.0" + b"x" * 300, "not a MAT file, or damaged: copy it again"),
     "no Parquet": (b"PAR1 no more", "not a Parquet file, or damaged"),
     "no NPZ": (b"PK\x03\x04 no more", "not an NPZ file"),
     "no ULog": (b"PK\x03\x04 no more", "not a ULog: it begins with b'PK\\x03\\x04' where b'ULog' must stand"),
     "cut ULog": (b"ULog\x01\x12\x35\x01\0", "a damaged ULog: it cannot be read beyond byte 9 of 9; copy it"),
+    "damaged ULog": (b"ULog\x01\x12\x35\x01" + b"x" * 30, "a damaged ULog: it cannot be read beyond byte"),
     "no bag": (b"no bag at all", "not a ROS 1 bag: it begins with b'no bag a' where b'#ROSBAG V2.0' must stand"),
     "cut bag": (b"#ROSBAG V2.0\n" + bytes(9), "a ROS 1 bag that is damaged, or was not closed when the"),
     "no MCAP": (b"no MCAP at all", "not an MCAP file"),
@@ -160,7 +166,13 @@ CONFIGS = {
 
 
 def endings(name):
-    known = {"broken gzip": ".csv.gz", "no Parquet": ".parquet", "no NPZ": ".npz", "no SQLite": ".db3"}
+    known = {
+        "broken gzip": ".csv.gz",
+        "no Parquet": ".parquet",
+        "no NPZ": ".npz",
+        "no SQLite": ".db3",
+        "no MAT": ".mat",
+    }
     words = {"ULog": ".ulg", "bag": ".bag", "MCAP": ".mcap"}
     return known.get(name) or words.get(name.rpartition(" ")[2], ".csv")
 

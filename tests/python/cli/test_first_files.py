@@ -51,6 +51,13 @@ def test_what_a_header_lacks(tmp_path, changed, said):
     assert "--time, --gyro, --gyro-unit" in message
 
 
+def test_one_column_may_be_several(tmp_path):
+    log = write(tmp_path, HEADER, columns_of(made())[:50])
+    assert "it is one column, 'Time" in refuse("bounds", log, "--delimiter", "semicolon")
+    said = "(Gyroscope X (deg/s)): not a number; [csv] decimal = '.' in a configuration reads a decimal point"
+    assert said in refuse("bounds", log, "--decimal", "comma")
+
+
 def test_a_sensor_in_an_unknown_unit_is_passed_over_and_named(tmp_path):
     header = [name.replace("(g)", "(mm/s^2)") for name in HEADER]
     said = succeed("bounds", write(tmp_path, header, columns_of(made())))
@@ -138,11 +145,11 @@ def test_a_sensor_without_a_measurement(tmp_path, first, name):
         (["--truth", "qw,qx,qy,qz"], "--truth: goes with columns by name"),
         (["--time-unit", "ms"], "--time-unit: goes with columns by name"),
         (["--time-unit", "s"], "--time-unit: goes with columns by name"),
-        (["--gyro-unit", "rad/s"], "--gyro-unit: is of the columns that --gyro names"),
-        (["--accelerometer-unit", "g"], "--accelerometer-unit: is of the columns that --accelerometer names"),
+        (["--gyro-unit", "rad/s"], "--gyro-unit: goes with --gyro, which names the columns"),
+        (["--accelerometer-unit", "g"], "--accelerometer-unit: goes with --accelerometer, which names the columns"),
         (
             ["--time", HEADER[0], "--gyro", ",".join(HEADER[1:4]), "--gyro-unit", "deg/s", "--magnetometer-unit", "G"],
-            "--magnetometer-unit: is of the columns that --magnetometer names",
+            "--magnetometer-unit: goes with --magnetometer, which names the columns",
         ),
     ],
 )

@@ -197,6 +197,14 @@ def test_rows_out_of_order():
     assert order(regular + [time - 0.3 for time in regular])[2] == [50]
 
 
+def test_a_quote_that_stays_open_is_not_repaired(tmp_path):
+    """As one broken line it would take all lines below it along."""
+    rows = clean()
+    rows[7] = rows[7].replace("0,5", '"0,5')
+    with pytest.raises(FileError, match="line 9: text in quotes that goes on to line 41, and leaves 3 columns of 7"):
+        logs.read_log(write(tmp_path, rows), configured())
+
+
 def test_a_clock_that_was_set_back_beside_a_pause():
     """There is room for the rows, but for many more: the stamps on both sides may be of different clocks."""
     regular = [1.0 + H * i for i in range(50)]

@@ -76,8 +76,12 @@ class _NamedArrays(NumbersAlone):
         except OSError as error:
             fault = system_fault(error) if error.errno else f"not {self.KIND}"
             raise FileError(f"{self.path}: {fault}") from error
-        except Exception as error:  # what reads the format raises what its parsing happens to meet
-            raise FileError(f"{self.path}: not {self.KIND}: {error}") from error
+        except NotImplementedError as error:
+            raise FileError(f"{self.path}: {self.KIND}, but of a kind or compression that is not read") from error
+        except MemoryError as error:
+            raise FileError(f"{self.path}: {self.KIND} that is larger than the memory, or damaged") from error
+        except Exception as error:  # what reads the format raises what its parsing happens to meet, in its own words
+            raise FileError(f"{self.path}: not {self.KIND}, or damaged: copy it again") from error
 
     def stream(self, column: str) -> str:
         """See `LogFile`."""

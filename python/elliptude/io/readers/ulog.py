@@ -1,5 +1,6 @@
 """PX4's ULog files (``.ulg``), by way of pyulog: the extra ``elliptude[ulog]``."""
 
+import errno
 import io
 import os
 from collections.abc import Iterator, Sequence
@@ -37,7 +38,9 @@ class UlogFile(NumbersAlone):
                     reached = content.tell()
                     raise
         except OSError as error:
-            raise FileError(f"{path}: {system_fault(error)}") from error
+            # A damaged file also makes pyulog go to a place that no file has.
+            fault = self._damage(reached) if error.errno == errno.EINVAL else system_fault(error)
+            raise FileError(f"{path}: {fault}") from error
         except Exception as error:  # pyulog raises what its parsing happens to meet, in words for nobody
             raise FileError(f"{path}: {self._damage(reached)}") from error
         self._arrays: dict[str, NDArray[np.generic]] = {

@@ -42,6 +42,7 @@ BATCH_BYTES = 1 << 22
 
 # What compressed files begin with, and what their names must end in.
 _COMPRESSED = {b"\x1f\x8b": ".csv.gz", b"\x28\xb5\x2f\xfd": ".csv.zst"}
+_ENDINGS = (".gz", ".bz2", ".zst")
 _BEGINNING = 1 << 18
 """Bytes of the text that show how the file is written."""
 
@@ -257,17 +258,19 @@ class CsvTable(NumbersAlone):
                         self._fail(line, name, "not a time of day as the first one in the column is", cell)
                     continue
                 if not self._is_number(cell):
-                    fault = "not a number"
-                    if self._is_number(cell.replace(",", ".") if self.dialect.decimal == "." else cell):
-                        fault += "; [csv] decimal = ',' in a configuration reads a decimal comma"
-                    self._fail(line, name, fault, cells[self.written.index(name)])
+                    fault, remedy = "not a number", "; empty the cell, or delete the line"
+                    if NUMBER.fullmatch(cell.replace(",", ".")):
+                        mark, called = (",", "comma") if self.dialect.decimal == "." else (".", "point")
+                        fault += f"; [csv] decimal = {mark!r} in a configuration reads a decimal {called}"
+                        remedy = ""
+                    self._fail(line, name, fault, cells[self.written.index(name)], remedy)
                 if kind == pa.int64() and not re.fullmatch(r"[+-]?\d{1,18}|[+-]?[0-8]\d{18}", cell, re.ASCII):
                     self._fail(line, name, "not a whole number, as the first one in the column is", cell)
 
-    def _fail(self, line: int, name: str, fault: str, cell: str) -> NoReturn:
+    def _fail(self, line: int, name: str, fault: str, cell: str, remedy: str = "") -> NoReturn:
         content = textwrap.shorten(cell, 40, placeholder="...")
         place = f"line {line}, column {self.written.index(name) + 1} ({name})"
-        raise FileError(f"{self.path}: {place}: {fault}" + (f": {content!r}" if content else ""))
+        raise FileError(f"{self.path}: {place}: {fault}" + (f": {content!r}" if content else "") + remedy)
 
     @property
     def _mark(self) -> str:
@@ -290,9 +293,16 @@ class CsvTable(NumbersAlone):
             begin = first + 1
             try:
                 for cells in reader:
+                    line = first + reader.line_num
+                    if line > begin and cells and len(cells) != len(self.written):
+                        # What is left out as one broken line would be all lines of the text.
+                        raise FileError(
+                            f"{self.path}: line {begin}: text in quotes that goes on to line {line}, and leaves "
+                            f"{len(cells)} columns of {len(self.written)}: close it, or delete the quotation mark"
+                        )
                     if cells:
-                        yield first + reader.line_num, cells
-                    begin = first + reader.line_num + 1
+                        yield line, cells
+                    begin = line + 1
             except csv.Error as error:
                 raise FileError(f"{self.path}: line {begin}: {CELL_WITHOUT_END}") from error
 
@@ -320,4 +330,6 @@ class CsvTable(NumbersAlone):
                     read = io.BufferedReader(without_lines(read, self._heading))
                 yield read
         except OSError as error:
-            raise FileError(f"{self.path}: {system_fault(error)}") from error
+            damaged = not error.errno and os.fspath(self.path).endswith(_ENDINGS)
+            fault = "its compressed content is damaged, or cut off: copy it again" if damaged else system_fault(error)
+            raise FileError(f"{self.path}: {fault}") from error
