@@ -263,13 +263,13 @@ class AttitudeBounds(NamedTuple):
     """
 
     tilt: Any
-    """Between the vertical as the body sees it in both, rad."""
+    """The largest angle between the vertical as the body sees it in both, rad."""
     heading_from: Any
     """The turn about the vertical from it to the true one, when the tilt is taken away: at least this, rad."""
     heading_to: Any
     """And at most this, rad; positive about up in the sense of a right-handed screw."""
     angle: Any
-    """Of the turn from one to the other, rad."""
+    """The turn from one to the other is at most by this, rad."""
 
     @property
     def heading(self) -> Any:
@@ -278,7 +278,7 @@ class AttitudeBounds(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """Between what a number is."""
+    """Two numbers that an unknown one is between."""
 
     least: float
     """It is not less."""
@@ -293,9 +293,9 @@ class AttitudeSet(NamedTuple):
     """
 
     attitude: FloatArray
-    """Of the center, shape (3, 3)."""
+    """The set's center, shape (3, 3)."""
     shape: FloatArray
-    """Of γ in body axes, rad², shape (3, 3)."""
+    """P of γ in body axes, rad², shape (3, 3)."""
 
 
 @dataclass(frozen=True)

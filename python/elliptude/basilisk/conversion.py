@@ -62,6 +62,6 @@ def mrp_from_attitude(attitude: AttitudeLike) -> FloatArray:
     """
     quaternion = quaternion_from_rotation(attitude)
     scalar = quaternion[..., :1]
-    # Of a quaternion and its negative, which are the same attitude, the one with the positive scalar.
+    # A quaternion and its negative are the same attitude; the one with the positive scalar is taken.
     parameters: FloatArray = quaternion[..., 1:] / (scalar + np.copysign(1.0, scalar))
     return parameters

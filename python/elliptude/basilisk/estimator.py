@@ -43,7 +43,7 @@ class _Sensor:
 class _StarTracker(_Sensor):
     bound: FloatArray | float
     largest_angle: float
-    """Of the bound."""
+    """The largest angle that the bound allows, rad."""
     dcm_cb: FloatArray | None
     """From the body's axes to the case's; None if they are the same."""
 
@@ -183,7 +183,7 @@ class AttitudeEstimator(sysModel.SysModel):  # type: ignore[misc]
 
     @property
     def time(self) -> float:
-        """Of the set, s: the stamp of the last gyro sample."""
+        """When the set holds, s: the stamp of the last gyro sample."""
         return self._filter.time
 
     @property

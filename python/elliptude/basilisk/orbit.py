@@ -30,7 +30,7 @@ from elliptude.guaranteed import GuaranteedFilter
 from elliptude.typing import FloatArray
 
 INERTIA = np.diag([900.0, 800.0, 600.0])
-"""Of the spacecraft with its wheels, kg m²."""
+"""The spacecraft with its wheels, kg m²."""
 WHEEL_TORQUE = 0.2
 """The most that each of the three wheels can give, N m."""
 WHEEL_MOMENTUM = 12.0
@@ -49,7 +49,7 @@ TRACKER_ERROR = np.deg2rad(np.array([10.0, 10.0, 60.0]) / 3600.0)
 COSINE_ERROR = 0.003
 """Bound of each cosine of the Sun sensors."""
 SUN_NORMALS = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]) / math.sqrt(3.0)
-"""Of eight Sun sensors, body axes."""
+"""Where eight Sun sensors look, body axes."""
 SUN = np.array([-0.3, 0.9, 0.2]) / np.linalg.norm([-0.3, 0.9, 0.2])
 """Direction from the Earth's center to the Sun, axes of N."""
 SUN_DISTANCE = orbitalMotion.AU * 1000.0
@@ -58,7 +58,7 @@ ORBIT_RADIUS = 7.0e6
 ORBIT = 5829.0
 """s, one turn about the Earth."""
 STEP = 0.01
-"""Of the dynamics, s."""
+"""A step of the dynamics, s."""
 GYRO_STEP, TRACKER_STEP, SUN_STEP = 1.0, 2.0, 10.0
 """s."""
 BLIND_FROM, BLIND_TO = 2400.0, 3000.0
@@ -66,7 +66,7 @@ BLIND_FROM, BLIND_TO = 2400.0, 3000.0
 
 
 def wheel_inertia() -> float:
-    """Of a wheel about its axis, kg m²: it holds WHEEL_MOMENTUM at 6000 turns a minute."""
+    """The inertia of a wheel about its axis, kg m²: it holds WHEEL_MOMENTUM at 6000 turns a minute."""
     return float(WHEEL_MOMENTUM / (6000.0 * macros.RPM))
 
 
@@ -95,9 +95,9 @@ class Flight:
     attitudes: FloatArray
     """Centers of the sets, shape (N, 3, 3); NaN without a set."""
     biases: FloatArray
-    """Of the gyro, centers of the sets, rad/s, shape (N, 3)."""
+    """The gyro's bias, centers of the sets, rad/s, shape (N, 3)."""
     shapes: FloatArray
-    """Of the sets in the Gibbs chart, shape (N, 6, 6)."""
+    """P of the sets in the Gibbs chart, shape (N, 6, 6)."""
     angles: FloatArray
     """How far the attitude may be off from the center, rad, shape (N,)."""
     claims: list[str]

@@ -84,7 +84,7 @@ class SunSensors:
         return seen / length, math.asin(error / length)
 
     def _solution(self, lit: NDArray[np.bool_]) -> tuple[FloatArray, float] | None:
-        """Of least squares for the sensors that see the Sun: the inverse, and the least singular value."""
+        """Least squares for the sensors that see the Sun: the inverse, and the least singular value."""
         key = lit.tobytes()
         if key not in self._solutions:
             normals = self.normals[lit]

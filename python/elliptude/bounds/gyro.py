@@ -150,7 +150,7 @@ class GyroBounds:
         """
         if np.isinf(self.angular_acceleration):
             return np.full(len(durations), np.inf)
-        # Of the samples, and of what the rate does beside its slow change.
+        # The error of the samples, and what the rate does beside its slow change.
         of_samples = self.rate_error(lengths_of(begin), elapsed) + self.rate_error(lengths_of(end), elapsed)
         error = 0.5 * of_samples + self.noise
         fastest = lengths_of(0.5 * (begin + end)) + error

@@ -82,7 +82,7 @@ class MeasuredVelocity:
             chosen = np.where(np.abs(stamps[behind] - rows) < np.abs(stamps[before] - rows), behind, before)
         away = np.abs(rows - stamps[chosen])
         errors = self.error + self.largest_acceleration * (away + self.time_offset + time_offset)
-        # Of the rows that have a stamp in common the nearest, which are where windows had best end.
+        # If rows share a stamp, the nearest of them counts: windows had best end there.
         order = np.lexsort((away, chosen))
         nearest = np.zeros(len(rows), dtype=np.bool_)
         nearest[order[np.concatenate([[True], np.diff(chosen[order]) > 0])]] = True

@@ -389,7 +389,7 @@ class _Errors:
     """What a sensor's own errors do to a mean."""
 
     scale: float
-    """Of every sample's length, as it is true."""
+    """Largest error as a share of a sample's true length."""
     sensor: VectorSensorBounds
 
     @classmethod

@@ -42,7 +42,7 @@ from elliptude.typing import FloatArray
 
 # A component of the offset is not determined if this share or more of what was stated is still possible.
 _UNDETERMINED = 0.9
-# Of a long recording only so many windows are used, evenly: leaving some out makes a set no smaller than it may be.
+# So many windows of a long recording are used, evenly: leaving some out makes a set no smaller than it may be.
 _MOST_WINDOWS = 1000
 # Of a long rest, too: rounding of a mean is bounded for as many (docs/theory.md, 19.2).
 _MOST_SAMPLES = 100_000
@@ -66,7 +66,7 @@ class Found:
 
     @property
     def unit(self) -> str:
-        """Of offset and errors."""
+        """The unit of offset and errors."""
         return "m/s^2" if isinstance(self.sensor, Accelerometer) else "uT"
 
     @property

@@ -41,7 +41,7 @@ class SensorStatements:
     averaged_noise: float
     """Bound of ‖e‖ averaged, turned into a common frame, over ``averaged_over`` (s) or more."""
     least: float
-    """Of the world's vector, of which the length does not change in the recording."""
+    """The world's vector is at least this long; its length does not change in the recording."""
     greatest: float
     disturbance: float
     """How far what acts on the sensor may be from the world's vector at any instant."""

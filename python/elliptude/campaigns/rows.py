@@ -130,7 +130,7 @@ def _reduced(function: np.ufunc, values: FloatArray, known: NDArray[np.bool_]) -
 
 
 def _means(values: FloatArray) -> FloatArray:
-    """Of each row, over what is known in it."""
+    """The mean of each row, over what is known in it."""
     known = np.isfinite(values)
     sums, counts = np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1)
     means: FloatArray = np.divide(sums, counts, out=np.full(len(values), np.nan), where=counts > 0)

@@ -90,7 +90,7 @@ def open_store(folder: Path, plan: Plan) -> Iterator[Store]:
         # They say that the folder is complete.
         for name in (SUMMARY, PAGE):
             (folder / name).unlink(missing_ok=True)
-        # Of a process that was killed.
+        # A process that was killed has left it.
         for temporary in (*folder.glob(".*.tmp"), *(folder / ROWS).rglob(".block-*.tmp")):
             temporary.unlink(missing_ok=True)
         yield Store(folder)

@@ -44,7 +44,7 @@ class AccelerometerStatements(Model):
     # The same for logs that the calibration is for: what moves or vibrates is noisier than what lies on a table.
     later_noise_m_per_s2: Size
     later_averaged_noise_m_per_s2: Size
-    # Of the shortest mean that both averaged ones are stated for.
+    # How long the shortest mean is that both averaged ones are stated for.
     averaged_over_s: Over = AVERAGED_OVER_S
     rest_s: Strength
     velocity_m_per_s: Size

@@ -109,7 +109,7 @@ class AccelerometerRule(Model):
     gravity_error_m_per_s2: NotNegative
     error_m_per_s2: NotNegative
     averaged_error_m_per_s2: NotNegative
-    # Of the shortest window that this is stated for.
+    # How long the shortest window is that this is stated for.
     averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Fraction
     time_offset_bound_s: NotNegative
@@ -129,7 +129,7 @@ class MotionRule(Model):
 
     velocity_m_per_s: NotNegative
     position_m: NotNegative
-    # Of the mean over any of the windows, and over shorter ones at the ends of a recording.
+    # The mean acceleration over any of the windows, and over shorter ones at the ends of a recording.
     acceleration_m_per_s2: Positive | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
     largest_jerk_m_per_s3: Positive | None = None
@@ -153,7 +153,7 @@ class MagnetometerRule(Model):
     disturbance_ut: NotNegative
     error_ut: NotNegative
     averaged_error_ut: NotNegative
-    # Of the shortest window that this is stated for.
+    # How long the shortest window is that this is stated for.
     averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Fraction
     window_s: Positive

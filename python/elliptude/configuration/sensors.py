@@ -193,7 +193,7 @@ class AccelerometerError(Model):
 
     error_m_per_s2: NotNegative = 0.0
     averaged_error_m_per_s2: NotNegative | None = None
-    # Of the shortest window that this is stated for.
+    # How long the shortest window is that this is stated for.
     averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0
@@ -214,7 +214,7 @@ class MagnetometerError(Model):
 
     error_ut: NotNegative = 0.0
     averaged_error_ut: NotNegative | None = None
-    # Of the shortest window that this is stated for.
+    # How long the shortest window is that this is stated for.
     averaged_over_s: NotNegative = AVERAGED_OVER_S
     scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
     misalignment_deg: NotNegative = 0.0

@@ -22,7 +22,7 @@ LARGEST_VALUE = 1e30
 """No sensor measures more, in any unit; the squares of larger numbers are soon beyond what a double holds."""
 
 LARGEST_TIME_S = 1e10
-"""Of a recording, 317 years from its origin; a double tells times there apart by 2 µs, and later ones less well."""
+"""The longest recording, 317 years; a double tells times at its end apart by 2 µs, and later ones less well."""
 # Since the year 1, as some count, it is 6.4e10.
 _LARGEST_ORIGIN_S = 1e11
 

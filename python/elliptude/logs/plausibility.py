@@ -361,7 +361,7 @@ def _beside_bias(
     # About a direction that hardly moves in the body, the bias along it is noise.
     to_bias = np.linalg.pinv(pushes, rcond=0.1)
     beside = [values - (pushes @ (to_bias @ values.ravel())).reshape(-1, 3) for values in (changes, predicted)]
-    # Of a rate that a bias could be, rounding is left.
+    # Where a bias could be the rate, only rounding is left of it.
     is_left = np.linalg.norm(beside[1]) > _LEFT_BY_ROUNDING * np.linalg.norm(predicted)
     value, error = slope(*beside) if is_left else (0.0, np.inf)
     if error < STANDARD_ERROR:

@@ -24,7 +24,7 @@ _LEFT_BY = 6.0
 _LEAST_RATE = np.deg2rad(100.0)
 _LEAST_FORCE = 15.0
 _ROUNDING = 1e-9
-"""Of the largest number: differences below are not of the sensor's digits."""
+"""A share of the largest number: smaller differences are not the sensor's digits."""
 
 
 @dataclass

@@ -41,7 +41,7 @@ class Sets:
     claims: NDArray[np.uint8]
     """What the sets rest on, an index of `elliptude.results.CLAIMS`, shape (n,)."""
     bounds: AttitudeBounds | None = None
-    """Of the tilt and heading of the centers, which say more than the sets; arrays of shape (n,)."""
+    """How far tilt and heading of the centers may be off, which says more than the sets; arrays of shape (n,)."""
     vertical: FloatArray | None = None
     """The vertical in reference axes that these are of, shape (3,)."""
 

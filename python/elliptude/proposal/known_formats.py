@@ -127,7 +127,7 @@ def _has_stamps(file: LogFile) -> bool:
 
 
 def _median_step(file: LogFile, column: str) -> float:
-    """Of the first rows; 0 if only one has a number, NaN if none has."""
+    """The median step of the first rows; 0 if only one has a number, NaN if none has."""
     cells = next(file.batches([column]), {}).get(column)
     if cells is None:
         return 0.0  # others say that there are no rows

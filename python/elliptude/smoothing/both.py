@@ -28,11 +28,11 @@ class Passes:
     backward: GuaranteedLog
     """In the order of the rows."""
     caps: DirectionLog | None
-    """Of the pass backward, in the order of the rows."""
+    """Where up may be by the pass backward, in the order of the rows."""
     disputes: tuple[Disputes, Disputes] | None = None
-    """Of the sets forward and backward, in the order of the rows; None where neither pass has met a contradiction."""
+    """Where the sets of both passes are in dispute, in the order of the rows; None if neither met a contradiction."""
     disputes_of_caps: tuple[Disputes, Disputes] | None = None
-    """Of the caps."""
+    """Where the caps of both passes are in dispute, likewise."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ class _Known:
 class _Moment:
     time: float
     duration: float
-    """Of the interval that led to it, s."""
+    """How long the interval is that led to it, s."""
     move_back: _Move
     """Predicts a filter of the mirrored flow to a time over that interval."""
     known: _Known

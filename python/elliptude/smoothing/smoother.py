@@ -144,7 +144,7 @@ class _Backward:
     run: GuaranteedRun
     """The pass over the mirrored log, in its own order."""
     disputes: tuple[Disputes, Disputes]
-    """Of the sets forward and backward, in the order of the rows."""
+    """Where the sets of the passes forward and backward are in dispute, in the order of the rows."""
     disputes_of_caps: tuple[Disputes, Disputes] | None
 
 

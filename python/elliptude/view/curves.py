@@ -93,7 +93,7 @@ def _send_plot(stream: Stream, path: str, times: FloatArray, curves: Mapping[str
     still = stream.rr.SeriesLines(
         names=list(curves),
         colors=stream.colours(list(colours)),
-        # Of rows in one pixel, the extremes.
+        # Rows in one pixel are drawn as their extremes.
         aggregation_policy="MinMax",
         widths=[1.8 if colour == _ESTIMATE_COLOUR else 1.2 for colour in colours],
     )

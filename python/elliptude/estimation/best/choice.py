@@ -77,7 +77,7 @@ def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | No
         found = quaternions_from_attitudes(kalman_attitudes(run, configuration))
     is_estimated = np.isfinite(found[:, 0])
     quaternions, moved = put_back(sets, np.where(is_estimated[:, None], found, sets.quaternions))
-    # Of both signs the one that the center has in the table.
+    # The sign is the one that the center has in the table.
     quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
     if estimator == "kalman" and not is_estimated.any():
         why = "no set is narrow enough for a Kalman filter to begin with"

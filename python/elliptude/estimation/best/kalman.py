@@ -91,7 +91,7 @@ class KalmanLog:
 
     @staticmethod
     def empty(count: int) -> "KalmanLog":
-        """Of so many rows without an estimate."""
+        """So many rows without an estimate."""
         attitudes, vectors, covariances = (np.full((count, *shape), np.nan) for shape in ((3, 3), (3,), (6, 6)))
         return KalmanLog(attitudes, vectors, covariances, np.zeros(count, dtype=np.bool_), np.ones(count))
 
@@ -111,7 +111,7 @@ class Predictions:
 
     @staticmethod
     def empty(count: int) -> "Predictions":
-        """Of so many rows without one."""
+        """So many rows without a prediction."""
         return Predictions(np.full((count, 6, 6), np.nan), KalmanLog.empty(count))
 
     def put(self, row: int, transition: FloatArray, estimate: MultiplicativeFilter) -> None:

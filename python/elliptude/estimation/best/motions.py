@@ -39,7 +39,7 @@ class Motion(Protocol):
     """How the state goes from one row to the next."""
 
     dimension: int
-    """Of the run's sets: 6, or 3 if the vector is not estimated."""
+    """How many coordinates the run's sets have: 6, or 3 if the vector is not estimated."""
     constant: FloatArray
     """Covariance (6, 6) of what the filter's state has beside that of the sets."""
 

@@ -86,7 +86,7 @@ def _turn_forms(turns: FloatArray | None, halves: FloatArray, truth_error: float
     if turns is None:
         return None
     least, most = (2.0 * np.arctan(halves + sign * 0.5 * truth_error) for sign in (-1.0, 1.0))
-    # Of the turns that the truth may be, the one nearest to the middle.
+    # The truth may be any of these turns; the one nearest to the middle is written.
     return _forms(turns, np.clip(turns.mean(axis=-1), least, most))
 
 
