@@ -36,6 +36,39 @@ def _span(name: str, times: FloatArray, claims: NDArray[np.uint8] | None = None)
     return f"<{said}; claims: {', '.join(shares)}>"
 
 
+def _panel(name: str, least: FloatArray, most: FloatArray, angle: FloatArray) -> str:
+    """A band between the least and the most of each piece of rows, and the angle, all in degrees, as SVG."""
+    starts = np.arange(0, len(angle), -(-len(angle) // _PIECES))
+    least, most, angle = np.fmin.reduceat(least, starts), np.fmax.reduceat(most, starts), angle[starts]
+    low, high = np.nanmin(least, initial=0.0), np.nanmax(most, initial=0.0)
+    across, height = _PANEL_WIDTH / len(starts), _PANEL_HEIGHT / max(high - low, 1.0)
+    known = np.flatnonzero(np.isfinite(least) & np.isfinite(most))
+    bars = "".join(
+        f'<rect x="{across * k:.1f}" y="{height * (high - most[k]):.1f}" width="{across + 0.1:.1f}" '
+        f'height="{max(height * (most[k] - least[k]), 0.5):.1f}"/>'
+        for k in known
+    )
+    dots = "".join(
+        f'<rect x="{across * k:.1f}" y="{height * (high - angle[k]) - 0.6:.1f}" width="{across + 0.1:.1f}" '
+        'height="1.2"/>'
+        for k in np.flatnonzero(np.isfinite(angle))
+    )
+    return (
+        f'<p style="margin:4px 0 0">{name}, {low:.0f}° to {high:.0f}°</p><svg viewBox="0 0 {_PANEL_WIDTH} '
+        f'{_PANEL_HEIGHT}" style="width:100%;max-width:{_PANEL_WIDTH}px" role="img" aria-label="{name} over time">'
+        f'<g fill="#0072B2" fill-opacity="0.3">{bars}</g><g fill="currentColor">{dots}</g></svg>'
+    )
+
+
+def _pictured(line: str, angles: FloatArray) -> str:
+    """A log for notebooks: its line, and how far the attitude may be off in each row, rad."""
+    said = f"<p>{escape(line)}</p>"
+    if not np.isfinite(angles).any():
+        return f"<div>{said}</div>"
+    degrees = np.rad2deg(angles)
+    return f"<div>{said}{_panel('largest angle', np.where(np.isnan(degrees), np.nan, 0.0), degrees, degrees)}</div>"
+
+
 class PrincipalAxes(NamedTuple):
     """The semi-axes of an ellipsoid, longest first."""
 
@@ -212,6 +245,10 @@ class FilterLog:
         """One line: rows."""
         return _span("FilterLog", self.times)
 
+    def _repr_html_(self) -> str:
+        """For notebooks: a small plot of the largest angle in each set."""
+        return _pictured(repr(self), self.largest_angles() if len(self.times) else self.times)
+
     def since(self, first: int) -> "FilterLog":
         """The rows from one on."""
         return FilterLog(**{name: values[first:] for name, values in vars(self).items()})
@@ -374,6 +411,10 @@ class GuaranteedLog:
         """One line: rows and claims."""
         return _span("GuaranteedLog", self.times, self.claims)
 
+    def _repr_html_(self) -> str:
+        """For notebooks: a small plot of the largest angle in each set."""
+        return _pictured(repr(self), self.extents().largest_angles if len(self.times) else self.times)
+
     @property
     def attitude_bounds(self) -> AttitudeBounds | None:
         """How far each row's attitude may be off, arrays of shape (n,), if a vertical was given."""
@@ -507,7 +548,11 @@ class AhrsResult:
 
     def _repr_html_(self) -> str:
         """For notebooks: a small plot of roll, pitch and yaw with their bounds, and the mean bounds."""
-        panels = "".join(self._panel(i, name) for i, name in enumerate(("roll", "pitch", "yaw")))
+        angles = (self.least_roll_pitch_yaw, self.most_roll_pitch_yaw, self.roll_pitch_yaw)
+        panels = "".join(
+            _panel(name, *(np.rad2deg(values[:, i]) for values in angles))
+            for i, name in enumerate(("roll", "pitch", "yaw"))
+        )
         rows = {f"{name} (mean bound)": size for name, size in self._means().items()}
         rows |= {f"claim: {name}": f"{100.0 * share:.4g} % of rows" for name, share in self.claim_shares.items()}
         rows |= {"statements": self.statements + (", proposals: no guarantee" if self.are_proposals else "")}
@@ -526,29 +571,3 @@ class AhrsResult:
         return {
             name: f"{np.rad2deg(values.mean()):.3g}°" if len(values) else "not known" for name, values in known.items()
         }
-
-    def _panel(self, i: int, name: str) -> str:
-        """A band between the least and the most of each piece of rows, and the angle, as SVG."""
-        length = -(-len(self) // _PIECES)
-        starts = np.arange(0, len(self), length)
-        least = np.fmin.reduceat(np.rad2deg(self.least_roll_pitch_yaw[:, i]), starts)
-        most = np.fmax.reduceat(np.rad2deg(self.most_roll_pitch_yaw[:, i]), starts)
-        angle = np.rad2deg(self.roll_pitch_yaw[starts, i])
-        low, high = np.nanmin(least, initial=0.0), np.nanmax(most, initial=0.0)
-        across, height = _PANEL_WIDTH / len(starts), _PANEL_HEIGHT / max(high - low, 1.0)
-        known = np.flatnonzero(np.isfinite(least) & np.isfinite(most))
-        bars = "".join(
-            f'<rect x="{across * k:.1f}" y="{height * (high - most[k]):.1f}" width="{across + 0.1:.1f}" '
-            f'height="{max(height * (most[k] - least[k]), 0.5):.1f}"/>'
-            for k in known
-        )
-        dots = "".join(
-            f'<rect x="{across * k:.1f}" y="{height * (high - angle[k]) - 0.6:.1f}" width="{across + 0.1:.1f}" '
-            'height="1.2"/>'
-            for k in np.flatnonzero(np.isfinite(angle))
-        )
-        return (
-            f'<p style="margin:4px 0 0">{name}, {low:.0f}° to {high:.0f}°</p><svg viewBox="0 0 {_PANEL_WIDTH} '
-            f'{_PANEL_HEIGHT}" style="width:100%;max-width:{_PANEL_WIDTH}px" role="img" aria-label="{name} over time">'
-            f'<g fill="#0072B2" fill-opacity="0.3">{bars}</g><g fill="currentColor">{dots}</g></svg>'
-        )
