@@ -125,7 +125,7 @@ class Timing(Model):
         return self
 
     def effective(self) -> Self:
-        """With what a repair says of the single faults."""
+        """The same with all that a repair implies: repeated rows are merged, NaN is missing."""
         return self.model_copy(update={"repeated": "merge", "not_a_number": "missing"}) if self.repair else self
 
 

@@ -60,7 +60,7 @@ class GuaranteedRun:
     """One pass of the guaranteed filter over a log, with its sets and claims."""
 
     log: Log
-    """What it is of."""
+    """The log that it went over."""
     given: "FilterInput"
     """What the filter was given."""
     start: elliptude.StateEllipsoid | None

@@ -43,7 +43,7 @@ class Sets:
     bounds: AttitudeBounds | None = None
     """How far tilt and heading of the centers may be off, which says more than the sets; arrays of shape (n,)."""
     vertical: FloatArray | None = None
-    """The vertical in reference axes that these are of, shape (3,)."""
+    """The vertical in reference axes that tilt and heading refer to, shape (3,)."""
 
     @cached_property
     def principal(self) -> tuple[FloatArray, FloatArray]:

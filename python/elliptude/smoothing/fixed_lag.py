@@ -36,7 +36,7 @@ class SmoothedSet:
     claim: str
     """What it rests on, as `GuaranteedFilter.claim`."""
     uses_future: bool
-    """Whether it is another than the filter had then."""
+    """Whether what was measured since has changed it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,7 @@ def _of_both(forward: GuaranteedRun, backward: GuaranteedRun) -> tuple[Contradic
 def _in_order(
     error: elliptude.InconsistentMeasurement | elliptude.RowError, log: Log
 ) -> elliptude.InconsistentMeasurement | elliptude.RowError:
-    """An error of the pass backward, with the row that it is of."""
+    """An error of the pass backward, with its row in the order of the log."""
     row = None if error.row is None else len(log.times) - 1 - error.row
     message = f"backward in time: {error.args[0]}"
     if isinstance(error, elliptude.RowError):
