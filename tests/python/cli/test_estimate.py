@@ -159,7 +159,7 @@ def test_scenarios_with_many_seeds(name, directions):
         tables["estimator"] = {"mode": "paper", "when_sets_do_not_meet": "skip"}
         configuration = Configuration.model_validate(tables)
         estimations.append(estimation.estimate(logs.log_of(simulated.measurements), configuration))
-    line = demo._line(name, estimations, 0.0)
+    line = demo._line(name, "first_order", estimations, 0.0)
     assert line.error_deg <= 3.5
     assert line.inside >= 0.99
     assert line.refused == 0
@@ -184,15 +184,22 @@ def test_demo(tmp_path, monkeypatch):
     for line in named:
         assert (tmp_path / "demo" / line).stat().st_size > 0
     lines = json.loads((tmp_path / "demo" / "demo.json").read_text())
-    assert len(lines) == 6
+    assert len(lines) == 11
+    first = {line["case"]: line for line in reversed(lines)}
+    assert [name for name, line in first.items() if line["mode"] != "guaranteed"] == ["Fermi, Sun alone"]
+    for line in lines:
+        if line["mode"] == "guaranteed":
+            assert (line["inside"], line["refused"]) == (1.0, 0)
+            assert line["inside_at_worst"] in (1.0, None)
+            assert line["error_deg"] < line["bound_deg"] < 20.0
     assert all(line["elapsed_s"] < 60.0 for line in lines)
     fermi = [line for line in lines if line["case"].startswith("Fermi")]
-    assert [line["inside"] for line in fermi] == [1.0, 1.0]
+    assert [line["inside"] for line in fermi] == [1.0, 1.0, 1.0]
     # The files are a log and a configuration like anybody's.
-    folder = tmp_path / "demo" / "fermi" / "sun"
-    again = estimate(folder, tmp_path / "again", "--json")
-    assert again.exit_code == 0, again.output
-    assert json.loads(again.stdout)["inside_share_of_rows"] == 1.0
+    for place in ("fermi/sun", "fermi/sun-and-star-guaranteed", "pendulum-two-guaranteed"):
+        again = estimate(tmp_path / "demo" / place, tmp_path / "again", "--json", "--force")
+        assert again.exit_code == 0, again.output
+        assert json.loads(again.stdout)["inside_share_of_rows"] == 1.0
 
 
 def changed_cell(folder, line, column, cell):
