@@ -472,7 +472,7 @@ class AhrsResult:
     claims: NDArray[np.str_]
     """What attitude, yaw and sets rest on, a word of `elliptude.results.CLAIMS`, shape (n,)."""
     tilt_bounds: FloatArray
-    """How far the attitude's up may be from true up, rad, shape (n,)."""
+    """How far the attitude's up may be from true up, by `up_claims`, rad, shape (n,)."""
     heading_from: FloatArray
     """The turn about up from the attitude to the truth is at least this, rad, shape (n,)."""
     heading_to: FloatArray

@@ -16,16 +16,17 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 
 from elliptude import smoothing
-from elliptude.bounds.angles.about_axes import ErrorAxes
+from elliptude.bounds.angles.about_axes import ErrorAxes, reference_axes
 from elliptude.cli.options import LOG_HELP, Force, Repair, ShownAxes, SummaryAsJson, with_repair
 from elliptude.cli.outputs import FIGURE, PAGE, SUMMARY, finish, progress_on, require_outputs
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate, Question
-from elliptude.estimation import guaranteed_result
+from elliptude.estimation import guaranteed_result, sizes_in_words
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.questions import columns as answer_columns
 from elliptude.estimation.questions.answers import answers_of
+from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.column_files import write_columns, writing_columns
@@ -181,9 +182,10 @@ def _say(log: NamedFile, summary: dict[str, Any]) -> None:
     _say_up(summary)
     for line in summary["gaps"]["said"]:
         typer.echo(f"  {line}")
-    largest = summary["largest_angle_deg"]["mean_settled"]
-    if largest is not None:
-        typer.echo(f"  bound {largest:.3g} degrees (largest angle, mean from the {SETTLED_UPDATE}th update on)")
+    largest = summary["largest_angle_deg"]
+    if largest["mean_settled"] is not None and "sizes" not in summary:
+        said = sizes_in_words.mean_and_most(largest["mean_settled"], largest["max_settled"])
+        typer.echo(f"  {LARGEST_ANGLE} {said} degrees: mean (at most), from the {SETTLED_UPDATE}th update on")
     if summary["compared_with"] is not None and summary["inside_share_of_rows"] is not None:
         error = summary["attitude_error_deg"]["mean"]
         inside = 100.0 * summary["inside_share_of_rows"]
@@ -224,16 +226,14 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
         )
     if summary["heading"] == "from the first row":
         typer.echo("  nothing determines the heading: it counts from the first row")
+    axes = reference_axes(summary["reference_frame"], summary["heading"] == "from the first row")
+    for line in sizes_in_words.lines(summary["sizes"], axes):
+        typer.echo(f"  {line}")
+    if rows := summary["tilt_beyond_set_rows"]:
+        typer.echo(f"  {sizes_in_words.tilt_beyond_set(rows)}")
     for name, part in summary["sizes"].items():
-        means = part["half_width_reference_deg"]["mean"]
-        if means is not None:
-            tilt = part["tilt_bound_deg"]
-            said = ", ".join(f"{width:.3g}" for width in means)
-            heading = part["heading_bound_deg"]
-            up = f"tilt within {tilt['mean']:.3g}, heading within {heading['mean']:.3g}; the set's " if tilt else ""
-            typer.echo(f"  {up}half-widths about the reference axes {said} degrees (mean, {name.replace('_', ' ')})")
-            if asked := answer_columns.in_words(part):
-                typer.echo(f"  asked one by one: {asked} degrees (mean, {name.replace('_', ' ')})")
+        if asked := answer_columns.in_words(part):
+            typer.echo(f"  asked one by one: {asked} degrees (mean, {name.replace('_', ' ')})")
     if (of_up := summary["up_claim_share_of_rows"]) is not None and of_up["none"] < claims["none"]:
         known = 100.0 * (1.0 - of_up["none"])
         surely = "" if recording else f", unconditionally at {100.0 * of_up['unconditional']:.4g} %"

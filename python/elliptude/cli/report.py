@@ -21,6 +21,7 @@ from elliptude.cli.options import (
 )
 from elliptude.cli.outputs import PAGE, require_outputs
 from elliptude.configuration.configuration import read_configuration
+from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
 from elliptude.report import comparison
 from elliptude.report.run import Run, files_of_run, read_run
@@ -190,8 +191,8 @@ def _write_pictures(run: Run, folder: Path, title: str, label: str) -> list[Path
 
 def _in_words(summary: dict[str, Any]) -> str:
     words = f"{summary['rows']} rows"
-    if summary["largest_angle_deg"] is not None:
-        words += f", largest angle {summary['largest_angle_deg']['median']:.3g} degrees (median)"
+    if (size := summary["largest_angle_deg"]) is not None:
+        words += f", {LARGEST_ANGLE} {mean_and_most(size['mean'], size['largest'])} degrees: mean (at most)"
     if summary["compared_with"] is not None:
         words += (
             f"; {summary['compared_with']} outside the set at {summary['escapes']} of {summary['rows_compared']} rows"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
+from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
 from elliptude.logs.log import Log
 from elliptude.results import GuaranteedLog
 from elliptude.typing import FloatArray
@@ -257,7 +258,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
         elif rows:
             cost = f"attitude forgotten, {rows} rows without a set"
         else:
-            cost = f"largest angle {before:.3g} degrees before and {after:.3g} after it"
+            cost = f"{LARGEST_ANGLE} {before:.3g} degrees before and {after:.3g} after it"
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost
         lines.append(f"  {gap['duration_s']:.4g} s from {gap['time_s']:.4f} s on: {cost}")
     if count > _MOST_SAID:

@@ -119,7 +119,9 @@ def _roll_pitch_yaw(run: GuaranteedRun, vertical: Vertical, bounds: AttitudeBoun
     assert run.rows.up is not None
     is_up = bool(run.rows.up[2] > 0.0)
     roll, pitch = roll_and_pitch(vertical.directions if is_up else -vertical.directions, vertical.angles)
-    turned = yaw(run.sets.attitudes, vertical.tilt_bounds, bounds.heading_from, bounds.heading_to, is_up=is_up)
+    # What rests on a stronger claim holds under that of the set, too, and may be wider.
+    tilt = np.fmin(vertical.tilt_bounds, bounds.tilt)
+    turned = yaw(run.sets.attitudes, tilt, bounds.heading_from, bounds.heading_to, is_up=is_up)
     return np.column_stack([*roll, *pitch, *turned])
 
 
@@ -144,7 +146,8 @@ def resting_rows(log: Log, configuration: Configuration) -> NDArray[np.bool_] | 
 def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers | None = None) -> dict[str, Any]:
     """Figures that only this mode adds to the summary: claims, sizes, what was left out; degrees."""
     vector = "gyro_bias" if isinstance(configuration.flow, GyroFlow) else "angular_velocity"
-    half_widths = np.rad2deg(run.sets.extents().half_widths_reference)
+    extents = run.sets.extents()
+    half_widths, largest = np.rad2deg(extents.half_widths_reference), np.rad2deg(extents.largest_angles)
     has_set = np.isfinite(half_widths[:, 0])
     parts: dict[str, NDArray[np.bool_]] = {"all": np.ones(len(has_set), dtype=np.bool_)}
     if (resting := resting_rows(run.log, configuration)) is not None:
@@ -160,7 +163,9 @@ def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers
             "half_width_reference_deg": {
                 "mean": some.mean(axis=0).tolist() if any_is else None,
                 "median": np.median(some, axis=0).tolist() if any_is else None,
+                "max": some.max(axis=0).tolist() if any_is else None,
             },
+            "largest_angle_deg": _centers(largest[chosen]),
             "tilt_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.tilt_bounds[chosen])),
             "heading_bound_deg": None if bounds is None else _centers(np.rad2deg(bounds.heading[chosen])),
             "up_bound_deg": None if vertical is None else _centers(np.rad2deg(vertical.angles[rows])),
@@ -175,6 +180,7 @@ def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers
         "set_share_of_rows": float(has_set.mean()),
         "prediction_used_share_of_sets": float(run.sets.prediction_used[has_set].mean()) if has_set.any() else None,
         "sizes": {name: sizes(rows) for name, rows in parts.items()},
+        "tilt_beyond_set_rows": _tilt_beyond_set(run, extents.largest_angles),
         "heading": "from the first row" if run.starts_heading else "as referenced",
         "dropped_measurements": int(run.sets.dropped.sum()),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
@@ -183,6 +189,13 @@ def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers
         "gaps": gaps.summarize(run.gaps, run.rows.gyro),
         "why_no_set": why_no_set(run, configuration),
     }
+
+
+def _tilt_beyond_set(run: GuaranteedRun, largest: FloatArray) -> int:
+    """In how many rows the bound of the tilt, by a stronger claim than the set's, is above its largest angle."""
+    if run.vertical is None:
+        return 0
+    return int(((run.vertical.claims < run.sets.claims) & (run.vertical.tilt_bounds > largest)).sum())
 
 
 def contradicted_up(run: GuaranteedRun) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, half_width
 from elliptude.report.figures import (
     HEADING_COLOUR,
     TILT_COLOUR,
@@ -148,20 +149,20 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
     # Heading and tilt say more than three axes do.
     traces = [
         curve(
-            f"half-width about {axis}",
+            half_width(axis),
             shown.half_widths[:, i],
             known,
             {"color": AXIS_COLOURS[i], "dash": _DASHES[i], "width": 1.5},
         )
         for i, axis in enumerate(shown.names if headings is None else ())
     ]
-    traces.append(curve("largest angle", run.largest_angles, known, {"width": 2}) | {"meta": "ink"})
+    traces.append(curve(LARGEST_ANGLE, run.largest_angles, known, {"width": 2}) | {"meta": "ink"})
     if headings is not None:
         line = {"color": HEADING_COLOUR, "dash": "dash", "width": 1.5}
-        traces.append(curve("bound of the heading", headings, known, line))
+        traces.append(curve(HEADING, headings, known, line))
     if run.tilt_bounds is not None:
         line = {"color": TILT_COLOUR, "dash": "dot" if headings is None else "solid", "width": 1.5}
-        traces.append(curve("bound of the tilt", run.tilt_bounds, known, line))
+        traces.append(curve(TILT, run.tilt_bounds, known, line))
     alone = run.up_alone[rows]
     if run.up_bounds is not None and alone.any():
         traces.append(curve("up alone", run.up_bounds, alone, {"color": TILT_COLOUR, "dash": "dot", "width": 2}))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.bounds.angles.about_axes import ErrorAxes, about_axes
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.report.thinning import spans_unknown
@@ -319,7 +320,7 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
         np.rad2deg(result.largest_angles),
         color=SIZE_COLOUR,
         linewidth=1.6,
-        label="largest angle in the set",
+        label=LARGEST_ANGLE,
         **marks,
     )
     if errors is not None:
@@ -333,16 +334,14 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
         axes.set_title(f"size of the set: {what}", fontsize=9.5)
         return
     heading = np.rad2deg(np.abs(result.headings).max(axis=1))
-    axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label="bound of the heading", **marks)
-    axes.plot(
-        time, np.rad2deg(result.tilt_bounds), color=TILT_COLOUR, linewidth=1.1, label="bound of the tilt", **marks
-    )
+    axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING, **marks)
+    axes.plot(time, np.rad2deg(result.tilt_bounds), color=TILT_COLOUR, linewidth=1.1, label=TILT, **marks)
     if result.up_bounds is not None:
         alone = np.where(np.isnan(result.tilt_bounds), np.rad2deg(result.up_bounds), np.nan)
         if np.isfinite(alone).any():
             axes.plot(time, alone, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone", **marks)
     axes.set_title("how far the attitude may be off", fontsize=9.5)
-    begin_above(axes, "bound of the heading")
+    begin_above(axes, HEADING)
 
 
 def begin_above(axes: Axes, name: str) -> None:

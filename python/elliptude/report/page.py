@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.bounds.angles.about_axes import ErrorAxes
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP, half_width, tilt_beyond_set
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
@@ -259,6 +260,8 @@ def _bands_note(run: Run) -> str:
     note = f"The turn from the estimate to the truth {phrase}, as a rotation vector. "
     if run.axes == "reference" and run.heading_from_start:
         note += f"X and Y are horizontal, by the heading that counts from the first row; {names[2]} is vertical. "
+    if run.headings is not None:
+        note += "About the vertical that is not the same as the heading, whose bound is of one turn alone. "
     if run.about_axes().is_asked:
         note += "The bands answer each axis by itself, and are narrower than the set, which answers all at once. "
     return note
@@ -266,13 +269,16 @@ def _bands_note(run: Run) -> str:
 
 def _size_note(run: Run) -> str:
     """What the curves of the set's size are."""
-    note = "The largest angle is that of all attitudes in the set. "
+    note = f"The {LARGEST_ANGLE} is that of the turns from its center, the estimate, to the attitudes in it. "
     if run.headings is None:
         note = f"The half-widths are how far the attitude error may reach {run.about_axes().phrase}. " + note
     else:
-        note += "The heading is the turn about the vertical that is left when the tilt is taken away. "
+        note += f"The {HEADING} is of the turn about the vertical that is left when the tilt is taken away. "
     if run.tilt_bounds is not None:
-        note += "The tilt is the angle between estimated and true up. "
+        note += f"The {TILT} is of the angle between estimated and true up. "
+    if beyond := run.tilt_beyond_set:
+        said = tilt_beyond_set(beyond)
+        note += f"{said[0].upper()}{said[1:]}. "
     if run.up_alone.any():
         note += "Where no attitude is known, up alone is drawn: how far true up may be from where it is said to be. "
     return note
@@ -311,19 +317,18 @@ def _lines_of_the_run(summary: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("claim", ", ".join(shares)))
         if recording is not None:
             lines.append(("bounds", f"proposals from {recording}, so that the sets are no guarantee"))
-    lines.append(("largest angle in the set", _degrees(summary["largest_angle_deg"])))
-    widths = summary["half_width_deg" if summary["axes"] == "body" else "half_width_reference_deg"]
-    lines += [(f"half-width about {axis}", _degrees(spread)) for axis, spread in widths.items()]
+    lines.append((LARGEST_ANGLE, _degrees(summary["largest_angle_deg"])))
     if "tilt_bound_deg" in summary:
-        lines.append(("bound of the tilt", _degrees(summary["tilt_bound_deg"])))
+        lines.append((TILT, _degrees(summary["tilt_bound_deg"])))
     if "heading_bound_deg" in summary:
-        lines.append(("bound of the heading", _degrees(summary["heading_bound_deg"])))
-    for name, spread in summary.get("angle_half_width_deg", {}).items():
-        lines.append((f"{name}, half of its band", _degrees(spread)))
+        lines.append((HEADING, _degrees(summary["heading_bound_deg"])))
+    else:
+        widths = summary["half_width_deg" if summary["axes"] == "body" else "half_width_reference_deg"]
+        lines += [(half_width(axis), _degrees(spread)) for axis, spread in widths.items()]
     if summary.get("rows_with_up_alone"):
         number = summary["rows_with_up_alone"]
         lines.append(("up alone", f"{number} rows without an attitude; up is known there all the same"))
-        lines.append(("bound of up, all rows", _degrees(summary["up_bound_deg"])))
+        lines.append((f"{UP}, all rows", _degrees(summary["up_bound_deg"])))
     if "best" in summary:
         lines.append(("best estimate", summary["best"]))
     if "prediction_used_rows" in summary and summary["rows_with_a_set"]:
@@ -379,7 +384,7 @@ def _share(number: int, of: int) -> str:
 def _degrees(spread: dict[str, float] | None) -> str:
     if spread is None:
         return "not known"
-    return f"median {spread['median']:.3g}°, mean {spread['mean']:.3g}°, at most {spread['largest']:.3g}°"
+    return f"mean {spread['mean']:.3g}°, at most {spread['largest']:.3g}°"
 
 
 def _spell_table(spells: list[Spell]) -> str:

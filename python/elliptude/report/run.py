@@ -196,6 +196,15 @@ class Run:
         return np.asarray(np.isfinite(self.up_bounds) & ~self.known)
 
     @property
+    def tilt_beyond_set(self) -> int:
+        """In how many rows the bound of the tilt, by a stronger claim than the set's, is above its largest angle."""
+        if self.tilt_bounds is None or self.claims is None or self.up_claims is None:
+            return 0
+        ranks = {claim: rank for rank, claim in enumerate((*CLAIMS, ""))}
+        stronger = [ranks[up] < ranks[own] for up, own in zip(self.up_claims, self.claims, strict=True)]
+        return int((np.array(stronger) & (self.tilt_bounds > self.largest_angles)).sum())
+
+    @property
     def attitudes(self) -> FloatArray:
         """From body to reference axes, NaN where not known, shape (N, 3, 3)."""
         attitudes = np.full((len(self.times), 3, 3), np.nan)

@@ -15,6 +15,7 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, half_width
 from elliptude.monitoring import Monitored
 from elliptude.monitoring.monitor import QUESTIONS
 from elliptude.report.body_axes import axis_patches
@@ -163,19 +164,17 @@ def size_figure(run: Run, title: str) -> Figure:
             color=AXIS_COLOURS[i],
             linestyle=AXIS_LINES[i],
             linewidth=1.1,
-            label=f"half-width about {shown.names[i]}",
+            label=half_width(shown.names[i]),
         )
     largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
-    panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label="largest angle")
+    panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label=LARGEST_ANGLE)
     if headings is not None:
         heading = np.where(known, np.rad2deg(headings[rows]), np.nan)
-        panel.plot(
-            run.times[rows], heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label="bound of the heading"
-        )
+        panel.plot(run.times[rows], heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING)
     if run.tilt_bounds is not None:
         tilt = np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)
         style = ":" if headings is None else "-"
-        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=style, label="bound of the tilt")
+        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=style, label=TILT)
     alone = run.up_alone[rows]
     if run.up_bounds is not None and alone.any():
         up = np.where(alone, np.rad2deg(run.up_bounds[rows]), np.nan)
@@ -185,7 +184,7 @@ def size_figure(run: Run, title: str) -> Figure:
     panel.set_ylabel("angle (deg)")
     if (known.any() and (largest[known] > 0.0).all()) or (alone.any() and not known.any()):
         plain_log_axis(panel)
-        begin_above(panel, "bound of the heading")
+        begin_above(panel, HEADING)
     _finish(figure, run, strip, *panel.get_legend_handles_labels(), known=[run.known | run.up_alone])
     return figure
 

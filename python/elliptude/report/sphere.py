@@ -117,7 +117,10 @@ def frame_label(run: Run, row: int, is_drawn: bool) -> str:
     if not is_drawn:
         parts.append("too large to draw")
     if run.tilt_bounds is not None and np.isfinite(run.tilt_bounds[row]):
-        parts.append(f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°")
+        of_up = f"up within {np.rad2deg(run.tilt_bounds[row]):.3g}°"
+        if run.up_claims is not None and run.claims is not None and run.up_claims[row] != run.claims[row]:
+            of_up += f" ({claim_label(run.up_claims[row], run.bounds_from_recording)})"
+        parts.append(of_up)
     if run.claims is not None and run.claims[row]:
         parts.append(f"claim: {claim_label(run.claims[row], run.bounds_from_recording)}")
     if run.compared[row]:

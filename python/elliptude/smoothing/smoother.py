@@ -13,6 +13,7 @@ from elliptude.estimation.direction_rows import Contradiction
 from elliptude.estimation.estimator import Estimation
 from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun, gaps_between, run_filter, run_guaranteed
 from elliptude.estimation.questions.answers import Answers, answers_of
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP
 from elliptude.estimation.vertical import contradictions_of_up, followed
 from elliptude.logs.log import Log
 from elliptude.results import CLAIMS, GuaranteedLog
@@ -252,13 +253,13 @@ def figures(run: GuaranteedRun) -> dict[str, Any]:
 def _said(figures_of: dict[str, Any]) -> list[str]:
     """Figures of a smoothed run in words."""
     names = {
-        "heading_bound_deg": "heading",
-        "tilt_bound_deg": "tilt",
-        "up_bound_deg": "up",
-        "largest_angle_deg": "angle",
+        "heading_bound_deg": HEADING,
+        "tilt_bound_deg": TILT,
+        "up_bound_deg": UP,
+        "largest_angle_deg": LARGEST_ANGLE,
     }
     parts = [
-        f"{name} within {one['smoothed']:.3g} instead of {one['forward']:.3g}"
+        f"{name} {one['smoothed']:.3g} instead of {one['forward']:.3g}"
         for key, name in names.items()
         if (one := figures_of[key]) is not None
     ]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
 from elliptude.report.figures import HEADING_COLOUR, TILT_COLOUR, cut_at_wraps, true_roll_pitch_yaw
 from elliptude.report.run import Run, Spell
 from elliptude.report.run_figures import CLAIM_COLOURS, claims_of_up
@@ -70,11 +71,11 @@ def send_curves(stream: Stream, run: Run, label: str) -> Curves:
         if compares and shown.errors is not None:
             curves[f"error against {label}"] = (np.rad2deg(shown.errors[rows, i]), TRUTH_COLOUR)
         _send_plot(stream, f"bounds/{name}", times, curves)
-    sizes = {"largest angle": (run.largest_angles, known, _SIZE_COLOUR)}
+    sizes = {LARGEST_ANGLE: (run.largest_angles, known, _SIZE_COLOUR)}
     if run.heading_bounds is not None:
-        sizes["heading"] = (run.heading_bounds, known, HEADING_COLOUR)
+        sizes[HEADING] = (run.heading_bounds, known, HEADING_COLOUR)
     if run.tilt_bounds is not None:
-        sizes["tilt"] = (run.tilt_bounds, known, TILT_COLOUR)
+        sizes[TILT] = (run.tilt_bounds, known, TILT_COLOUR)
     if run.up_bounds is not None and run.up_alone.any():
         sizes["up alone"] = (run.up_bounds, run.up_alone[rows], _ESTIMATE_COLOUR)
     drawn = {

@@ -311,7 +311,7 @@ def test_it_says_that_all_sets_are_too_wide():
     np.testing.assert_allclose(np.abs(found.best.quaternions), np.abs(found.result.quaternions), atol=1e-14)
     summary = estimation.summarize(found, configuration)["best"]
     why = "no set is narrow enough for a Kalman filter to begin with"
-    assert summary["in_words"].startswith(f"the center of the set ({why}): within ")
+    assert summary["in_words"].startswith(f"the center of the set ({why}); mean error ")
 
 
 def test_beside_a_gyro_it_is_there_for_the_asking():
@@ -419,4 +419,4 @@ def test_commands_say_that_it_is_a_kalman_filter(folder):
     np.testing.assert_allclose(judged["total_bound"], table.best_bounds, atol=1e-9)
     assert "best estimate, a Kalman filter" in run_command(*inputs, "--out", folder / "asked", "--best", "kalman")
     said = run_command(*inputs, "--out", folder / "center", "--best", "center")
-    assert "best estimate, the center of the set: within " in said
+    assert "best estimate, the center of the set; mean error " in said

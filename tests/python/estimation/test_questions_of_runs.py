@@ -261,6 +261,7 @@ def test_what_is_asked_changes_nothing_else(policy, criterion):
         "rows",
         "with_set",
         "half_width_reference_deg",
+        "largest_angle_deg",
         "tilt_bound_deg",
         "heading_bound_deg",
         "up_bound_deg",

@@ -437,7 +437,7 @@ def test_up_is_known_in_every_row_of_a_recording(tmp_path, case):
     log = logs.read_log(path, parsed)
     done = run("estimate", path, "--config", tmp_path / "config.toml", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
-    assert "tilt within" in done.output
+    assert "bound of the tilt  " in done.output
     assert "the heading: it counts from the first row" in done.output
     result = tables.Result.read(tmp_path / "out" / "results.csv")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

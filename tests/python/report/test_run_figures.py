@@ -149,7 +149,7 @@ def test_size():
     panel, _ = figure.axes
     assert panel.get_yscale() == "log"
     assert panel.get_ylabel() == "angle (deg)"
-    largest = next(line for line in panel.lines if line.get_label() == "largest angle")
+    largest = next(line for line in panel.lines if line.get_label() == "largest angle in the set")
     np.testing.assert_allclose(largest.get_ydata(), np.rad2deg(run.largest_angles))
 
 

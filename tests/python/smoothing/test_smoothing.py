@@ -268,7 +268,7 @@ def test_the_command_with_a_rule(tmp_path, with_field):
     text = CliRunner().invoke(
         cli.make_app(), [*arguments[:-1], "--out", str(tmp_path / "smoothed"), "--smooth", "--force"]
     )
-    assert "smoothed: heading within " in text.output
+    assert "smoothed: bound of the heading " in text.output
     report = tmp_path / "report.html"
     again = CliRunner().invoke(
         cli.make_app(), [*arguments, "--out", str(tmp_path / "again"), "--smooth", "--report", str(report)]

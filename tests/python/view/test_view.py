@@ -142,7 +142,7 @@ def test_axes_and_marks_are_estimate_and_truth(simulated, written):
 
 def test_curves_are_those_of_the_results(simulated, written):
     run, _ = read_run(simulated[2])
-    np.testing.assert_allclose(written.curves("/size")["largest angle"], np.rad2deg(run.largest_angles))
+    np.testing.assert_allclose(written.curves("/size")["largest angle in the set"], np.rad2deg(run.largest_angles))
     shown = run.about_axes()
     for i, name in enumerate("XYZ"):
         curves = written.curves(f"/bounds/{name}")
@@ -165,7 +165,7 @@ def test_gaps_claims_and_angles(tmp_path):
     assert found.column("/now", "TextDocument:text")[22] == ["2.20 s: nothing is known"]
     (said,) = found.column("/left_out", "TextLog:text")
     assert said == ["star: 3 left out up to 3.200 s; they contradicted the prediction or one another"]
-    largest = found.curves("/size")["largest angle"]
+    largest = found.curves("/size")["largest angle in the set"]
     assert np.isnan(largest[20:25]).all()
     assert np.isfinite(np.delete(largest, np.arange(20, 25))).all()
     pitch = found.curves("/angles/pitch/estimate")
@@ -234,7 +234,7 @@ def test_a_long_run_is_thinned_and_keeps_its_extremes(tmp_path):
     assert 2000 <= drawn.rows_of_curves < 10_000
     assert 2000 <= drawn.times_on_sphere <= 2002
     found = Recording(tmp_path / "view.rrd")
-    largest = found.curves("/size")["largest angle"]
+    largest = found.curves("/size")["largest angle in the set"]
     assert len(largest) == drawn.rows_of_curves
     at = found.times("/size")[np.argmax(largest)]
     np.testing.assert_allclose([largest.max(), at], [np.rad2deg(0.9), 123.45])

@@ -80,14 +80,18 @@ def about_axes(
     if axes == "body":
         half_widths = half_widths_body if asked is None else asked
         return AboutAxes(("x", "y", "z"), "about the body axes", half_widths, errors, asked is not None)
-    names = _NAMES.get(frame or "", ("X", "Y", "Z"))
-    if heading_from_start:
-        names = ("X", "Y", names[2])
+    names = reference_axes(frame, heading_from_start)
     phrase = "about the reference axes" if "Z" in names else f"about {names[0]}, {names[1]} and {names[2]}"
     turned = None if errors is None else np.asarray((attitudes @ errors[..., None])[..., 0])
     # The reference axes in the body's are the rows of Ĉ.
     half_widths = half_widths_along(attitudes, shapes, chart) if asked is None else asked
     return AboutAxes(names, phrase, half_widths, turned, asked is not None)
+
+
+def reference_axes(frame: str | None, heading_from_start: bool = False) -> tuple[str, str, str]:
+    """Names of the axes of a reference frame; without a heading no horizontal one is north."""
+    names = _NAMES.get(frame or "", ("X", "Y", "Z"))
+    return ("X", "Y", names[2]) if heading_from_start else names
 
 
 def half_widths_along(directions: FloatArray, shapes: FloatArray, chart: Chart) -> FloatArray:

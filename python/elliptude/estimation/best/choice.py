@@ -16,6 +16,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.best.kalman import kalman_attitudes, why_not_kalman
 from elliptude.estimation.best.vqf import is_for_vqf, vqf_attitudes, why_not_vqf
 from elliptude.estimation.guaranteed_run import GuaranteedRun
+from elliptude.estimation.sizes_in_words import mean_and_most
 from elliptude.io.tables import quaternions_from_attitudes
 from elliptude.monitoring import Monitored, Sets, UpCaps, monitor, put_back
 from elliptude.results import CLAIMS, AttitudeBounds
@@ -166,9 +167,16 @@ def in_words(summary: dict[str, Any]) -> str:
     """The figures of `summarize` in one line."""
     why = "" if summary["why_center"] is None else f" ({summary['why_center']})"
     whose = f"{_IN_WORDS[summary['from']]}{why}"
-    named = (("within", "bound_deg"), ("tilt", "tilt_bound_deg"), ("heading", "heading_bound_deg"))
-    bounds = ", ".join(f"{name} {summary[key]['mean']:.3g}" for name, key in named if summary[key] is not None)
-    words = [f"{whose}: {bounds} degrees (mean)" if bounds else whose]
+    words = [whose]
+    # The center's bounds are those of the sets, which are said beside them.
+    if summary["from"] != "center":
+        named = (("within", "bound_deg"), ("its tilt within", "tilt_bound_deg"), ("its heading", "heading_bound_deg"))
+        bounds = [
+            f"{name} {mean_and_most(figure['mean'], figure['max'])}"
+            for name, key in named
+            if (figure := summary[key]) is not None
+        ]
+        words = [f"{whose}: {', '.join(bounds)} degrees: mean (at most)" if bounds else whose]
     if summary["put_back"]:
         words.append(f"put back into its set at {summary['put_back']} rows")
     error = summary["attitude_error_deg"]
