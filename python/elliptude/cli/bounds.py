@@ -34,6 +34,7 @@ from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
+from elliptude.proposal.document import Once
 from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
@@ -401,10 +402,13 @@ def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: li
     table.add_column("statement", no_wrap=True)
     table.add_column("value", justify="right")
     table.add_column("reason")
+    once = Once([one["reason"] for one in statements if one["reason"]])
     for one in statements:
         value = one["value"]
         numbers = ", ".join(f"{number:g}" for number in value) if isinstance(value, list | tuple) else f"{value:g}"
-        table.add_row(f"{one['table']}.{one['key']}", numbers, one["reason"] or one["how"])
+        table.add_row(
+            f"{one['table']}.{one['key']}", numbers, once((one["table"], one["key"]), one["reason"] or one["how"])
+        )
     Console(width=max(Console().width, 100)).print(table)
     for line in says:
         typer.secho(line, fg=typer.colors.YELLOW)

@@ -1,5 +1,6 @@
 """Writes a proposed configuration as TOML, with a comment on where each number comes from."""
 
+from collections.abc import Collection
 from typing import TypeAlias
 
 import tomlkit
@@ -10,8 +11,31 @@ Place: TypeAlias = tuple[str, ...]
 """Where a number stands in a configuration: the names of the tables (of directions, their own names) and the key."""
 
 
+class Once:
+    """Says the reason of a number once; where it comes again, whose it is.
+
+    Parameters
+    ----------
+    reasons : collection of str
+        Those that may come again.
+    """
+
+    def __init__(self, reasons: Collection[str]) -> None:
+        self._reasons = sorted(set(reasons), key=len, reverse=True)
+        self._said: dict[str, str] = {}
+
+    def __call__(self, place: Place, text: str) -> str:
+        """A text, which may end with a reason, as it stands beside the number at a place."""
+        reason = next((one for one in self._reasons if text.endswith(one)), None)
+        if reason is None:
+            return text
+        own = ".".join(place[-2:])
+        again = f"for the reason of {self._said.setdefault(reason, own)}"
+        return text if self._said[reason] == own or len(again) >= len(reason) else text.removesuffix(reason) + again
+
+
 def document_of(
-    full: Tables, comments: dict[Place, str], margin: float, log: str, notes: list[str]
+    full: Tables, comments: dict[Place, str], margin: float, log: str, notes: list[str], once: Once
 ) -> tomlkit.TOMLDocument:
     """A configuration as TOML, each number with its comment.
 
@@ -27,6 +51,8 @@ def document_of(
         The recording's name.
     notes : list of str
         Lines at the top.
+    once : Once
+        Knows the reasons of numbers.
 
     Returns
     -------
@@ -52,14 +78,14 @@ def document_of(
         if key == "directions":
             array = tomlkit.aot()
             for sensor in value:
-                array.append(_section(sensor, (key, sensor["name"]), comments))
+                array.append(_section(sensor, (key, sensor["name"]), comments, once))
             document.add(key, array)
         elif isinstance(value, dict):
-            document.add(key, _section(value, (key,), comments))
+            document.add(key, _section(value, (key,), comments, once))
     return document
 
 
-def _section(table: Tables, place: Place, comments: dict[Place, str]) -> tomlkit.items.Table:
+def _section(table: Tables, place: Place, comments: dict[Place, str], once: Once) -> tomlkit.items.Table:
     """A table of the file. Tables within it whose keys have comments get lines of their own and come last."""
     section = tomlkit.table()
     deeper = {key for key in table if any(one[:-1] == (*place, key) for one in comments)}
@@ -73,8 +99,8 @@ def _section(table: Tables, place: Place, comments: dict[Place, str]) -> tomlkit
         else:
             section.add(key, value)
         if (*place, key) in comments:
-            section[key].comment(comments[*place, key])
+            section[key].comment(once((*place, key), comments[*place, key]))
     for key in table:
         if key in deeper:
-            section.add(key, _section(table[key], (*place, key), comments))
+            section.add(key, _section(table[key], (*place, key), comments, once))
     return section

@@ -18,6 +18,7 @@ from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.configuration import rules
 from elliptude.configuration.rules import Carried
 from elliptude.proposal.delays import DelayProposal
+from elliptude.proposal.document import Once
 from elliptude.proposal.proposals import Proposal, StartProposal
 from elliptude.proposal.statistics import Quantiles
 
@@ -96,7 +97,7 @@ def rule_tables(
 
     def usual(name: str, key: str, value: Any) -> Proposed:
         reason = reasons[name, key]
-        return Proposed(value, f"{NOT_SEEN}: {in_words(carried)}: {reason}", reason)
+        return Proposed(value, f"{NOT_SEEN}: {reason}", reason)
 
     tables = {name: {key: usual(name, key, value) for key, value in table.items()} for name, table in standard.items()}
     start = proposed.start if from_start else None
@@ -319,11 +320,12 @@ def between_samples(proposed: Proposal, carried: Carried) -> list[str]:
 
 
 def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
-    """The tables as TOML, each number with its comment."""
+    """The tables as TOML, each number with its comment; a reason that several numbers have stands beside the first."""
+    once = Once([one.reason for table in tables.values() for one in table.values() if one.reason])
     result: dict[str, tomlkit.items.Table] = {}
     for name, table in tables.items():
         result[name] = tomlkit.table()
         for key, one in table.items():
             result[name].add(key, one.value)
-            result[name][key].comment(one.how)
+            result[name][key].comment(once((name, key), one.how))
     return result

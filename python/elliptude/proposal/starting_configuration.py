@@ -19,13 +19,14 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.references import from_enu
 from elliptude.configuration.rules import Carried
-from elliptude.proposal.document import Place, document_of
+from elliptude.proposal.document import Once, Place, document_of
 from elliptude.proposal.mapping import Tables
 from elliptude.proposal.proposals import Proposal
 from elliptude.proposal.proposed_rule import (
     NOT_SEEN,
     RuleTables,
     between_samples,
+    in_words,
     own_rest_of,
     rule_tables,
     upward,
@@ -110,7 +111,12 @@ def starting_configuration(
             *notes,
             "The measured velocity is left out: it counts where forces are averaged over windows.",
         ]
-    return document_of(full, comments, margin, log, notes)
+    if any(how.startswith(NOT_SEEN) for how in comments.values()):
+        notes = [
+            *notes,
+            f"What was {NOT_SEEN} is, with its reason, from {in_words(carried)}, unless it says otherwise.",
+        ]
+    return document_of(full, comments, margin, log, notes, Once(rules.reasons_for(carried).values()))
 
 
 def _over_windows(full: Tables) -> bool:

@@ -12,11 +12,11 @@ import tomlkit
 from datasets import broad, needs_datasets, xio
 from elliptude import cli
 from elliptude.bounds.turns import attitudes_from_rates
-from elliptude.configuration import read_configuration
+from elliptude.configuration import read_configuration, rules
 from elliptude.configuration.rules import hand_held
 from elliptude.io import tables
 from elliptude.io.files import FileError
-from elliptude.proposal import proposals
+from elliptude.proposal import document, proposals
 from elliptude.proposal.gyro import propose_gyro
 from elliptude.proposal.proposals import Recording
 from elliptude.report import page as report
@@ -680,3 +680,30 @@ def test_the_rest_that_a_recording_has(tmp_path):
     succeed("estimate", short, "--config", config, "--out", out)
     results = tables.Result.read(out / "results.csv")
     assert np.isfinite(results.up_bounds).mean() > 0.99
+
+
+def test_a_reason_is_said_once(tmp_path):
+    """In the file, in that of a rule and in the terminal; where it comes again, the name of the number that has it."""
+    log, out, rule = tmp_path / "log.npz", tmp_path / "config.toml", tmp_path / "rule.toml"
+    write_npz(log, made())
+    said = succeed("bounds", log, "--like", "broad", "--out", out)
+    succeed("bounds", log, "--like", "broad", "--rule", rule)
+    for reason in filter(lambda one: len(one) > 40, rules.reasons_for("hand").values()):
+        for text in (out.read_text(), rule.read_text()):
+            assert text.count(reason) <= 1, reason
+    assert out.read_text().count("the rule for a sensor in the hand") == 1
+    again = "for the reason of gyro.largest_rate_deg_per_s"
+    assert again in out.read_text()
+    assert again in rule.read_text()
+    assert "for the reason of" in " ".join(said.split())
+
+
+def test_a_short_reason_is_said_again():
+    once = document.Once(["a datasheet", "a reason that is much longer than the name of a number is"])
+    assert once(("rule", "gyro", "noise"), "seen: a datasheet") == "seen: a datasheet"
+    assert once(("rule", "gyro", "bias"), "seen: a datasheet") == "seen: a datasheet"
+    long = "a reason that is much longer than the name of a number is"
+    assert once(("a", "b"), f"part: {long}") == f"part: {long}"
+    assert once(("c", "d"), long) == "for the reason of a.b"
+    assert once(("a", "b"), long) == long
+    assert once(("e", "f"), "of its own") == "of its own"
