@@ -17,7 +17,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.outputs import FIGURE, SUMMARY, finish, progress_on, require_outputs
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, require_outputs
+from elliptude.cli.progress import progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import estimator as estimation
 from elliptude.estimation.estimator import Estimation

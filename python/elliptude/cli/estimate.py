@@ -18,7 +18,8 @@ from rich.progress import Progress, TaskID
 from elliptude import smoothing
 from elliptude.bounds.angles.about_axes import ErrorAxes, reference_axes
 from elliptude.cli.options import LOG_HELP, Force, Repair, ShownAxes, SummaryAsJson, with_repair
-from elliptude.cli.outputs import FIGURE, PAGE, SUMMARY, finish, progress_on, require_outputs
+from elliptude.cli.outputs import FIGURE, PAGE, SUMMARY, finish, require_outputs
+from elliptude.cli.progress import progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.estimator import BestEstimate, Question
 from elliptude.estimation import guaranteed_result, sizes_in_words

@@ -4,9 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
@@ -90,16 +87,3 @@ def finish(
     summary |= {"title": title, "results": table, "figure": FIGURE}
     write_json(out / SUMMARY, summary)
     return summary
-
-
-def progress_on(console: Console, completed: str = "{task.percentage:>3.0f} %") -> Progress:
-    """A progress bar, only on a terminal; it disappears at the end."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(completed),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )

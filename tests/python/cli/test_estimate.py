@@ -1,6 +1,7 @@
 """`elliptude estimate` and `elliptude demo`, as typed."""
 
 import json
+import re
 import stat
 import subprocess
 import sys
@@ -142,7 +143,8 @@ def test_as_a_program_without_a_terminal(tmp_path, simulated):
     arguments = [simulated / "measurements.csv", "--config", simulated / "estimate.toml", "--out", tmp_path / "out"]
     done = subprocess.run([*program, "estimate", *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0
-    assert done.stderr == ""  # no progress bar
+    # No progress bar: nothing, or plain lines on a slow machine.
+    assert all(re.fullmatch(r"\w+ [\d,]+ rows, \d+ s so far", line) for line in done.stderr.splitlines()), done.stderr
     assert stat.S_IMODE((tmp_path / "out" / "results.csv").stat().st_mode) & stat.S_IRGRP
 
 

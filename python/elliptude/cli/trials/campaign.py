@@ -14,7 +14,7 @@ from elliptude.campaigns.plan import read_plan, template
 from elliptude.campaigns.store import FILES, PAGE, ROWS, SUMMARY
 from elliptude.cli.options import SummaryAsJson
 from elliptude.cli.outputs import require_outputs
-from elliptude.cli.trials.progress import progress_with_time_left
+from elliptude.cli.progress import progress_with_time_left
 from elliptude.io.files import FileError
 
 if TYPE_CHECKING:

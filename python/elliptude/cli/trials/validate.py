@@ -17,7 +17,7 @@ from elliptude.campaigns import engine
 from elliptude.campaigns.pieces import Piece
 from elliptude.cli.options import SummaryAsJson, quantity
 from elliptude.cli.outputs import require_outputs
-from elliptude.cli.trials.progress import progress_with_time_left
+from elliptude.cli.progress import progress_with_time_left
 from elliptude.io.files import FileError, write_json
 from elliptude.validation import adversary, monte_carlo, tally, trial_kinds
 from elliptude.validation.adversary import Case
