@@ -29,7 +29,7 @@ from elliptude.logs.quaternion_readings import (
     MOST,
     STANDARD_ERROR,
     misread,
-    readings,
+    readings_of,
     slope,
 )
 from elliptude.logs.saturation import Saturation
@@ -384,7 +384,7 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
     label = configuration.truth.label
     if turns.is_known:
         turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
-        found = misread(first, second, turn, readings(configuration.truth.order, configuration.truth.turns))
+        found = misread(first, second, turn, readings_of(configuration.truth))
         if found is None:
             return None
         what = f"turns {found.slope:.2g} times as far as the rate says"
@@ -401,7 +401,7 @@ def _reference_against_directions(log: Log, configuration: Configuration) -> Fin
     """Without a rate: whether the attitude takes measured directions to their references."""
     assert log.true_attitudes is not None
     assert configuration.truth is not None
-    choices = readings(configuration.truth.order, configuration.truth.turns)
+    choices = readings_of(configuration.truth)
     angles: dict[str, list[FloatArray]] = {str(read): [] for read in choices}
     for i in range(len(configuration.directions)):
         there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]) & np.isfinite(log.true_attitudes[:, 0, 0]))

@@ -1,20 +1,29 @@
-"""Ways to read the columns of a quaternion: scalar first or last, from body to reference axes or back.
+"""Ways to read the columns of a quaternion: in which order, and from body to reference axes or back; and their words.
 
 Turns show which one fits: an attitude C turns from one time to another by C₁ᵀC₂, whatever its frame. Read as its
 inverse that is C₁C₂ᵀ, a turn about the axis in the reference frame, against that in the body; read in the other order
 it is something else again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from elliptude.configuration.sensors import Truth
+from elliptude.io.tables import QUATERNION
 from elliptude.typing import FloatArray
 
 Order: TypeAlias = Literal["wxyz", "xyzw"]
 Turns: TypeAlias = Literal["body_to_reference", "reference_to_body"]
+Columns: TypeAlias = tuple[str, str, str, str]
+
+_TURNS_IN_WORDS = {
+    "body_to_reference": "it takes vectors from body to reference axes",
+    "reference_to_body": "it takes vectors from reference to body axes",
+}
 
 # Which slopes count as 1, and how well a slope must be known.
 LEAST, MOST, STANDARD_ERROR = 0.7, 1.4, 0.1
@@ -29,29 +38,87 @@ class Reading:
 
     declared_order: Order
     declared_turns: Turns
-    order: Order
+    order: str
+    """What the columns, as they are declared, hold: "xyzw" where the first is x; beside an `Order` a shift of one."""
     turns: Turns
+    columns: Columns
+    """As they are declared."""
 
     def __call__(self, rotations: Rotation) -> Rotation:
         """Read rotations anew that were first read as declared."""
         of_file = rotations if self.declared_turns == "body_to_reference" else rotations.inv()
         columns = of_file.as_quat(scalar_first=self.declared_order == "wxyz")
-        read = Rotation.from_quat(columns, scalar_first=self.order == "wxyz")
+        read = Rotation.from_quat(columns[:, [self.order.index(part) for part in "wxyz"]], scalar_first=True)
         return read if self.turns == "body_to_reference" else read.inv()
 
     def __str__(self) -> str:
-        """The difference from what is declared, in the configuration's syntax."""
-        said = [f"order = '{self.order}'"] if self.order != self.declared_order else []
-        said += [f"turns = '{self.turns}'"] if self.turns != self.declared_turns else []
+        """The difference from what is declared: in the configuration's syntax, and in words."""
+        said = []
+        if self.order != self.declared_order:
+            held = ", ".join(f"{column} is {part}" for column, part in zip(self.columns, self.order, strict=True))
+            said.append(f"{self._where()} ({held})")
+        if self.turns != self.declared_turns:
+            said.append(f"turns = '{self.turns}' ({_TURNS_IN_WORDS[self.turns]})")
         return f"as {', '.join(said)}" if said else "as declared"
 
+    def _where(self) -> str:
+        """The order of the parts; of columns named in another order than their numbers have, these."""
+        if self.order in get_args(Order):
+            return f"order = '{self.order}'"
+        listed = [self.columns[self.order.index(part)] for part in self.declared_order]
+        return f"attitude_columns = {listed}"
 
-def readings(order: Order, turns: Turns) -> tuple[Reading, ...]:
-    """The four readings, the declared one first."""
+
+def readings(order: Order, turns: Turns, columns: Sequence[str]) -> tuple[Reading, ...]:
+    """All readings, the declared one first.
+
+    Parameters
+    ----------
+    order, turns : str
+        As they are declared.
+    columns : sequence of str
+        The four columns of the quaternion, in that order.
+
+    Returns
+    -------
+    tuple of Reading
+        Scalar first and last, as the order says; and where the headers have the one and the numbers the other, which is
+        a shift of one: `qx,qy,qz,qw` above w, x, y, z. Each from body to reference axes and back.
+    """
     other_order: Order = "xyzw" if order == "wxyz" else "wxyz"
     other_turns: Turns = "reference_to_body" if turns == "body_to_reference" else "body_to_reference"
-    choices = ((order, turns), (other_order, turns), (order, other_turns), (other_order, other_turns))
-    return tuple(Reading(order, turns, *choice) for choice in choices)
+    # Of columns that are named in one order and filled in the other, only one case is not the other order again.
+    shifted = {"wxyz": "zwxy", "xyzw": "yzwx"}[order]
+    first, second, third, fourth = columns
+    orders = (order, other_order, shifted)
+    choices = [(one, turns) for one in orders[:2]] + [(one, other_turns) for one in orders[:2]]
+    choices += [(shifted, turns), (shifted, other_turns)]
+    return tuple(Reading(order, turns, *choice, (first, second, third, fourth)) for choice in choices)
+
+
+def readings_of(truth: Truth | None) -> tuple[Reading, ...]:
+    """Those of the attitudes that a configuration names, or of a table with the columns qw,qx,qy,qz."""
+    if truth is None:
+        return readings("wxyz", "body_to_reference", QUATERNION)
+    return readings(truth.order, truth.turns, truth.attitude_columns)
+
+
+def not_as_declared(what: str, option: str | None = None) -> str:
+    """What is said of attitudes that fit when they are read otherwise.
+
+    Parameters
+    ----------
+    what : str
+        Whose attitudes, and how they are off: "the reference turns ... when read as ...".
+    option : str, optional
+        The option of the configuration that describes them.
+
+    Returns
+    -------
+    str
+    """
+    where = "" if option is None else f" ({option})"
+    return f"{what}: its quaternions are not as declared; [truth] of a configuration{where} says how they are"
 
 
 def slope(changes: FloatArray, predicted: FloatArray) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
-from elliptude.logs.quaternion_readings import Reading, misread, readings
+from elliptude.logs.quaternion_readings import Reading, misread, not_as_declared, readings_of
 from elliptude.logs.reference_attitudes import Reference, attitudes_at, read_reference
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
@@ -320,12 +320,12 @@ def run_against(
     """
     reference = read_reference(path, configuration)
     truth = None if configuration is None else configuration.truth
-    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+    choices = readings_of(truth)
     if reference_error is None:
         reference_error = 0.0 if truth is None else math.radians(truth.error_deg)
     found = misread_reference(run, reference, choices, largest_gap=largest_gap)
     if found is not None:
-        raise FileError(f"{path}: {found}: its quaternions are not as declared")
+        raise FileError(not_as_declared(f"{path}: {found}"))
     try:
         compared = run.against(reference, largest_gap, reference_error)
     except ValueError as error:

@@ -166,6 +166,10 @@ def test_a_reference_read_wrongly(tmp_path, truth, hint, seed):
     assert not report["good"]
     assert len(messages) == 1
     assert messages[0].startswith("error: cameras: turns ")
+    words = " (q[0] is w, q[1] is x, q[2] is y, q[3] is z)", " (it takes vectors from body to reference axes)"
+    for said in words:
+        assert messages[0].count(said) == hint.count("order" if "q[0]" in said else "turns")
+        messages[0] = messages[0].replace(said, "")
     assert messages[0].endswith(f"and as far when read {hint}")
     # `estimate` refuses it too, unless it is told to go on.
     log = tmp_path / "log.npz"
@@ -188,7 +192,7 @@ def test_a_reference_without_a_rate_is_compared_with_directions(tmp_path):
     _, messages = found(tmp_path, configuration=swapped)
     assert len(messages) == 1
     assert messages[0].startswith("error: cameras: takes the measured directions ")
-    assert messages[0].endswith("when read as order = 'wxyz'")
+    assert messages[0].endswith("when read as order = 'wxyz' (q[0] is w, q[1] is x, q[2] is y, q[3] is z)")
 
 
 @pytest.mark.parametrize("speed", [0.0, 1e-4])

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -474,12 +475,28 @@ def test_a_heading_that_counts_from_the_first_row(tmp_path):
 @pytest.mark.parametrize(
     ("read", "hint"),
     [
-        (lambda q: q.inv(), "turns = 'reference_to_body'"),
-        (lambda q: Rotation.from_quat(q.as_quat(), scalar_first=True), "order = 'xyzw'"),
+        (lambda q: q.inv(), "turns = 'reference_to_body' (it takes vectors from reference to body axes)"),
+        (
+            lambda q: Rotation.from_quat(q.as_quat(), scalar_first=True),
+            "order = 'xyzw' (qw is x, qx is y, qy is z, qz is w)",
+        ),
+        # Headers qx,qy,qz,qw above w, x, y, z.
+        (
+            lambda q: Rotation.from_quat(q.as_quat(scalar_first=True)),
+            "attitude_columns = ['qx', 'qy', 'qz', 'qw'] (qw is z, qx is w, qy is x, qz is y)",
+        ),
+        (
+            lambda q: Rotation.from_quat(q.inv().as_quat(scalar_first=True)),
+            "attitude_columns = ['qx', 'qy', 'qz', 'qw'] (qw is z, qx is w, qy is x, qz is y), turns = "
+            "'reference_to_body' (it takes vectors from reference to body axes)",
+        ),
     ],
 )
 def test_a_misread_reference(estimated, read, hint):
-    """As its inverse, or scalar last; in a table, and in another frame, where only turns tell."""
+    """As its inverse, scalar last, or under the wrong headers; in a table, and in another frame, where only turns tell.
+
+    What is proposed is what mends it, and `monitor` says the same.
+    """
     folder, _ = estimated
     arrays = recording()
     true = Rotation.from_quat(arrays["q"], scalar_first=True)
@@ -489,6 +506,16 @@ def test_a_misread_reference(estimated, read, hint):
         assert done.exit_code == 1
         assert f"as far when read as {hint}: its quaternions are not as declared" in words(done)
         assert hint in json.loads(run("compare", folder / "out", path, "--json").stdout.strip())["reference_misread"]
+        judged = run("monitor", folder / "out", "--estimate", path, "--heading-free")
+        assert judged.exit_code == 1
+        assert f"when read as {hint}: its quaternions are not as declared; [truth] of a configuration" in words(judged)
+    said = tomllib.loads(re.sub(r" \([^)]*\)", "", hint).replace(", turns", "\nturns"))
+    columns = {"attitude_columns": ["qw", "qx", "qy", "qz"]}
+    truth = by_rule() | {"time_column": "time_s", "truth": columns | said}
+    (folder / "said.toml").write_text(tomlkit.dumps(truth))
+    path = reference(folder / "misread.csv", read(true), arrays["t"])
+    done = run("compare", folder / "out", path, "--config", folder / "said.toml")
+    assert done.exit_code == 0, done.output
 
 
 def test_a_misread_reference_of_few_rows(estimated):
@@ -510,10 +537,10 @@ def test_attitudes_that_turn_otherwise_are_not_misread():
     """A random walk fits no reading; and what does not turn tells nothing."""
     some = Rotation.random(200, rng=np.random.default_rng(0))
     turns = 0.1 * np.random.default_rng(1).standard_normal((100, 3))
-    choices = readings("wxyz", "body_to_reference")
+    choices = readings("wxyz", "body_to_reference", ["a", "b", "c", "d"])
     found = misread(some[:100], some[100:], turns, choices)
     assert found is None or found.fitting is None
     assert misread(some[:100], some[:100], 0.0 * turns, choices) is None
     assert misread(some[:100], some[:100] * Rotation.from_rotvec(turns), turns, choices) is None
     inverse = misread(some[:100].inv(), (some[:100] * Rotation.from_rotvec(turns)).inv(), turns, choices)
-    assert inverse.fitting == "as turns = 'reference_to_body'"
+    assert inverse.fitting == "as turns = 'reference_to_body' (it takes vectors from reference to body axes)"

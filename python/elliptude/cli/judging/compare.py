@@ -16,7 +16,7 @@ from elliptude.cli.outputs import require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
 from elliptude.io.spool import recording
-from elliptude.logs.quaternion_readings import readings
+from elliptude.logs.quaternion_readings import not_as_declared, readings_of
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
 from elliptude.report.run import files_of_run, read_run
@@ -92,7 +92,7 @@ def compare(
     error_deg, source = reference_error(reference_error_deg, configuration)
     run, _ = read_run(result)
     truth = None if configuration is None else configuration.truth
-    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+    choices = readings_of(truth)
     try:
         attitudes = read_reference(other, configuration)
         compared = comparison.compare(
@@ -138,10 +138,7 @@ def compare(
 def _fault(compared: comparison.Comparison, misread: str | None) -> str | None:
     """What must not be, if anything is so."""
     if misread is not None:
-        return (
-            f"the reference {misread}: its quaternions are not as declared; [truth] of a configuration (--config) says "
-            "how they are"
-        )
+        return not_as_declared(f"the reference {misread}", "--config")
     if compared.broken_promises:
         rows = compared.broken_promises
         return f"{rows} rows claim a set that holds without a condition, and the reference is outside"

@@ -23,7 +23,7 @@ from elliptude.io.files import FileError, write_json
 from elliptude.io.spool import STANDARD_INPUT, NamedFile, recording
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
-from elliptude.logs.quaternion_readings import readings
+from elliptude.logs.quaternion_readings import not_as_declared, readings_of
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.monitoring import Limits, Monitored
 from elliptude.report import comparison, monitored
@@ -106,7 +106,7 @@ def monitor(
     frame = _frame_of_sets(frame, configuration)
     described = None if estimate_config is None else read_configuration(estimate_config)
     truth = None if described is None else described.truth
-    choices = readings("wxyz", "body_to_reference") if truth is None else readings(truth.order, truth.turns)
+    choices = readings_of(truth)
     attitudes = read_reference(other, described)
     free = heading_free or run.heading_from_start
     has_other_frame = free or estimate_frame is not None
@@ -144,12 +144,8 @@ def monitor(
         for path in files:
             typer.echo(f"  {path}")
     if misread is not None:
-        typer.secho(
-            f"the estimate {misread}: its quaternions are not as declared; [truth] of --estimate-config says how they "
-            "are",
-            err=True,
-            fg=typer.colors.RED,
-        )
+        said = not_as_declared(f"the estimate {misread}", "--estimate-config")
+        typer.secho(said, err=True, fg=typer.colors.RED)
     if misread is not None or summary["rows_with_alarm"]:
         raise typer.Exit(1)
 
