@@ -13,7 +13,7 @@ from elliptude.io.toml import (
     Column,
     Diagonal6,
     Model,
-    Positive,
+    PositiveSize,
     Quaternion,
     Vector,
     Vector6,
@@ -123,7 +123,7 @@ class HandHeldRule(Model):
     """The rule for a sensor in the hand."""
 
     kind: Literal["hand_held"]
-    anchor_s: Positive | None = None
+    anchor_s: PositiveSize | None = None
 
     def rule(self) -> Rule:
         """The rule itself."""
@@ -135,7 +135,7 @@ class RuleFile(Model):
 
     kind: Literal["file"]
     file: Column
-    anchor_s: Positive | None = None
+    anchor_s: PositiveSize | None = None
 
     def rule(self) -> Rule:
         """The rule itself."""
@@ -146,7 +146,7 @@ class StatedRule(Rule):
     """A rule in the configuration itself."""
 
     kind: Literal["stated"]
-    anchor_s: Positive | None = None
+    anchor_s: PositiveSize | None = None
 
     def rule(self) -> Rule:
         """The rule itself."""

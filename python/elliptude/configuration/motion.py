@@ -22,6 +22,8 @@ from elliptude.io.toml import (
     NotNegative,
     NotNegativeBound,
     Positive,
+    PositiveSize,
+    Size,
     Vector,
 )
 
@@ -41,7 +43,7 @@ class RigidBodyFlow(Model):
     inertia_error_kg_m2: NotNegative = 0.0
     # For the guaranteed mode: the angular velocity is never larger. Without it and without a measured rate a log of
     # directions alone starts no set.
-    largest_rate_deg_per_s: Positive | None = None
+    largest_rate_deg_per_s: PositiveSize | None = None
     # A prediction over more steps is refused: such a time is more likely an error than intended.
     most_steps: Annotated[int, Field(ge=1)] = 1_000_000
     wheel_momentum_columns: Columns | None = None
@@ -96,19 +98,19 @@ class GyroFlow(Timed):
     # A known bias is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
     # may be estimated if it moves no faster than the drift says (a bias that depends on the pose moves faster).
     known_bias_deg_per_s: Vector = (0.0, 0.0, 0.0)
-    bias_deg_per_s: NotNegative = 0.0
+    bias_deg_per_s: Size = 0.0
     estimate_bias: bool = False
-    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
+    scale_error: Annotated[Size, Field(lt=1)] = 0.0
     # How fast the rate changes between samples, if that is not part of the noise.
-    angular_acceleration_deg_per_s2: NotNegative = 0.0
+    angular_acceleration_deg_per_s2: Size = 0.0
     # The longest interval between samples that all of this covers; 1.5 times the usual one if left out. About a longer
     # one only the next two numbers are known, of the body; without them the attitude is forgotten.
-    longest_interval_s: Positive | None = None
-    largest_rate_deg_per_s: Positive | None = None
-    largest_angular_acceleration_deg_per_s2: Positive | None = None
+    longest_interval_s: PositiveSize | None = None
+    largest_rate_deg_per_s: PositiveSize | None = None
+    largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
     # Bound of the noise's integral over any window; predictions span windows of this length, each from an anchor.
-    increment_deg: Positive | None = None
-    anchor_s: Positive | None = None
+    increment_deg: PositiveSize | None = None
+    anchor_s: PositiveSize | None = None
 
     @model_validator(mode="after")
     def _predicts_over_windows(self) -> Self:

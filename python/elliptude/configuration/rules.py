@@ -34,11 +34,11 @@ from elliptude.bounds.windows import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
-from elliptude.io.toml import Model, Number, load_toml, read_toml
+from elliptude.io.toml import Model, Number, PositiveSize, Size, load_toml, read_toml
 from elliptude.typing import FloatArray
 
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
+# A quarter of an hour is no delay of a sensor, but another clock.
+Delay = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Fraction = Annotated[Number, Field(ge=0, lt=1)]
 
 
@@ -49,16 +49,16 @@ Carried: TypeAlias = Literal["hand", "person", "drone", "car", "boat"]
 class RestRule(Model):
     """What counts as a rest, and what holds in the rest at the start."""
 
-    duration_s: Positive
-    rate_deviation_deg_per_s: Positive
-    rate_deg_per_s: Positive
-    acceleration_deviation_m_per_s2: Positive
-    least_s: Positive
+    duration_s: PositiveSize
+    rate_deviation_deg_per_s: PositiveSize
+    rate_deg_per_s: PositiveSize
+    acceleration_deviation_m_per_s2: PositiveSize
+    least_s: PositiveSize
     # How much of what goes on being still is a rest, too, at most; none if it is left out.
-    most_s: Positive | None = None
-    velocity_m_per_s: NotNegative
+    most_s: PositiveSize | None = None
+    velocity_m_per_s: Size
     # How far the field may be from its mean over the rest; the magnetometer's disturbance if it is left out.
-    field_change_ut: NotNegative | None = None
+    field_change_ut: Size | None = None
 
     def rows(self, times: FloatArray, rates: FloatArray, forces: FloatArray) -> NDArray[np.bool_]:
         """Rows at rest, shape (N,)."""
@@ -77,15 +77,15 @@ class RestRule(Model):
 class GyroRule(Model):
     """Bounds of the gyro, its bias taken from the rest at the start."""
 
-    noise_deg_per_s: NotNegative
-    bias_deg_per_s: NotNegative
-    drift_deg_per_s2: NotNegative
+    noise_deg_per_s: Size
+    bias_deg_per_s: Size
+    drift_deg_per_s2: Size
     scale_error: Fraction
-    increment_deg: Positive | None = None
+    increment_deg: PositiveSize | None = None
     # As in `flow`, if there is no rule.
-    longest_interval_s: Positive | None = None
-    largest_rate_deg_per_s: Positive | None = None
-    largest_angular_acceleration_deg_per_s2: Positive | None = None
+    longest_interval_s: PositiveSize | None = None
+    largest_rate_deg_per_s: PositiveSize | None = None
+    largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
 
     def bounds(self) -> GyroBounds:
         """In SI units."""
@@ -105,14 +105,14 @@ class GyroRule(Model):
 class AccelerometerRule(Model):
     """Gravity, and bounds of the accelerometer."""
 
-    gravity_m_per_s2: Positive
-    gravity_error_m_per_s2: NotNegative
-    error_m_per_s2: NotNegative
-    averaged_error_m_per_s2: NotNegative
+    gravity_m_per_s2: PositiveSize
+    gravity_error_m_per_s2: Size
+    error_m_per_s2: Size
+    averaged_error_m_per_s2: Size
     # How long the shortest window is that this is stated for.
-    averaged_over_s: NotNegative = AVERAGED_OVER_S
+    averaged_over_s: Size = AVERAGED_OVER_S
     scale_error: Fraction
-    time_offset_bound_s: NotNegative
+    time_offset_bound_s: Size
 
     def sensor(self) -> VectorSensorBounds:
         """In SI units."""
@@ -127,13 +127,13 @@ class AccelerometerRule(Model):
 class MotionRule(Model):
     """Bounds of the motion, and the windows to average over."""
 
-    velocity_m_per_s: NotNegative
-    position_m: NotNegative
+    velocity_m_per_s: Size
+    position_m: Size
     # The mean acceleration over any of the windows, and over shorter ones at the ends of a recording.
-    acceleration_m_per_s2: Positive | None = None
+    acceleration_m_per_s2: PositiveSize | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
-    largest_jerk_m_per_s3: Positive | None = None
-    windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    largest_jerk_m_per_s3: PositiveSize | None = None
+    windows_s: Annotated[tuple[PositiveSize, ...], Field(min_length=1)]
     row_at: Literal["end", "middle"]
 
     def bounds(self) -> MotionBounds:
@@ -150,15 +150,15 @@ class MotionRule(Model):
 class MagnetometerRule(Model):
     """Bounds of the magnetometer and of the field against the one at the start."""
 
-    disturbance_ut: NotNegative
-    error_ut: NotNegative
-    averaged_error_ut: NotNegative
+    disturbance_ut: Size
+    error_ut: Size
+    averaged_error_ut: Size
     # How long the shortest window is that this is stated for.
-    averaged_over_s: NotNegative = AVERAGED_OVER_S
+    averaged_over_s: Size = AVERAGED_OVER_S
     scale_error: Fraction
-    window_s: Positive
-    delay_s: Number
-    time_offset_bound_s: NotNegative
+    window_s: PositiveSize
+    delay_s: Delay
+    time_offset_bound_s: Size
     contradiction_voids: Literal["row", "recording"]
     """What a row that contradicts the bounds makes unusable: itself, or everything that rests on the field."""
 

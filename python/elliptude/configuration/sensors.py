@@ -20,11 +20,12 @@ from elliptude.io.toml import (
     Matrix,
     Model,
     NonzeroVector,
-    NotNegative,
     Number,
     Positive,
+    PositiveSize,
     Quaternion,
     QuaternionColumns,
+    Size,
     exactly_one,
     one_word,
 )
@@ -89,7 +90,7 @@ class Csv(Model):
     # Whether the row below the header has units.
     units_row: bool | None = None
     # How many packets of Xsens there are in a second; in the place of what the file says.
-    packet_rate_hz: Positive | None = None
+    packet_rate_hz: PositiveSize | None = None
 
     def stated(self) -> Stated:
         """For the reader."""
@@ -109,9 +110,9 @@ class Timing(Model):
     # NaN in a format with empty cells (CSV, Parquet): refused, or taken as empty. One component is enough then.
     not_a_number: Literal["refuse", "missing"] = "refuse"
     # The gyro's longest gap: a longer one is refused; within it, empty cells are bridged.
-    largest_gap_s: Positive | None = None
+    largest_gap_s: PositiveSize | None = None
     # Stamps of different sensors that are this close make one row, at the first of them, after delays are subtracted.
-    same_within_s: NotNegative = 1e-9
+    same_within_s: Size = 1e-9
     # Times as in the file, or from the whole second of the log's first stamp; left out, as in the file unless whole
     # numbers would lose digits as seconds.
     origin: Literal["file", "first"] | None = None
@@ -134,10 +135,10 @@ class Timed(Model):
 
     time_column: Column | None = None
     time_unit: units.TimeUnit | None = None
-    # How much later than the measurement the stamp is: subtracted from it.
-    delay_s: Number = 0.0
+    # How much later than the measurement the stamp is: subtracted from it; of another clock perhaps since 1970.
+    delay_s: Annotated[Number, Field(ge=-1e10, le=1e10)] = 0.0
     # How far else the stamps may be off, either way: for the bounds.
-    time_offset_bound_s: NotNegative = 0.0
+    time_offset_bound_s: Size = 0.0
 
     @model_validator(mode="after")
     def _has_a_clock(self) -> Self:
@@ -157,21 +158,21 @@ class AccelerationBound(Model):
     """The bound of an accelerometer, sample by sample, from the largest linear acceleration."""
 
     kind: Literal["acceleration"]
-    acceleration_m_per_s2: NotNegative
-    gravity_error_m_per_s2: NotNegative = 0.0
+    acceleration_m_per_s2: Size
+    gravity_error_m_per_s2: Size = 0.0
 
 
 class VelocityWindowBound(Model):
     """The bound of an accelerometer, averaged over windows, from how fast or how far it moves."""
 
     kind: Literal["velocity_window"]
-    windows_s: Annotated[tuple[Positive, ...], Field(min_length=1)]
-    velocity_m_per_s: NotNegative | None = None
-    position_m: NotNegative | None = None
-    acceleration_m_per_s2: NotNegative | None = None
+    windows_s: Annotated[tuple[PositiveSize, ...], Field(min_length=1)]
+    velocity_m_per_s: Size | None = None
+    position_m: Size | None = None
+    acceleration_m_per_s2: Size | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
-    largest_jerk_m_per_s3: Positive | None = None
-    gravity_error_m_per_s2: NotNegative = 0.0
+    largest_jerk_m_per_s3: PositiveSize | None = None
+    gravity_error_m_per_s2: Size = 0.0
     at: Literal["end", "middle"] = "end"
 
     @property
@@ -184,19 +185,19 @@ class FieldBound(Model):
     """The bound of a magnetometer, sample by sample, from the largest field beside the reference field."""
 
     kind: Literal["field"]
-    disturbance_ut: NotNegative
-    strength_error_ut: NotNegative = 0.0
+    disturbance_ut: Size
+    strength_error_ut: Size = 0.0
 
 
 class AccelerometerError(Model):
     """How far an accelerometer may be off: (I + K) f + e, in axes that are turned."""
 
-    error_m_per_s2: NotNegative = 0.0
-    averaged_error_m_per_s2: NotNegative | None = None
+    error_m_per_s2: Size = 0.0
+    averaged_error_m_per_s2: Size | None = None
     # How long the shortest window is that this is stated for.
-    averaged_over_s: NotNegative = AVERAGED_OVER_S
-    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
-    misalignment_deg: NotNegative = 0.0
+    averaged_over_s: Size = AVERAGED_OVER_S
+    scale_error: Annotated[Size, Field(lt=1)] = 0.0
+    misalignment_deg: Size = 0.0
 
     def bounds(self) -> VectorSensorBounds:
         """In m/s² and rad."""
@@ -212,12 +213,12 @@ class AccelerometerError(Model):
 class MagnetometerError(Model):
     """How far a magnetometer may be off: (I + K) m + e, in axes that are turned."""
 
-    error_ut: NotNegative = 0.0
-    averaged_error_ut: NotNegative | None = None
+    error_ut: Size = 0.0
+    averaged_error_ut: Size | None = None
     # How long the shortest window is that this is stated for.
-    averaged_over_s: NotNegative = AVERAGED_OVER_S
-    scale_error: Annotated[NotNegative, Field(lt=1)] = 0.0
-    misalignment_deg: NotNegative = 0.0
+    averaged_over_s: Size = AVERAGED_OVER_S
+    scale_error: Annotated[Size, Field(lt=1)] = 0.0
+    misalignment_deg: Size = 0.0
 
     def bounds(self) -> VectorSensorBounds:
         """In µT and rad."""
@@ -290,8 +291,8 @@ class DirectionBase(Timed):
     bound_from: AngleBound | AccelerationBound | VelocityWindowBound | FieldBound | None = None
     # How far the reference direction and the sensor's axes may be off: they add to the bound. Left out, that of the Sun
     # by time is `SUN_ERROR_DEG`, of other references 0.
-    reference_error_deg: NotNegative | None = None
-    alignment_error_deg: NotNegative = 0.0
+    reference_error_deg: Size | None = None
+    alignment_error_deg: Size = 0.0
     weight: Positive = 1.0
 
     @model_validator(mode="after")
@@ -347,7 +348,7 @@ class Direction(DirectionBase):
     reference: NonzeroVector | SunByTime | None = None
     reference_columns: Columns | None = None
     # How fast the reference in the columns turns at most, in reference axes: it moves while a stamp is off.
-    reference_rate_deg_per_s: NotNegative | None = None
+    reference_rate_deg_per_s: Size | None = None
     bound_from: AngleBound | None = None
 
     @model_validator(mode="after")
@@ -376,7 +377,7 @@ class Accelerometer(DirectionBase):
     unit: units.AccelerationUnit
     # Which way its vector points at rest: "down" is for drivers that report the opposite, and its sign is reversed.
     at_rest: Literal["up", "down"] = "up"
-    gravity_m_per_s2: Positive = units.STANDARD_GRAVITY
+    gravity_m_per_s2: PositiveSize = units.STANDARD_GRAVITY
     sensor_error: AccelerometerError = AccelerometerError()
     bound_from: Annotated[AngleBound | AccelerationBound | VelocityWindowBound, Field(discriminator="kind")] | None = (
         None
@@ -476,9 +477,9 @@ class Velocity(Timed):
     columns: Columns
     unit: units.VelocityUnit = "m/s"
     # The length of its error at the time on the stamp, of where the accelerometer is.
-    error_m_per_s: Annotated[NotNegative, Field(le=1e6)]
+    error_m_per_s: Annotated[Size, Field(le=1e6)]
     # How fast the velocity changes at most: between a stamp and a row, and while a stamp is off.
-    largest_acceleration_m_per_s2: Annotated[NotNegative, Field(le=1e6)]
+    largest_acceleration_m_per_s2: Annotated[Size, Field(le=1e6)]
 
 
 class Truth(Timed):
@@ -492,4 +493,4 @@ class Truth(Timed):
     vector_unit: units.AngularVelocityUnit = "rad/s"
     label: str = "truth"
     # How far it may itself be off: it counts as inside if an attitude that near to it is.
-    error_deg: NotNegative = 0.0
+    error_deg: Size = 0.0

@@ -90,9 +90,9 @@ def readings(order: Order, turns: Turns, columns: Sequence[str]) -> tuple[Readin
     # Of columns that are named in one order and filled in the other, only one case is not the other order again.
     shifted = {"wxyz": "zwxy", "xyzw": "yzwx"}[order]
     first, second, third, fourth = columns
-    orders = (order, other_order, shifted)
-    choices = [(one, turns) for one in orders[:2]] + [(one, other_turns) for one in orders[:2]]
-    choices += [(shifted, turns), (shifted, other_turns)]
+    orders: tuple[str, ...] = (order, other_order)
+    choices = [(one, turned) for turned in (turns, other_turns) for one in orders]
+    choices += [(shifted, turned) for turned in (turns, other_turns)]
     return tuple(Reading(order, turns, *choice, (first, second, third, fourth)) for choice in choices)
 
 

@@ -1,10 +1,14 @@
 """Rules for how a sensor is carried: each number has a reason, and a motion within them stays within their bounds."""
 
+import re
+
 import numpy as np
 import pytest
-from elliptude.configuration import rules, suspicions
+from elliptude.configuration import motion, rules, sensors, suspicions
+from elliptude.io.toml_faults import faults_in_words
 from elliptude.proposal import proposals
 from elliptude.proposal.proposed_rule import what_it_says
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 OTHERS = ("person", "drone", "car", "boat")
@@ -205,3 +209,52 @@ def test_a_gap_that_ends_the_rest_is_named():
     shown[100:, 2] = np.deg2rad(3.0) * np.where(np.arange(2900) // 10 % 2, 1.0, -1.0)
     moved = proposals.propose(proposals.Recording(times[1:], shown[1:], forces[1:]))
     assert "the gyro deviates from its mean" in moved.rest_ends
+
+
+def test_every_number_of_a_rule_has_a_limit_and_the_message_says_it():
+    """A number that nobody means would overflow somewhere inside, where no message names its key."""
+    whole = rules.hand_held().model_dump(mode="json", exclude_none=True, exclude={"carried"})
+    tried = 0
+    for table, numbers in whole.items():
+        for key, value in numbers.items():
+            if not isinstance(value, float | list):
+                continue
+            huge = [*value[:-1], 1e300] if isinstance(value, list) else 1e300
+            changed = whole | {table: numbers | {key: huge}}
+            with pytest.raises(ValidationError) as error:
+                rules.Rule.model_validate(changed)
+            said = faults_in_words(error.value, changed, rules.Rule)
+            assert re.fullmatch(rf"{table}\.{key}(\[\d\])?: must be (at most|less than) \d+, not .*1e\+300\]?", said), (
+                said
+            )
+            tried += 1
+    assert tried >= 30
+
+
+@pytest.mark.parametrize("delay", [1e300, -1e300, 1000.5])
+def test_a_delay_of_a_rule_is_no_other_clock(delay):
+    whole = rules.hand_held().model_dump(mode="json", exclude_none=True, exclude={"carried"})
+    changed = whole | {"magnetometer": whole["magnetometer"] | {"delay_s": delay}}
+    with pytest.raises(ValidationError, match=r"magnetometer\.delay_s"):
+        rules.Rule.model_validate(changed)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        motion.GyroFlow,
+        sensors.Timed,
+        sensors.AccelerationBound,
+        sensors.VelocityWindowBound,
+        sensors.FieldBound,
+        sensors.AccelerometerError,
+        sensors.MagnetometerError,
+        *(one.annotation for one in rules.Rule.model_fields.values() if isinstance(one.annotation, type)),
+    ],
+)
+def test_no_bound_of_a_sensor_is_without_a_limit(kind):
+    checked_by_its_square = {"noise_deg_per_s", "drift_deg_per_s2"} if kind is motion.GyroFlow else set()
+    for key, said in kind.model_json_schema().get("properties", {}).items():
+        one = next((part for part in said.get("anyOf", [said]) if part.get("type") == "number"), None)
+        if one is not None and key not in checked_by_its_square:
+            assert one.keys() & {"maximum", "exclusiveMaximum"}, key
