@@ -285,3 +285,26 @@ def test_an_extra_that_is_not_installed_is_named(tmp_path, monkeypatch, package,
     (tmp_path / name).write_bytes(b"x")
     with pytest.raises(FileError, match=rf"pip install 'elliptude\[{extra}\]'"):
         open_log(tmp_path / name)
+
+
+@pytest.mark.parametrize("ending", ["gz", "bz2", "zst"])
+def test_a_compressed_file_that_is_cut_off_or_damaged(tmp_path, ending):
+    """Wherever it ends; also where what is left is many pieces of text."""
+    text = b"t,wx\n" + b"".join(b"%d.25,%d\n" % (i, hash((i, 7)) % 10**9) for i in range(300_000))
+    codec = {"gz": "gzip", "bz2": "bz2", "zst": "zstd"}[ending]
+    whole = pa.BufferOutputStream()
+    with pa.CompressedOutputStream(whole, codec) as stream:
+        stream.write(text)
+    data = whole.getvalue().to_pybytes()
+    path = tmp_path / f"cut.csv.{ending}"
+    for count in (3, 20, 2000, len(data) // 2, len(data) - 1):
+        path.write_bytes(data[:count])
+        with pytest.raises(FileError, match=r"its compressed content is damaged, or cut off: copy it again$"):
+            for _ in open_log(path).batches(["t", "wx"]):
+                pass
+    if ending == "zst":  # without a checksum it does not show
+        return
+    path.write_bytes(data[:300] + bytes(300) + data[600:])
+    with pytest.raises(FileError, match=r"its compressed content is damaged, or cut off: copy it again$"):
+        for _ in open_log(path).batches(["t", "wx"]):
+            pass
