@@ -19,7 +19,7 @@ from elliptude import units
 from elliptude.cli.columns import in_words as columns_in_words
 from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
-from elliptude.cli.outputs import require_outputs
+from elliptude.cli.outputs import CONFIGURATION, require_outputs
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
@@ -265,7 +265,7 @@ def bounds(
 
 def _require_outputs(out: Path | None, rule: Path | None, *, force: bool, read: list[Path | None]) -> None:
     written = [path for path in (out, rule) if path is not None]
-    require_outputs(written, force=force, read=read, endings=dict.fromkeys(written, (".toml",)))
+    require_outputs(written, force=force, read=read, endings=dict.fromkeys(written, CONFIGURATION))
 
 
 def _require_gravity(recording: Recording, configuration: Configuration, log: NamedFile) -> None:

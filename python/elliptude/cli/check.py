@@ -13,7 +13,7 @@ from rich.table import Table
 from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro, counted
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity, with_repair
-from elliptude.cli.outputs import require_outputs
+from elliptude.cli.outputs import CONFIGURATION, require_outputs
 from elliptude.configuration.calibration import (
     STRONGEST_FIELD_UT,
     Calibration,
@@ -162,7 +162,7 @@ def calibrate(
     Nothing is fitted: every set of parameters that agrees with all samples within the stated bounds is kept, and what
     is left of the errors is a bound by the same statements.
     """
-    require_outputs([out], force=force, read=[log, config, statements])
+    require_outputs([out], force=force, read=[log, config, statements], endings={out: CONFIGURATION})
     configuration = read_configuration(config).model_copy(update={"calibration": None})
     known = read_statements(statements)
     if disturbance_ut is not None:

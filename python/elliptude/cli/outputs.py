@@ -11,6 +11,10 @@ from elliptude.io.tables import Result
 
 PAGE = (".html", ".htm")
 """What the names of pages end in."""
+RECORDING = (".rrd",)
+"""What the names of recordings for Rerun end in."""
+CONFIGURATION = (".toml",)
+"""What the names of configurations, rules and calibrations end in."""
 FIGURE, SUMMARY = "estimate.png", "summary.json"
 
 

@@ -19,7 +19,7 @@ from elliptude.cli.options import (
     TruthConfig,
     with_repair,
 )
-from elliptude.cli.outputs import PAGE, require_outputs
+from elliptude.cli.outputs import PAGE, RECORDING, require_outputs
 from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
@@ -122,7 +122,8 @@ def view(
     is shown, or another attitude (--reference), or none.
     """
     if out is not None:
-        require_outputs([out], force=force, read=[*files_of_run(result), log, config, reference, reference_config])
+        read = [*files_of_run(result), log, config, reference, reference_config]
+        require_outputs([out], force=force, read=read, endings={out: RECORDING})
     if (log is None) != (config is None):
         raise typer.BadParameter("belong together: give both, or none", param_hint="--log and --config")
     if reference is None:

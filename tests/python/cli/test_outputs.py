@@ -93,3 +93,25 @@ def test_a_folder_of_results_has_one_table(tmp_path):
     done = CliRunner().invoke(cli.make_app(), [*estimate, "--format", "parquet"])
     assert done.exit_code == 1
     assert "results.csv is there already; --force replaces it" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize(
+    ("command", "ending"),
+    [
+        ("view results.csv --out name.xyz", ".rrd"),
+        ("view results.csv --out name", ".rrd"),
+        ("report results.csv --out page.pdf", ".html or .htm"),
+        ("estimate log.csv --config config.toml --out out --report page.xyz", ".html or .htm"),
+        ("bounds log.csv --out found.xyz", ".toml"),
+        ("calibrate log.csv config.toml --out found.xyz", ".toml"),
+        ("convert log.csv name.xyz", ".csv, .parquet, .npz"),
+    ],
+)
+def test_a_wrong_ending_is_refused_with_the_right_ones(folder, command, ending):
+    """Before the work, and before what another program is missing for."""
+    before = sorted(folder.iterdir())
+    done = CliRunner().invoke(cli.make_app(), command.split())
+    assert done.exit_code == 1, done.output
+    said = " ".join(done.output.split())
+    assert said.endswith(f"its name must end in {ending}") or said.endswith(f"what is written ends in {ending}"), said
+    assert sorted(folder.iterdir()) == before
