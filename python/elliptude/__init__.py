@@ -1,3 +1,4 @@
+# ruff: noqa: E402
 """Attitude estimation with ellipsoidal bounds.
 
 It computes the attitude and angular velocity of a rigid body, and a set that contains the truth, from measurements
@@ -14,6 +15,11 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from elliptude import _core
+from elliptude._arrays import accept_masks, to_scipy
+
+accept_masks(_core)  # before any name is taken from it
 
 from elliptude._core import (
     DirectionFilter,
@@ -61,7 +67,6 @@ from elliptude._core import (
     wahba,
     wahba_set,
 )
-from elliptude._scipy import to_scipy
 from elliptude.errors import InconsistentMeasurement, RowError
 from elliptude.filter import AttitudeFilter, AttitudeFilters
 from elliptude.guaranteed import GuaranteedFilter

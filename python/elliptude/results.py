@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude import _core
+from elliptude._arrays import unmasked
 from elliptude._core import Ellipsoid, cayley_inverse, log
 from elliptude.typing import AttitudeLike, Chart, FloatArray, SupportsAsMatrix
 
@@ -437,8 +438,10 @@ class GuaranteedLog:
         (n,) ndarray
             NaN where there is no set, or no truth.
         """
-        matrices = true_attitudes.as_matrix() if isinstance(true_attitudes, SupportsAsMatrix) else true_attitudes
-        return np.asarray(_core._gibbs_forms(self.attitudes, self.vectors, self.shapes, matrices, true_vectors))
+        truth = unmasked(true_attitudes)
+        matrices = truth.as_matrix() if isinstance(truth, SupportsAsMatrix) else truth
+        vectors = unmasked(true_vectors)
+        return np.asarray(_core._gibbs_forms(self.attitudes, self.vectors, self.shapes, matrices, vectors))
 
     def shapes_exponential(self) -> FloatArray:
         """Shapes (n, 6, 6) in the exponential chart of sets about the same centers that contain those of `shapes`."""

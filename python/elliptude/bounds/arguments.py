@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elliptude._arrays import unmasked
 from elliptude.typing import FloatArray
 
 
@@ -20,7 +21,7 @@ def require_fraction(name: str, value: float) -> None:
 
 def vector_rows(name: str, values: ArrayLike, count: int | None = None) -> FloatArray:
     """An array (N, 3); a row that is not finite in any component becomes NaN in all."""
-    array = np.asarray(values, dtype=np.float64)
+    array = np.asarray(unmasked(values), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3 or (count is not None and len(array) != count):
         raise ValueError(f"{name} must have shape ({'N' if count is None else count}, 3), not {array.shape}")
     return np.where(np.isfinite(array).all(axis=1, keepdims=True), array, np.nan)
@@ -28,7 +29,7 @@ def vector_rows(name: str, values: ArrayLike, count: int | None = None) -> Float
 
 def increasing_times(values: ArrayLike) -> FloatArray:
     """An array (N,) of at least one time."""
-    array = np.asarray(values, dtype=np.float64)
+    array = np.asarray(unmasked(values), dtype=np.float64)
     if array.ndim != 1 or not len(array):
         raise ValueError(f"times must have shape (N,) with at least one row, not {array.shape}")
     if not np.isfinite(array).all():

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude._arrays import unmasked
 from elliptude.logs.alignment import LARGEST_TIME_S
 from elliptude.typing import FloatArray
 
@@ -79,8 +80,9 @@ def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> F
 def _array(name: str, values: Any) -> NDArray[Any]:
     if isinstance(values, dict | str | bytes) or values is None:
         raise TypeError(f"{name}: {type(values).__name__}, not an array of numbers")
-    if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(values.astype(np.float64), np.nan)
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "mM":
+        values = np.where(np.ma.getmaskarray(values), np.array("NaT", values.dtype), values.data)
+    values = unmasked(values)
     to_numpy = getattr(values, "to_numpy", None)
     if to_numpy is not None and getattr(getattr(values, "dtype", None), "tz", None) is not None:
         return np.asarray(to_numpy(dtype="datetime64[ns]"))  # pandas, with a time zone: as UTC

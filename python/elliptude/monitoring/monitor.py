@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elliptude._arrays import unmasked
 from elliptude._core import is_rotation, quaternion_from_rotation, rotation_from_quaternion
 from elliptude.monitoring import arcs
 from elliptude.monitoring.error_angles import ANGLE_ROUNDING, ErrorAngles, error_angles
@@ -334,7 +335,7 @@ def _narrow_by_caps(
 def as_quaternions(name: str, attitudes: AttitudeLike, count: int) -> FloatArray:
     """Unit quaternions (n, 4), NaN where there is no attitude."""
     values = np.asarray(
-        attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else attitudes, dtype=np.float64
+        attitudes.as_matrix() if isinstance(attitudes, SupportsAsMatrix) else unmasked(attitudes), dtype=np.float64
     )
     if values.shape not in ((count, 4), (count, 3, 3)):
         raise ValueError(f"{name} must have shape ({count}, 3, 3) or ({count}, 4), not {values.shape}")
