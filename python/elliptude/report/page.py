@@ -404,7 +404,8 @@ def _spell_table(spells: list[Spell]) -> str:
         f"<details{' open' if len(spells) <= _OPEN else ''}><summary>{_counted(len(spells), 'spell')}</summary>\n"
         '<div class="scroll tall"><table><thead>\n'
         '<tr><th scope="col">from s</th><th scope="col">to s</th><th scope="col">sensors</th><th scope="col">why</th>'
-        f'<th scope="col">measurements</th></tr>\n</thead><tbody>\n{lines}\n</tbody></table></div></details>\n{more}'
+        f'<th scope="col">measure&shy;ments</th></tr>\n</thead><tbody>\n{lines}\n</tbody></table></div></details>\n'
+        f"{more}"
     )
 
 

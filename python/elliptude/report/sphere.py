@@ -20,6 +20,8 @@ MERIDIANS, RINGS = 36, 4
 """Directions on each ring of a patch, and its rings."""
 _LARGEST = np.deg2rad(60.0)
 """The largest errors of a set that is drawn: patches, flat between their rings, would cut through the globe."""
+# On a phone they must still be letters; beside an axis and above it, so that they do not hide one another.
+_NAME_SIZE, _TIP_SIZE = 20, 34
 _INT16 = 32767
 _NOT_KNOWN = -32768
 _NOTHING: dict[str, list[float | None]] = {"x": [None], "y": [None], "z": [None]}
@@ -209,6 +211,8 @@ def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
         "mode": "text",
         **{axis: [1.3 * float(tip) for tip in row] for axis, row in zip("xyz", np.eye(3), strict=True)},
         "text": ["X", "Y", "Z"],
+        "textfont": {"size": _NAME_SIZE},
+        "textposition": "middle left",
         "hoverinfo": "skip",
     }
     axes = list(zip("xyz", AXIS_COLOURS, strict=True))
@@ -238,7 +242,7 @@ def sphere_plot(compares: bool, label: str) -> dict[str, Any]:
             "yaxis": hidden,
             "zaxis": hidden,
             "aspectmode": "manual",
-            "aspectratio": {"x": 1.9, "y": 1.9, "z": 1.9},
+            "aspectratio": {"x": 1.7, "y": 1.7, "z": 1.7},
             "camera": {"eye": {"x": 1.15, "y": 0.8, "z": 0.65}, "projection": {"type": "orthographic"}},
             "dragmode": "orbit",
         },
@@ -284,7 +288,8 @@ def _estimate(axis: str, colour: str) -> dict[str, Any]:
         "name": f"estimated body {axis}",
         **_NOTHING,
         "text": ["", axis],
-        "textfont": {"color": colour, "size": 26},
+        "textfont": {"color": colour, "size": _TIP_SIZE},
+        "textposition": "top center",
         "line": {"color": colour, "width": 5},
         "hoverinfo": "name",
     }

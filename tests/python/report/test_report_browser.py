@@ -152,3 +152,32 @@ def test_on_a_phone_in_the_dark(opened, tmp_path):
     )
     assert len(widths) == 2
     assert max(widths) <= 0  # nothing to scroll
+
+
+@pytest.mark.parametrize("opened", [{"viewport": {"width": 390, "height": 844}}], indirect=True)
+def test_no_number_is_broken_on_a_phone(opened, tmp_path):
+    """Nor is a name on the globe too small to be a letter, or hidden by that of another axis."""
+    broken = opened.evaluate(
+        "Array.from(document.querySelectorAll('td')).filter((td) => {"
+        "  const walk = document.createTreeWalker(td, NodeFilter.SHOW_TEXT), range = document.createRange();"
+        "  while (walk.nextNode()) {"
+        "    for (const found of walk.currentNode.data.matchAll(/[-\\d.]+/g)) {"
+        "      range.setStart(walk.currentNode, found.index);"
+        "      range.setEnd(walk.currentNode, found.index + found[0].length);"
+        "      if (new Set(Array.from(range.getClientRects()).map((one) => one.top)).size > 1) { return true; }"
+        "    }"
+        "  }"
+        "  return false;"
+        "}).map((td) => td.textContent)"
+    )
+    assert broken == []
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 390
+    fonts = opened.evaluate(
+        "document.getElementById('sphere').data.filter((one) => one.textfont)"
+        ".map((one) => [one.textfont.size, one.textposition])"
+    )
+    assert len(fonts) == 4
+    assert min(size for size, _ in fonts) >= 20
+    names, *tips = [position for _, position in fonts]
+    assert names not in tips
+    shot(opened, "report-phone-light.png", tmp_path)
