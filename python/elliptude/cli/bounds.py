@@ -43,8 +43,8 @@ from elliptude.proposal.proposed_rule import (
     in_words,
     numbers_of,
     own_rest_of,
+    rule_document,
     rule_tables,
-    sections,
     statements_of,
     what_it_says,
 )
@@ -235,7 +235,7 @@ def bounds(
         validate(stated_in, document.unwrap(), Configuration)
         _write(out, document)
     if rule is not None:
-        _write(rule, _rule_document(proposed, margin, source, carried))
+        _write(rule, rule_document(proposed, margin, source.name, carried))
     ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
     found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
     suspicious = [*map(str, found), *heard.suspicious]
@@ -451,23 +451,3 @@ def _table(proposed: Proposal) -> Table:
 def _write(path: Path, document: tomlkit.TOMLDocument) -> None:
     with replacing(path) as temporary:
         temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
-
-
-def _rule_document(proposed: Proposal, margin: float, log: NamedFile, carried: Carried) -> tomlkit.TOMLDocument:
-    document = tomlkit.document()
-    for line in (
-        f"Proposed by `elliptude bounds` from {log.name}: maxima of that recording, times {margin:g}.",
-        "They guarantee nothing about another recording. Replace each number by one for which there is a reason, such",
-        "as a datasheet or the size of the room; what the recording could not show is, as marked, that of",
-        f"{in_words(carried)}, and what it shows in part alone is not less than that.",
-    ):
-        document.add(tomlkit.comment(line))
-    document.add(tomlkit.nl())
-    document.add("bounds_from_recording", log.name)
-    document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
-    if carried != "hand":
-        document.add("carried", carried)
-    for name, section in sections(rule_tables(proposed, margin, carried=carried)).items():
-        document.add(tomlkit.nl())
-        document.add(name, section)
-    return document

@@ -319,7 +319,7 @@ def between_samples(proposed: Proposal, carried: Carried) -> list[str]:
     ]
 
 
-def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
+def _sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
     """The tables as TOML, each number with its comment; a reason that several numbers have stands beside the first."""
     once = Once([one.reason for table in tables.values() for one in table.values() if one.reason])
     result: dict[str, tomlkit.items.Table] = {}
@@ -329,3 +329,24 @@ def sections(tables: RuleTables) -> dict[str, tomlkit.items.Table]:
             result[name].add(key, one.value)
             result[name][key].comment(once((name, key), one.how))
     return result
+
+
+def rule_document(proposed: Proposal, margin: float, log: str, carried: Carried) -> tomlkit.TOMLDocument:
+    """A rule alone as TOML, proposed from the recording of that name."""
+    document = tomlkit.document()
+    for line in (
+        f"Proposed by `elliptude bounds` from {log}: maxima of that recording, times {margin:g}.",
+        "They guarantee nothing about another recording. Replace each number by one for which there is a reason, such",
+        "as a datasheet or the size of the room; what the recording could not show is, as marked, that of",
+        f"{in_words(carried)}, and what it shows in part alone is not less than that.",
+    ):
+        document.add(tomlkit.comment(line))
+    document.add(tomlkit.nl())
+    document.add("bounds_from_recording", log)
+    document["bounds_from_recording"].comment("delete this line once there is a reason for each bound")
+    if carried != "hand":
+        document.add("carried", carried)
+    for name, section in _sections(rule_tables(proposed, margin, carried=carried)).items():
+        document.add(tomlkit.nl())
+        document.add(name, section)
+    return document
