@@ -162,7 +162,8 @@ Raises
 ValueError
     If an argument is not finite, the attitude is not a rotation, or the shape is not positive semidefinite.
 )")
-      .def(py::init(&make_state_ellipsoid), "attitude"_a, "vector"_a, "shape"_a, "chart"_a = "exponential")
+      .def(py::init(&make_state_ellipsoid), "attitude"_a, "vector"_a, "shape"_a, "chart"_a = "exponential",
+           "__init__(self, attitude, vector, shape, chart='exponential')\n--\n\n")
       .def_property_readonly("chart", &AnyStateEllipsoid::chart)
       .def_property_readonly("attitude", [](const AnyStateEllipsoid& self) { return to_constant_array(self.attitude); })
       .def_property_readonly("vector", [](const AnyStateEllipsoid& self) { return to_constant_array(self.vector); })

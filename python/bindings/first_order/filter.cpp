@@ -82,7 +82,8 @@ weight : (6, 6) array_like, optional
       .def(py::init<py::object, const AnyStateEllipsoid&, const py::object&, std::string, std::string,
                     const py::object&>(),
            "flow"_a, "ellipsoid"_a, py::kw_only(), "time"_a = 0.0, "mode"_a = "first_order", "criterion"_a = "trace",
-           "weight"_a = py::none())
+           "weight"_a = py::none(),
+           "__init__(self, flow, ellipsoid, *, time=0.0, mode='first_order', criterion='trace', weight=None)\n--\n\n")
       .def_property_readonly("flow", &PythonFilter::flow)
       .def_property_readonly("mode", &PythonFilter::mode)
       .def_property_readonly("criterion", &PythonFilter::criterion)

@@ -39,7 +39,9 @@ weight : (6, 6) array_like, optional
       .def(py::init<py::object, const py::object&, const py::object&, const py::object&, const py::object&, std::string,
                     std::string, const py::object&>(),
            "flow"_a, "attitude"_a, "vector"_a, "shape"_a, py::kw_only(), "time"_a = 0.0, "mode"_a = "first_order",
-           "criterion"_a = "trace", "weight"_a = py::none())
+           "criterion"_a = "trace", "weight"_a = py::none(),
+           "__init__(self, flow, attitude, vector, shape, *, time=0.0, mode='first_order', criterion='trace', "
+           "weight=None)\n--\n\n")
       .def("__len__", &PythonFilters::count)
       .def_property_readonly("flow", &PythonFilters::flow, "How the bodies move.")
       .def_property_readonly("mode", &PythonFilters::mode, "'first_order' or 'paper'.")

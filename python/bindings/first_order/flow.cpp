@@ -57,7 +57,8 @@ most_steps : int
     A prediction over more steps is refused: such a time is more likely an error than intended.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a, "order"_a = 2,
-           "unknown_torque"_a = py::none(), "most_steps"_a = default_most_steps)
+           "unknown_torque"_a = py::none(), "most_steps"_a = default_most_steps,
+           "__init__(self, body, potential=None, *, step, order=2, unknown_torque=None, most_steps=1000000)\n--\n\n")
       .def_property_readonly("body", [](const BodyFlowSettings& self) { return self.body; })
       .def_property_readonly("potential", [](const BodyFlowSettings& self) { return self.potential.object(); })
       .def_readonly("step", &BodyFlowSettings::step)
@@ -91,7 +92,7 @@ drift : float or (3, 3) array_like
       .def(py::init([](const py::object& noise, const py::object& drift) {
              return GyroFlowSettings{one_bound(noise, "noise", true), one_bound(drift, "drift", true)};
            }),
-           "noise"_a, "drift"_a = 0.0)
+           "noise"_a, "drift"_a = 0.0, "__init__(self, noise, drift=0.0)\n--\n\n")
       .def_property_readonly("noise", [](const GyroFlowSettings& self) { return to_constant_array(self.noise); })
       .def_property_readonly("drift", [](const GyroFlowSettings& self) { return to_constant_array(self.drift); })
       .def(py::pickle(

@@ -156,7 +156,8 @@ Raises
 ValueError
     If a policy is unknown, or regain_after below 1.
 )")
-      .def(py::init<const std::string&, int>(), "policy"_a = "raise", "regain_after"_a = 10)
+      .def(py::init<const std::string&, int>(), "policy"_a = "raise", "regain_after"_a = 10,
+           "__init__(self, policy='raise', regain_after=10)\n--\n\n")
       .def_property_readonly("policy", &Filter::policy, "What is done with a measurement that contradicts.")
       .def_property_readonly("regain_after", &Filter::regain_after,
                              "After how many updates without contradiction a conditional claim ends.")

@@ -58,12 +58,14 @@ ValueError
                     const py::object&, const std::string&, int, int, const py::object&, bool>(),
            "flow"_a, "start"_a = py::none(), py::kw_only(), "time"_a = 0.0, "criterion"_a = "volume",
            "weight"_a = py::none(), "policy"_a = "raise", "most_wrong"_a = 0, "regain_after"_a = 10,
-           "vector_bound"_a = py::none(), "estimate_vector"_a = true)
+           "vector_bound"_a = py::none(), "estimate_vector"_a = true,
+           "__init__(self, flow, start=None, *, time=0.0, criterion='volume', weight=None, policy='raise', "
+           "most_wrong=0, regain_after=10, vector_bound=None, estimate_vector=True)\n--\n\n")
       .def_property_readonly("flow", &Filter::flow, "The flow, as it was given.")
-      .def_property_readonly("time", &Filter::time, "Of the set, s.")
+      .def_property_readonly("time", &Filter::time, "The time of the set, s.")
       .def_property_readonly("criterion", &Filter::criterion, "What the smallest ellipsoid is.")
       .def_property_readonly("weight", &Filter::weight,
-                             "Of the weighted trace, shape (6, 6); None for another criterion.")
+                             "The weight of the weighted trace, shape (6, 6); None for another criterion.")
       .def_property_readonly("policy", &Filter::policy, "What is done with measurements that contradict.")
       .def_property_readonly("most_wrong", &Filter::most_wrong,
                              "How many measurements of an update may be wrong, for 'relaxed'.")
@@ -75,8 +77,8 @@ ValueError
                              "Whether the gyro's bias is estimated, and not only bounded; True for a body.")
       .def_property_readonly(
           "claim", &Filter::claim,
-          "What the truth's being in the set rests on: 'unconditional', on what the filter was told of errors; "
-          "'conditional', also on that what was dropped was what was wrong; 'none', there is no set.")
+          "What the set rests on: 'unconditional', on what the filter was told of errors; 'conditional', also on what "
+          "was dropped having been wrong; 'none', there is no set.")
       .def_property_readonly("knows_attitude", &Filter::knows_attitude, "Whether there is a set.")
       .def_property_readonly("ellipsoid", &Filter::ellipsoid,
                              "The set, a StateEllipsoid in the Gibbs chart; None if the attitude is not known. With "

@@ -128,7 +128,9 @@ ValueError
     If the potential offers no bounds, or an argument is not finite or out of its range.
 )")
       .def(py::init(&make_body_flow), "body"_a, "potential"_a = py::none(), py::kw_only(), "step"_a,
-           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0, "most_steps"_a = default_most_steps)
+           "unknown_torque"_a = py::none(), "inertia_error"_a = 0.0, "most_steps"_a = default_most_steps,
+           "__init__(self, body, potential=None, *, step, unknown_torque=None, inertia_error=0.0, "
+           "most_steps=1000000)\n--\n\n")
       .def_property_readonly(
           "body", [](const GuaranteedBodyFlowSettings& self) { return self.flow.body(); }, "The body, a RigidBody.")
       .def_property_readonly(
@@ -189,7 +191,9 @@ ValueError
 )")
       .def(py::init(&make_gyro_flow), "noise"_a, "drift"_a = 0.0, py::kw_only(), "scale"_a = 0.0,
            "angular_acceleration"_a = 0.0, "interval_rate"_a = "mean_of_ends", "longest_interval"_a = py::none(),
-           "largest_rate"_a = py::none())
+           "largest_rate"_a = py::none(),
+           "__init__(self, noise, drift=0.0, *, scale=0.0, angular_acceleration=0.0, interval_rate='mean_of_ends', "
+           "longest_interval=None, largest_rate=None)\n--\n\n")
       .def_property_readonly(
           "noise", [](const GuaranteedGyroFlowSettings& self) { return to_constant_array(self.uncertainty.noise); },
           "Shape of the noise's ellipsoid, (rad/s)², shape (3, 3); read-only.")

@@ -65,6 +65,9 @@ SensorNames::SensorNames(const py::object& names, Index m, bool has_rate, bool h
   if (py::isinstance<py::str>(names)) {
     throw py::type_error("sensors must be a sequence of names, not one str");
   }
+  if (!py::isinstance<py::iterable>(names)) {
+    throw py::type_error(std::string("sensors must be a sequence of names, not ") + Py_TYPE(names.ptr())->tp_name);
+  }
   for (const py::handle& name : names) {
     if (!py::isinstance<py::str>(name)) {
       throw py::type_error(std::string("sensors must hold names, not ") + Py_TYPE(name.ptr())->tp_name);

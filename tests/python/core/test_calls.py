@@ -172,3 +172,21 @@ def test_no_public_class_shows_an_address():
         kind = getattr(el, name)
         if inspect.isclass(kind) and kind.__module__.startswith("elliptude._core"):
             assert kind.__repr__ is not object.__repr__, name
+
+
+CLASSES = [
+    name
+    for name, thing in vars(_core).items()
+    if inspect.isclass(thing) and not name.startswith("_") and name != "Potential"
+]
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_a_class_has_the_signature_of_its_call(name):
+    """Jupyter and editors show it; the docstring's first line has it, too."""
+    assert str(inspect.signature(getattr(el, name))) == getattr(_core, name).__text_signature__
+
+
+def test_names_of_sensors_that_are_none():
+    with pytest.raises(TypeError, match="sensors must be a sequence of names, not int"):
+        follower().update([[0, 0, 1]], [[0, 0, 1]], [1.0], sensors=3)
