@@ -1,10 +1,12 @@
-"""Which rows of a recording are at rest."""
+"""Which rows of a recording are at rest, and what a sensor shows there in the mean."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.turns import running_sum
 from elliptude.typing import FloatArray
 
 
@@ -158,3 +160,40 @@ def _deviations(
     deviations: FloatArray = np.maximum.reduceat(np.linalg.norm(values - means[piece], axis=1), starts)
     lengths: FloatArray = np.linalg.norm(means, axis=1)
     return deviations, lengths
+
+
+def mean_at_rest(
+    times: FloatArray, vectors: FloatArray, sensor: VectorSensorBounds, *, longest_step: float = np.inf
+) -> tuple[FloatArray, float, float]:
+    """A sensor's mean over time, over the longest run of rows that all have it; its error, and how long the run is.
+
+    Where that run is too short for the mean's error to be stated, the mean of all samples, each with its own error.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    vectors : (N, 3) array
+        NaN where the sensor shows nothing.
+    sensor : VectorSensorBounds
+        In the vectors' unit.
+    longest_step : float
+        From one row of a run to the next, s: a longer one ends it, as samples were lost there.
+    """
+    there = np.asarray(np.isfinite(vectors).all(axis=1))
+    runs = np.cumsum(np.diff(times, prepend=times[:1]) > longest_step) * 2 + there
+    firsts = np.flatnonzero(np.diff(runs, prepend=-1))
+    lasts = np.append(firsts[1:], len(times)) - 1
+    lengths = np.where(there[firsts], times[lasts] - times[firsts], 0.0)
+    longest = int(np.argmax(lengths)) if len(lengths) else 0
+    lasted = float(lengths[longest]) if len(lengths) else 0.0
+    error = float(sensor.mean_error(lasted)) if lasted > 0.0 else sensor.error
+    if not there.any():
+        return np.full(3, np.nan), sensor.error, 0.0
+    if not lasted > 0.0:
+        return vectors[there].mean(axis=0), error, 0.0
+    run = slice(int(firsts[longest]), int(lasts[longest]) + 1)
+    mean: FloatArray = running_sum(np.diff(times[run]), vectors[run])[-1] / lasted
+    # As many additions lose of the mean.
+    lost = float(np.finfo(np.float64).eps) * (len(vectors) + 20.0) * float(np.linalg.norm(mean))
+    return mean, error + lost, lasted

@@ -67,6 +67,7 @@ from elliptude.configuration.estimator import (
     StatedRule,
 )
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
+from elliptude.configuration.rest_reference import why_rest_is_open
 from elliptude.configuration.rules import Carried, Rule
 from elliptude.configuration.sensors import (
     Accelerometer,
@@ -187,6 +188,9 @@ class Configuration(Model):
             except ValueError as error:
                 raise ValueError(f"directions[{i}]: {error}") from error
             self._require_how_fast_a_reference_moves(i, sensor)
+            missing = why_rest_is_open(sensor, self.accelerometer)
+            if missing is not None and self.estimator.mode == "guaranteed":
+                raise ValueError(f"directions[{i}]: {missing}")
             if not isinstance(sensor.bound_from, VelocityWindowBound):
                 continue
             needs = f"directions[{i}] ({sensor.name}): bound_from.kind = 'velocity_window' needs"

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
-from elliptude.bounds.rest import rest_rows, why_no_rest
+from elliptude.bounds.rest import mean_at_rest, rest_rows, why_no_rest
 from elliptude.bounds.samples import (
     AVERAGED_OVER_S,
     DirectionBounds,
@@ -25,7 +25,6 @@ from elliptude.bounds.samples import (
     angle_to_center,
 )
 from elliptude.bounds.stamps import shift
-from elliptude.bounds.turns import running_sum
 from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import (
     MotionBounds,
@@ -520,8 +519,8 @@ def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: Fl
     """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11)."""
     accelerometer, magnetometer = rule.accelerometer, rule.magnetometer
     assert magnetometer is not None
-    force, force_error, lasted = _mean_at_rest(times, forces, accelerometer.sensor())
-    field, error, _ = _mean_at_rest(times, fields, magnetometer.sensor())
+    force, force_error, lasted = mean_at_rest(times, forces, accelerometer.sensor())
+    field, error, _ = mean_at_rest(times, fields, magnetometer.sensor())
     if not np.isfinite(field).all():
         raise ValueError(
             "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "
@@ -542,27 +541,3 @@ def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: Fl
     strength, k = float(np.linalg.norm(field)), magnetometer.scale_error
     error += 2.0 * strength * np.sin(0.5 * float(tilt)) + k * (strength + magnetometer.error_ut) / (1.0 - k)
     return np.array([0.0, horizontal, vertical]), float(error)
-
-
-def _mean_at_rest(
-    times: FloatArray, vectors: FloatArray, sensor: VectorSensorBounds
-) -> tuple[FloatArray, float, float]:
-    """A sensor's mean over time, over the longest run of rows that all have it; its error, and how long the run is.
-
-    Where that run is too short for the mean's error to be stated, the mean of all samples, each with its own error.
-    """
-    there = np.isfinite(vectors).all(axis=1)
-    edges = np.flatnonzero(np.diff(there, prepend=False, append=False))
-    begins, ends = edges[::2], edges[1::2] - 1
-    longest = int(np.argmax(times[ends] - times[begins])) if len(ends) else 0
-    lasted = float(times[ends[longest]] - times[begins[longest]]) if len(ends) else 0.0
-    error = float(sensor.mean_error(lasted)) if lasted > 0.0 else sensor.error
-    if not there.any():
-        return np.full(3, np.nan), sensor.error, 0.0
-    if not lasted > 0.0:
-        return vectors[there].mean(axis=0), error, 0.0
-    run = slice(int(begins[longest]), int(ends[longest]) + 1)
-    mean: FloatArray = running_sum(np.diff(times[run]), vectors[run])[-1] / lasted
-    # As many additions lose of the mean.
-    lost = float(np.finfo(np.float64).eps) * (len(vectors) + 20.0) * float(np.linalg.norm(mean))
-    return mean, error + lost, lasted

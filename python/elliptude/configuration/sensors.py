@@ -246,7 +246,7 @@ class RestPhase(Model):
 
     With the attitude of that time it is turned into the reference frame. Without one, the accelerometer says which way
     is up, and the horizontal part of the field points as far east of north as the declination says: with 0, north
-    means magnetic north.
+    means magnetic north. In the guaranteed mode its error is that of the sensors there, unless it is stated.
     """
 
     kind: Literal["rest_phase"]
@@ -254,10 +254,18 @@ class RestPhase(Model):
     to_s: Number
     attitude_qw_qx_qy_qz: Quaternion | None = None
     declination_deg: Number | None = None
+    # How far that attitude may be off.
+    attitude_error_deg: Size = 0.0
+    # How fast the accelerometer moves in that time at most; as at other times if it is left out.
+    velocity_m_per_s: Size | None = None
 
     @model_validator(mode="after")
     def _is_complete(self) -> Self:
         exactly_one(self, "attitude_qw_qx_qy_qz", "declination_deg")
+        of_other = "attitude_error_deg" if self.attitude_qw_qx_qy_qz is None else "velocity_m_per_s"
+        if of_other in self.model_fields_set:
+            other = "attitude_qw_qx_qy_qz" if self.attitude_qw_qx_qy_qz is None else "declination_deg"
+            raise ValueError(f"{of_other}: belongs to {other}")
         if not self.from_s < self.to_s:
             raise ValueError("from_s must be before to_s")
         return self
@@ -290,7 +298,7 @@ class DirectionBase(Timed):
     bound_rad2: Matrix | None = None
     bound_from: AngleBound | AccelerationBound | VelocityWindowBound | FieldBound | None = None
     # How far the reference direction and the sensor's axes may be off: they add to the bound. Left out, that of the Sun
-    # by time is `SUN_ERROR_DEG`, of other references 0.
+    # by time is `SUN_ERROR_DEG`, that by a phase of rest what its sensors may be off there, of other references 0.
     reference_error_deg: Size | None = None
     alignment_error_deg: Size = 0.0
     weight: Positive = 1.0

@@ -27,10 +27,12 @@ from elliptude.configuration.sensors import (
     AnyDirection,
     FieldBound,
     Magnetometer,
+    RestPhase,
     VelocityWindowBound,
 )
 from elliptude.estimation import gaps
 from elliptude.logs.log import Log
+from elliptude.logs.rest_phase import ReferenceBounds, RestField, reference_error
 from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
@@ -141,6 +143,7 @@ def _of_sensor(
     sensor: AnyDirection, i: int, log: Log, bias: FloatArray, gyro: GyroBounds | None, configuration: Configuration
 ) -> DirectionBounds:
     vectors = log.directions[:, i]
+    by_rest = _error_of_rest(sensor, log.rests[i] if log.rests else None, configuration)
     flow = configuration.flow
     offset = configuration.time_offset_of(sensor)
     rates = None if log.rates is None else log.rates - bias
@@ -160,10 +163,18 @@ def _of_sensor(
         turned = np.zeros(len(log.times))
         if offset > 0.0:
             turned = _turned_by_offset(sensor, log, rates, offset, gyro, flow)
-        bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned)
+        bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned, by_rest.strength)
     # While a stamp is off, its reference moves, too. (theory, section 18.3)
-    added = sensor.added_angle + offset * sensor.reference_rate
+    added = by_rest.angle + sensor.added_angle + offset * sensor.reference_rate
     return DirectionBounds(bounds.directions, np.minimum(bounds.angles + added, np.pi), bounds.excess)
+
+
+def _error_of_rest(sensor: AnyDirection, rest: RestField | None, configuration: Configuration) -> ReferenceBounds:
+    """How far a reference is off beside what is stated: what the sensors may be in the rest that shows it."""
+    if not isinstance(sensor, Magnetometer) or not isinstance(sensor.reference, RestPhase):
+        return ReferenceBounds(0.0, 0.0)
+    error = reference_error(sensor, configuration, rest)
+    return error if sensor.reference_error_deg is None else ReferenceBounds(0.0, error.strength)
 
 
 def _turned_by_offset(
@@ -195,7 +206,12 @@ def _turned_by_offset(
 
 
 def _of_samples(
-    sensor: AnyDirection, configuration: Configuration, vectors: FloatArray, reference: FloatArray, turned: FloatArray
+    sensor: AnyDirection,
+    configuration: Configuration,
+    vectors: FloatArray,
+    reference: FloatArray,
+    turned: FloatArray,
+    strength_error: float,
 ) -> DirectionBounds:
     bound = sensor.bound_from
     if isinstance(sensor, Accelerometer) and isinstance(bound, AccelerationBound):
@@ -212,7 +228,7 @@ def _of_samples(
             vectors / _MICROTESLA,
             bound.disturbance_ut,
             strength=np.linalg.norm(reference, axis=1) / _MICROTESLA,
-            strength_error=bound.strength_error_ut,
+            strength_error=max(bound.strength_error_ut, strength_error),
             sensor=configuration.sensor_bounds(sensor),
             time_offset=turned,
         )

@@ -22,6 +22,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
     Direction,
+    Magnetometer,
     RestPhase,
     SunByTime,
     WorldModel,
@@ -33,10 +34,8 @@ from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import OutOfOrderError, Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
 from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
+from elliptude.logs.rest_phase import RestField, field_in_rest
 from elliptude.typing import FloatArray
-
-# The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
-_STILL = 0.98
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +67,8 @@ class Log:
     rows: NDArray[np.int64] | None = None
     """The row of the file, from 0, that has the time, shape (N,); -1 where none has, as with a delay."""
     file: LogFile | None = None
+    rests: tuple[RestField | None, ...] = ()
+    """What a phase of rest showed, by direction; None where none is a reference."""
 
     @property
     def has_rate(self) -> NDArray[np.bool_]:
@@ -144,7 +145,7 @@ def joined(parts: Sequence[Log]) -> Log:
         there = [getattr(part, name) for part in parts]
         return None if there[0] is None else np.concatenate(there)
 
-    names = [name for name in vars(parts[0]) if name not in {"origin", "file"}]
+    names = [name for name in vars(parts[0]) if name not in {"origin", "file", "rests"}]
     arrays = {name: whole(name) for name in names}
     if arrays["gyro_times"] is not None:
         arrays["gyro_times"] = np.unique(arrays["gyro_times"])  # the last of a piece is the first of the next
@@ -169,12 +170,13 @@ def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
     """
     file = open_configured(path, configuration)
     clocks = clocks_of(file, configuration)
-    constants = [_constant_reference(file, configuration, i) for i in range(len(configuration.directions))]
+    rests = tuple(_rest_of(file, configuration, i) for i in range(len(configuration.directions)))
+    constants = [_constant_reference(configuration, i, rest) for i, rest in enumerate(rests)]
     is_empty = True
     try:
         for piece in pieces(file, clocks, configuration.timing.effective()):
             is_empty = False
-            yield _log(piece, file, configuration, constants)
+            yield replace(_log(piece, file, configuration, constants), rests=rests)
     except FileError as error:
         raise with_all_faults(error, path, configuration) from error
     if is_empty:
@@ -386,7 +388,7 @@ def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> Flo
     return attitudes
 
 
-def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> FloatArray | None:
+def _constant_reference(configuration: Configuration, i: int, rest: RestField | None) -> FloatArray | None:
     """The reference vector (3,) of a direction sensor, if it does not move, with the length that belongs to it."""
     sensor, frame = configuration.directions[i], configuration.reference_frame
     if configuration.rule is not None:  # only that it stands still matters: the rule finds the field's direction
@@ -399,33 +401,13 @@ def _constant_reference(file: LogFile, configuration: Configuration, i: int) -> 
         return units.FIELD["uT"] * np.asarray(sensor.reference_ut, dtype=np.float64)
     if isinstance(sensor.reference, WorldModel):
         return references.world_model_field(sensor.reference, frame)
-    phase = sensor.reference
-    assert isinstance(phase, RestPhase)
-
-    def mean(name: str) -> FloatArray:
-        return _rest_means(file, name, phase.from_s, phase.to_s, configuration)
-
-    needs_up = phase.attitude_qw_qx_qy_qz is None
-    assert configuration.accelerometer is not None or not needs_up
-    upward = mean(configuration.accelerometer.name) if needs_up and configuration.accelerometer else None
-    return references.rest_field(phase, mean(sensor.name), upward, frame)
+    assert isinstance(sensor.reference, RestPhase)
+    assert rest is not None
+    return rest.reference(sensor.reference, configuration)
 
 
-def _rest_means(file: LogFile, name: str, begin: float, end: float, configuration: Configuration) -> FloatArray:
-    (clock,) = clocks_of(file, configuration, [name])
-    total, lengths, count = np.zeros(3), 0.0, 0
-    for piece in pieces(file, [clock], configuration.timing.effective()):
-        times = piece.times + piece.origin
-        chosen = piece.values[name][(times >= begin) & (times <= end), :3]
-        chosen = chosen[np.isfinite(chosen[:, 0])]
-        total, count = total + chosen.sum(axis=0), count + len(chosen)
-        lengths += float(np.linalg.norm(chosen, axis=1).sum())
-        if times[-1] > end:
-            break
-    phase = f"the rest phase from {begin:g} s to {end:g} s"
-    if not count:
-        raise FileError(f"{file.path}: {name!r} shows nothing in {phase}")
-    if np.linalg.norm(total) < _STILL * lengths:
-        raise FileError(f"{file.path}: {name!r} turns in {phase}")
-    mean: FloatArray = total / count
-    return mean
+def _rest_of(file: LogFile, configuration: Configuration, i: int) -> RestField | None:
+    sensor = configuration.directions[i]
+    if configuration.rule is not None or not isinstance(sensor, Magnetometer):
+        return None
+    return field_in_rest(file, sensor, configuration) if isinstance(sensor.reference, RestPhase) else None
