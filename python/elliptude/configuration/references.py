@@ -19,6 +19,9 @@ _UNIX_EPOCH_JD = 2_440_587.5
 # may be wrong before 2017 the Sun moves 0.0003 degrees; the almanac formula is good to 0.01.
 _TT_MINUS_UTC_S = 69.184
 
+# A centimetre from a pole, where ppigrf divides by zero: east and north are those of the meridian that is stated.
+_NEXT_TO_POLE_DEG = 90.0 - 1e-7
+
 # Rows are the axes of a frame in ENU.
 _AXES: dict[ReferenceFrame, FloatArray] = {
     "ENU": np.eye(3),
@@ -55,20 +58,26 @@ def world_model_field(model: WorldModel, frame: ReferenceFrame | None) -> FloatA
     Raises
     ------
     FileError
-        If ppigrf is not installed, or has no coefficients for the date.
+        If ppigrf is not installed, or its coefficients are not of the date.
     """
     try:
         import ppigrf
+        from ppigrf.ppigrf import read_shc, shc_fn
     except ModuleNotFoundError as error:
         raise FileError("a reference of kind 'world_model' needs ppigrf: pip install 'elliptude[igrf]'") from error
     date = model.date.astimezone(UTC).replace(tzinfo=None)
-    try:
-        east_north_up = ppigrf.igrf(model.longitude_deg, model.latitude_deg, model.height_m / 1000.0, date)
-    except ValueError as error:
-        raise FileError(f"the world model has no field for {date:%Y-%m-%d}: {error}") from error
+    # Beyond its coefficients ppigrf goes on with the last ones, and says so on the standard output alone.
+    epochs = read_shc(shc_fn)[0].index
+    if not epochs[0] <= date <= epochs[-1]:
+        raise FileError(
+            f"the world model has no field for {date:%Y-%m-%d}: its coefficients are of {epochs[0]:%Y-%m-%d} to "
+            f"{epochs[-1]:%Y-%m-%d}. Newer ones come with a newer ppigrf; else state reference_ut"
+        )
+    latitude = min(max(model.latitude_deg, -_NEXT_TO_POLE_DEG), _NEXT_TO_POLE_DEG)
+    east_north_up = ppigrf.igrf(model.longitude_deg, latitude, model.height_m / 1000.0, date)
     field = 1e-9 * np.array([np.asarray(component).item() for component in east_north_up])
     if not np.isfinite(field).all():
-        raise FileError(f"the world model has no field for {date:%Y-%m-%d}")
+        raise FileError(f"the world model has no field at {model.latitude_deg:g}, {model.longitude_deg:g} degrees")
     return from_enu(field, frame)
 
 

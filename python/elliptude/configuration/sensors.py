@@ -237,7 +237,8 @@ class WorldModel(Model):
     kind: Literal["world_model"]
     latitude_deg: Annotated[Number, Field(ge=-90, le=90)]
     longitude_deg: Annotated[Number, Field(ge=-180, le=360)]
-    height_m: Number = 0.0
+    # From the deepest sea to where currents around the Earth are no small part; WMM is stated for 850 km.
+    height_m: Annotated[Number, Field(ge=-11_000.0, le=1_000_000.0)] = 0.0
     date: AwareDatetime
 
 

@@ -168,6 +168,40 @@ def test_world_model():
     np.testing.assert_allclose(references.world_model_field(model, "NED"), [north, east, -up], rtol=1e-15)
 
 
+@pytest.mark.parametrize("date", ["1899-12-31T23:59:59Z", "2030-01-02T00:00:00Z", "2035-06-01T00:00:00Z"])
+def test_world_model_beyond_its_coefficients(date, capfd):
+    """The package goes on with its last ones, and prints that where JSON may go."""
+    pytest.importorskip("ppigrf")
+    place = {"kind": "world_model", "latitude_deg": 48.0, "longitude_deg": 11.0}
+    with pytest.raises(FileError, match=rf"no field for {date[:10]}: its coefficients are of 1900-01-01 to 20\d\d-01"):
+        references.world_model_field(WorldModel.model_validate(place | {"date": date}), "ENU")
+    references.world_model_field(WorldModel.model_validate(place | {"date": "2030-01-01T00:00:00Z"}), "ENU")
+    assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+def test_world_model_at_a_pole(pole):
+    """As a kilometre away from it on the same meridian."""
+    pytest.importorskip("ppigrf")
+    at_pole, beside = (
+        references.world_model_field(
+            WorldModel.model_validate(
+                {"kind": "world_model", "latitude_deg": latitude, "longitude_deg": 30.0, "date": "2025-01-01T00:00:00Z"}
+            ),
+            "ENU",
+        )
+        for latitude in (pole, pole * (1.0 - 1e-4))
+    )
+    np.testing.assert_allclose(at_pole, beside, rtol=0.0, atol=2e-8)
+
+
+@pytest.mark.parametrize("height", [-2e4, 3.6e7])
+def test_world_model_where_it_is_not_stated(height):
+    place = {"kind": "world_model", "latitude_deg": 48.0, "longitude_deg": 11.0, "date": "2025-01-01T00:00:00Z"}
+    with pytest.raises(ValueError, match="height_m"):
+        WorldModel.model_validate(place | {"height_m": height})
+
+
 def test_rest_phase(tmp_path):
     """The body rests in a known attitude in a known field; afterwards it does not."""
     attitude = Rotation.from_rotvec([0.4, -0.7, 1.1])
