@@ -28,6 +28,8 @@ _SHORTEST_WINDOW_S = 1.0
 _LARGEST_SCALE_ERROR = 0.99
 # s; a piece of a recording that is looked at as a whole.
 _SHORTEST_REST_S = 0.5
+# m/s²; the offset of an axis that datasheets of small sensors state at most.
+_UNCALIBRATED = 0.8
 _GRAVITY = "gravity_m_per_s2"
 NOT_SEEN = "not seen in the recording"
 
@@ -290,6 +292,11 @@ def what_it_says(numbers: dict[str, dict[str, Any]], proposed: Proposal) -> list
             )
         else:
             lines.append("No window is long enough for such a motion: the accelerometer says nothing about up.")
+        if (averaged := numbers["accelerometer"]["averaged_error_m_per_s2"]) < _UNCALIBRATED:
+            lines.append(
+                f"averaged_error_m_per_s2 = {averaged:.2g} is of an accelerometer whose offset was calibrated: "
+                "datasheets state up to 80 mg, 0.8 m/s^2, for an axis."
+            )
     field = proposed.magnetometer
     if field is not None:
         share = numbers["magnetometer"]["disturbance_ut"] / field.magnitude
