@@ -340,7 +340,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     assert isinstance(configuration.flow, GyroFlow)
     turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
     try:
-        found.append(FoundGyro(configuration.flow, rule.gyro, gyro_set(turns, gyro)))
+        found.append(FoundGyro(configuration.flow, rule.gyro, gyro_set(turns, gyro, max(rule.motion.windows_s))))
     except ContradictionError as error:
         raise ContradictionError(f"the gyro: {error}; a statement is wrong") from error
     return found

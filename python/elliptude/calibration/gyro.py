@@ -4,6 +4,7 @@ The gyro shows ω̃ = (I + K) ω + b + v. Parameters are the nine entries of K' 
 turns in body axes by the body's turn, and the integrated rates must agree with that.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,8 +68,15 @@ class GyroSet:
         return float(np.linalg.norm(self.matrix, 2)) * (1.0 + 1e-12) if self.inverse.any() else 1.0
 
 
-def gyro_set(turns: Sequence[Turn], gyro: GyroBounds) -> GyroSet:
+def gyro_set(turns: Sequence[Turn], gyro: GyroBounds, increment_over: float = math.inf) -> GyroSet:
     """All scale errors that agree with the turns.
+
+    Parameters
+    ----------
+    turns : sequence of Turn
+    gyro : GyroBounds
+    increment_over : float
+        The longest window, s, that ``gyro.increment`` is stated for. A longer turn is made of several.
 
     Raises
     ------
@@ -85,7 +93,7 @@ def gyro_set(turns: Sequence[Turn], gyro: GyroBounds) -> GyroSet:
     for _ in range(_PASSES):
         reach = np.maximum(highest - middle.ravel(), middle.ravel() - lowest).reshape(3, 3)
         left = min(_norm(reach), largest + float(np.linalg.norm(middle, 2)))
-        slabs = [_slabs(turn, gyro, middle, left) for turn in turns]
+        slabs = [_slabs(turn, gyro, increment_over, middle, left) for turn in turns]
         rows, limits = np.concatenate([one[0] for one in slabs]), np.concatenate([one[1] for one in slabs])
         found = ParameterSet(lowest, highest, rows, limits)
         short = found.shortfall(0, np.ones(len(limits)))
@@ -127,7 +135,9 @@ def _largest_norm(found: ParameterSet, middle: FloatArray) -> float:
     return float(largest / cosine**2)
 
 
-def _slabs(turn: Turn, gyro: GyroBounds, middle: FloatArray, left: float) -> tuple[FloatArray, FloatArray]:
+def _slabs(
+    turn: Turn, gyro: GyroBounds, increment_over: float, middle: FloatArray, left: float
+) -> tuple[FloatArray, FloatArray]:
     """Inequalities for K' from one turn, (19.14), expanded about ``middle``; ‖K' - middle‖ is at most ``left``."""
     k = gyro.scale_error
     corrected = turn.rates - turn.rates @ middle.T
@@ -143,7 +153,8 @@ def _slabs(turn: Turn, gyro: GyroBounds, middle: FloatArray, left: float) -> tup
     turned = float(running_integral(turn.times, speeds)[-1])
     sampled = left * stretch**2 * float(chord_errors(steps, turn.rates).sum()) + left * coned * turned
     duration = float(turn.times[-1] - turn.times[0])
-    noise = min(gyro.noise * duration, gyro.increment * (1.0 + turned * stretch))
+    windows = max(1.0, math.ceil(duration / increment_over))
+    noise = min(gyro.noise * duration, gyro.increment * (windows + turned * stretch))
     other = (noise + turn.bias * duration) / (1.0 - k) + coned
     all_rates = left * turned + (gyro.noise + turn.bias) * duration / (1.0 - k)
     error = left * turned + other

@@ -90,3 +90,15 @@ def test_a_scale_beyond_what_is_stated_is_a_contradiction():
 def test_rates_with_the_wrong_sign_are_a_contradiction():
     with pytest.raises(ContradictionError):
         gyro_set(recorded(7, GOOD, -2.0 * np.eye(3)), GOOD)
+
+
+def test_noise_adds_up_beyond_the_windows_that_its_increment_is_stated_for():
+    """Five windows in a row, in each of which the noise adds up to all that it may; nothing else is wrong."""
+    gyro = GyroBounds(noise=1e-3, scale_error=1e-6, increment=5e-3)
+    times = np.linspace(0.0, 60.0, 6001)
+    rates = np.tile([0.999 * gyro.increment / 12.0, 0.0, 0.0], (6001, 1))
+    up = np.array([0.0, 0.0, 1.0])
+    turn = Turn(times, rates, up, up, 1e-6, 1e-6, 0.0)
+    assert gyro_set([turn], gyro, 12.0).scale_error == 1e-6
+    with pytest.raises(ContradictionError):
+        gyro_set([turn], gyro)
