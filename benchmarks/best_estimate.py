@@ -60,7 +60,7 @@ def line(datasets: Path, trial: str, criterion: str) -> str:
     elapsed = time.perf_counter() - begin
     best, result = estimated.best, estimated.result
     assert best is not None
-    truth: Reference = read_reference(path, configuration)
+    truth: Reference = read_reference(path, configuration, origin=0)
     plain = vqf_attitudes(path, True)
     rows = np.searchsorted(result.times, truth.times)
     there = np.isfinite(best.errors.bounds[rows, 0])

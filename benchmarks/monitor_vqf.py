@@ -85,7 +85,7 @@ def main() -> None:
         estimated = estimation.estimate(logs.read_log(path, configuration), configuration)
         assert estimated.guaranteed is not None
         run = monitored.run_of(estimated.result, heading_from_start=False, bounds_from_recording=None)
-        true = read_reference(path, configuration)
+        true = read_reference(path, configuration, origin=0)
         for with_magnetometer in (True, False):
             judged = vqf_attitudes(path, with_magnetometer)
             begin = judged.times[0] + 0.5 * (judged.times[-1] - judged.times[0])

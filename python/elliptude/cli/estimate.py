@@ -268,7 +268,7 @@ def _estimate_pieces(
                 progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
                 # It takes a third of a second, while the core works on the next piece.
                 importlib.import_module("elliptude.report.figures")
-                write(result.columns())
+                write(result.columns(), result.origin)
                 summary.add(result)
                 thinned.add(result)
             progress.update(task, description="Writing")
@@ -276,7 +276,8 @@ def _estimate_pieces(
     except ValueError as error:  # also sets that do not meet
         raise FileError(f"{log}: {error}") from error
     if estimator.guaranteed is not None:
-        write_columns(out / _DROPPED, "dropped", guaranteed_result.dropped_columns(estimator.guaranteed))
+        dropped = guaranteed_result.dropped_columns(estimator.guaranteed)
+        write_columns(out / _DROPPED, "dropped", dropped, estimator.guaranteed.log.counts_from)
     figures_of = summary.to_dict(
         configuration,
         vector_is_compared=estimator.vector_is_compared,

@@ -336,6 +336,7 @@ def _results(configuration: Configuration, log: Log, filtered: FilterLog, starts
         margins=filtered.margins,
         errors=errors,
         forms=forms,
+        origin=log.counts_from,
     )
 
 

@@ -87,6 +87,7 @@ def result_of(
         claims=[CLAIMS[claim] for claim in guaranteed.claims],
         prediction_used=np.where(np.isfinite(guaranteed.shapes[:, 0, 0]), guaranteed.prediction_used, np.nan),
         dropped=names_of_chosen(names, there & dropped),
+        origin=log.counts_from,
         **_of_questions(run),
         **best_estimates.columns_of(best),
         **answer_columns.columns_of(

@@ -37,7 +37,7 @@ class Summary:
 
     def __init__(self) -> None:
         self._vector: tables.VectorName = "rate"
-        self._rows = self._updates = self._refused = 0
+        self._rows = self._updates = self._refused = self._origin = 0
         self._half_widths = np.zeros(6)
         self._largest = _Statistics()
         self._angles = _Statistics()
@@ -60,7 +60,7 @@ class Summary:
         updated = np.array([bool(names) for names in result.used], dtype=np.bool_)
         rows = np.flatnonzero(updated & np.isfinite(result.largest_angles))
         settled = rows[max(SETTLED_UPDATE - 1 - self._updates, 0) :]
-        self._vector = result.vector
+        self._vector, self._origin = result.vector, result.origin
         self._rows += len(result.times)
         self._updates += len(rows)
         self._refused += sum(bool(names) for names in result.refused)
@@ -131,6 +131,7 @@ class Summary:
             "mode": configuration.estimator.mode,
             "criterion": configuration.estimator.criterion,
             "reference_frame": configuration.frame,
+            "time_origin_s": self._origin,
             "rows": self._rows,
             "updates": self._updates,
             "refused": self._refused,

@@ -7,11 +7,11 @@ measured, and NaN in the arrays here. NaN and infinity as text are refused, beca
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -29,10 +29,11 @@ VERSION = 1
 """Version of the format. A reader takes this version and older ones; a new column does not make a new version."""
 
 Kind: TypeAlias = Literal["measurements", "results", "dropped", "monitor"]
+_ORIGIN = re.compile(r"time_s counts from (-?\d+) s")
 Column: TypeAlias = FloatArray | Sequence[str]
 
 
-def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, Column]) -> None:
+def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str, Column], origin: int = 0) -> None:
     """Write a table in whole or not at all.
 
     Numbers keep every bit. In CSV they have the fewest digits that do.
@@ -45,6 +46,8 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
         Written into the file, with the version of the format.
     columns : mapping of str to array of shape (N,), or to N texts
         NaN becomes an empty cell. Texts hold no comma, quote or line break.
+    origin : int
+        The second of the recording's clock that ``time_s`` counts from.
 
     Raises
     ------
@@ -54,13 +57,28 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
         If a number is infinite.
     """
     with writing_columns(path, kind) as write:
-        write(columns)
+        write(columns, origin)
+
+
+class Writing(Protocol):
+    """Writes the next rows of a table."""
+
+    def __call__(self, columns: Mapping[str, Column], origin: int = 0, /) -> None:
+        """Write rows of these columns, whose times count from ``origin``."""
+
+
+def label_of(kind: Kind, origin: int = 0) -> str:
+    """What a table says of itself: its kind and version, and the second that ``time_s`` counts from if it is not 0."""
+    return f"elliptude {kind} {VERSION}" + (f"; {counts_from(origin)}" if origin else "")
+
+
+def counts_from(origin: int) -> str:
+    """What the first line of a table says if its times count from a second of the recording's clock."""
+    return f"time_s counts from {origin} s"
 
 
 @contextmanager
-def writing_columns(
-    path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()
-) -> Iterator[Callable[[Mapping[str, Column]], None]]:
+def writing_columns(path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()) -> Iterator[Writing]:
     """Write a table piece by piece, in whole or not at all: see `write_columns`.
 
     A piece is written in the background, one at a time, while the next one is being made.
@@ -76,15 +94,14 @@ def writing_columns(
     Yields
     ------
     callable
-        Takes the columns of the next rows, the same ones each time; what goes wrong with a piece is raised when the
-        next one is given, or at the end.
+        Takes the columns of the next rows, the same ones each time, and the second that ``time_s`` counts from; what
+        goes wrong with a piece is raised when the next one is given, or at the end.
 
     Raises
     ------
     FileError, ValueError
         As `write_columns`.
     """
-    label = f"elliptude {kind} {VERSION}"
     suffix = Path(path).suffix
     if suffix not in {".csv", ".parquet"}:
         raise FileError(f"{path}: a table's name ends in .csv or .parquet")
@@ -94,7 +111,7 @@ def writing_columns(
         pending: list[Future[None]] = []
         said: list[str] = []
 
-        def write_piece(columns: Mapping[str, Column]) -> None:
+        def write_piece(columns: Mapping[str, Column], label: str) -> None:
             nonlocal writer
             for name, values in columns.items():
                 if isinstance(values, np.ndarray) and np.isinf(values).any():
@@ -112,12 +129,12 @@ def writing_columns(
                 file.write(("\n".join(head) + "\n").encode())
             pa.csv.write_csv(table, file, pa.csv.WriteOptions(include_header=False, quoting_style="none"))
 
-        def write(columns: Mapping[str, Column]) -> None:
+        def write(columns: Mapping[str, Column], origin: int = 0) -> None:
             if pending:
                 pending.pop().result()
             elif not said:
                 said.extend(notes)
-            pending.append(pool.submit(write_piece, columns))
+            pending.append(pool.submit(write_piece, columns, label_of(kind, origin)))
 
         yield write
         if pending:
@@ -150,6 +167,31 @@ def column_names(path: str | os.PathLike[str], kind: Kind | None = None) -> tupl
         If there is no header, or the table is of another kind or a newer version.
     """
     return _open(path, kind).columns
+
+
+def time_origin(path: str | os.PathLike[str]) -> int:
+    """The second of the recording's clock that a table's column ``time_s`` counts from; 0 if it does not say.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    FileError
+        As `column_names`.
+    """
+    return origin_of(_open(path))
+
+
+def origin_of(file: object) -> int:
+    """`time_origin` of a file that is open, in any format."""
+    match = _ORIGIN.search(getattr(file, "label", ""))
+    return 0 if match is None else int(match[1])
 
 
 def read_columns(
@@ -250,7 +292,7 @@ def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
     if not Path(path).is_file():
         raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
     source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)
-    if match := re.fullmatch(r"elliptude (\w+) (\d+)", source.label):
+    if match := re.fullmatch(rf"elliptude (\w+) (\d+)(?:; {_ORIGIN.pattern})?", source.label):
         if int(match[2]) > VERSION:
             raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
         if kind is not None and match[1] != kind:

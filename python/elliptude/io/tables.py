@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.io.column_files import Column, column_names, read_columns, stacked, symmetric, write_columns
+from elliptude.io.column_files import (
+    Column,
+    column_names,
+    read_columns,
+    stacked,
+    symmetric,
+    time_origin,
+    write_columns,
+)
 from elliptude.typing import Chart, FloatArray
 
 VectorName: TypeAlias = Literal["rate", "bias"]
@@ -37,6 +45,7 @@ TURNS_REFERENCE, TURNS_BODY = (
 OWN_QUATERNION = ("own_qw", "own_qx", "own_qy", "own_qz")
 OWN_SHAPE = tuple(f"own_{name}" for name in ATTITUDE_SHAPE)
 _ANSWER_FORMS = ("turn_e_form", "turn_b_form", "vector_form", "own_form")
+_FORMS_OF_ANSWERS = ("turns_reference_forms", "turns_body_forms", "vector_forms", "own_forms")
 _BEST = ("best_bound", "best_tilt_bound", "best_put_back")
 _ANSWERS = (TURNS_REFERENCE, TURNS_BODY, OWN_QUATERNION, OWN_SHAPE)
 _NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST, *_ANSWER_FORMS)
@@ -224,6 +233,8 @@ class Result:
     """The same of the angular velocity or the gyro bias, shape (N,)."""
     own_forms: FloatArray | None = None
     """γᵀ P⁻¹ γ of the truth in the attitude's own set, shape (N,)."""
+    origin: int = 0
+    """The second of the recording's clock that the times count from."""
 
     @property
     def attitudes(self) -> FloatArray:
@@ -243,7 +254,7 @@ class Result:
         FileError
             If it cannot be written.
         """
-        write_columns(path, "results", self.columns())
+        write_columns(path, "results", self.columns(), origin=self.origin)
 
     def columns(self) -> dict[str, Column]:
         """The table's columns by name."""
@@ -289,7 +300,7 @@ class Result:
         return columns
 
     def _answer_forms(self) -> tuple[FloatArray | None, ...]:
-        return (self.turns_reference_forms, self.turns_body_forms, self.vector_forms, self.own_forms)
+        return tuple(getattr(self, name) for name in _FORMS_OF_ANSWERS)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
@@ -366,10 +377,8 @@ class Result:
             vector_ranges=stacked_if_there(columns, vector_ranges(vector)),
             own_quaternions=stacked_if_there(columns, OWN_QUATERNION),
             own_shapes=symmetric(columns, OWN_SHAPE) if OWN_SHAPE[0] in names else None,
-            turns_reference_forms=columns.get("turn_e_form"),
-            turns_body_forms=columns.get("turn_b_form"),
-            vector_forms=columns.get("vector_form"),
-            own_forms=columns.get("own_form"),
+            origin=time_origin(path),
+            **{name: columns.get(column) for name, column in zip(_FORMS_OF_ANSWERS, _ANSWER_FORMS, strict=True)},
         )
 
 

@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
 
@@ -99,13 +100,14 @@ def convert_measurements(
         As `elliptude.logs.read_log`; or if nothing can be written.
     """
     count = 0
-    label = f"elliptude measurements {column_files.VERSION}"
     pieces = logs.read_pieces(source, configuration)
     if configuration.rule is not None and len(configuration.directions) > 1:
         # The field's reference is known once the rest at the start has been read; the mode needs the whole log anyway.
         pieces = iter([_with_field_of_rule(logs.joined(list(pieces)), configuration, str(source))])
+    first = next(pieces)
+    label = column_files.label_of("measurements", first.counts_from)
     with replacing(target) as temporary, _writer(target, temporary, label) as write:
-        for log in pieces:
+        for log in chain([first], pieces):
             write(_measurements(log, configuration))
             count += len(log.times)
     return count

@@ -27,6 +27,7 @@ from elliptude.configuration.sensors import (
     SunByTime,
     WorldModel,
 )
+from elliptude.io.column_files import origin_of
 from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
@@ -64,6 +65,8 @@ class Log:
     """True angular velocities or gyro biases, rad/s, body axes, shape (N, 3)."""
     origin: int = 0
     """What was subtracted from the file's times, s."""
+    counts_from: int = 0
+    """The second of the recording's clock that the times count from: ``origin``, and what a table's may count from."""
     rows: NDArray[np.int64] | None = None
     """The row of the file, from 0, that has the time, shape (N,); -1 where none has, as with a delay."""
     file: LogFile | None = None
@@ -145,7 +148,7 @@ def joined(parts: Sequence[Log]) -> Log:
         there = [getattr(part, name) for part in parts]
         return None if there[0] is None else np.concatenate(there)
 
-    names = [name for name in vars(parts[0]) if name not in {"origin", "file", "rests"}]
+    names = [name for name in vars(parts[0]) if name not in {"origin", "counts_from", "file", "rests"}]
     arrays = {name: whole(name) for name in names}
     if arrays["gyro_times"] is not None:
         arrays["gyro_times"] = np.unique(arrays["gyro_times"])  # the last of a piece is the first of the next
@@ -271,6 +274,8 @@ class Samples:
     """SI units and body axes, shape (N, 3); quaternions as they stand in the file, shape (N, 4)."""
     origin: int
     """What was subtracted from the file's times, s."""
+    counts_from: int
+    """As of `Log`."""
 
 
 def sensor_names(configuration: Configuration) -> list[str]:
@@ -332,10 +337,16 @@ def _samples_of(file: LogFile, configuration: Configuration, names: Sequence[str
         for channel in chain.from_iterable(clock.channels for clock in together):
             times = np.concatenate(channel.times) if channel.times else np.empty(0)
             values = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
+            values, since = values[:, : len(channel.columns) - channel.companions], origin or 0
             found.append(
-                Samples(channel.name, rows, times, values[:, : len(channel.columns) - channel.companions], origin or 0)
+                Samples(channel.name, rows, times, values, since, since + _origin_of_table(file, configuration))
             )
     return found
+
+
+def _origin_of_table(file: LogFile, configuration: Configuration) -> int:
+    """The second that a table's own column of times counts from: elliptude converts logs to such tables."""
+    return origin_of(file) if configuration.time_column == "time_s" else 0
 
 
 # --- what it is -------------------------------------------------------------------------------------------------------
@@ -365,6 +376,7 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),
         origin=piece.origin,
+        counts_from=piece.origin + _origin_of_table(file, configuration),
         rows=piece.rows,
         file=file,
     )

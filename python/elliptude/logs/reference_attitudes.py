@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from elliptude.configuration.configuration import Configuration
-from elliptude.io.column_files import read_columns, stacked
+from elliptude.io.column_files import counts_from, read_columns, stacked, time_origin
 from elliptude.io.files import FileError
 from elliptude.io.tables import QUATERNION
 from elliptude.logs import log
@@ -30,15 +30,21 @@ class Reference:
     """From body to reference axes, M of them."""
 
 
-def read_reference(path: str | os.PathLike[str], configuration: Configuration | None = None) -> Reference:
-    """Read reference attitudes.
+def read_reference(
+    path: str | os.PathLike[str], configuration: Configuration | None = None, *, origin: int
+) -> Reference:
+    """Read reference attitudes, with times as those that they are compared with.
 
     Parameters
     ----------
     path : path-like
         Without a configuration a table with the columns ``time_s`` and ``qw,qx,qy,qz`` (docs/tables.md); with one a log
         in any format, whose truth the configuration names.
+        A table's times are those of the recording's clock, unless it says which second they count from.
     configuration : Configuration, optional
+    origin : int
+        The second of the recording's clock that times count from where the attitudes are used, whatever second they
+        count from in the file: files of one recording may begin in different ones.
 
     Returns
     -------
@@ -52,12 +58,14 @@ def read_reference(path: str | os.PathLike[str], configuration: Configuration | 
     if configuration is None:
         columns = read_columns(path, optional=[QUATERNION])
         times, quaternions, order, turns = columns["time_s"], stacked(columns, QUATERNION), "wxyz", "body_to_reference"
+        since = time_origin(path)
     else:
         truth = configuration.truth
         if truth is None:
             raise FileError(f"{path}: the configuration names no truth to compare with")
         (samples,) = log.read_samples(path, configuration, ["true attitude"])
         times, quaternions, order, turns = samples.times, samples.values, truth.order, truth.turns
+        since = samples.counts_from
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.isfinite(lengths) & (np.abs(lengths - 1.0) > 0.01)
     if wrong.any():
@@ -66,8 +74,21 @@ def read_reference(path: str | os.PathLike[str], configuration: Configuration | 
     known = np.isfinite(lengths)
     if not known.any():
         raise FileError(f"{path}: no attitude to compare with")
-    rotations = Rotation.from_quat(quaternions[known], scalar_first=order == "wxyz")
-    return Reference(times[known], rotations if turns == "body_to_reference" else rotations.inv())
+    times = times[known] + float(since - origin)
+    # So far from the origin two stamps may be one number.
+    apart = np.diff(times, prepend=-np.inf) > 0.0
+    rotations = Rotation.from_quat(quaternions[known][apart], scalar_first=order == "wxyz")
+    return Reference(times[apart], rotations if turns == "body_to_reference" else rotations.inv())
+
+
+def in_words_of_origin(origin: int) -> str:
+    """What to say of times where none is at another's, so that it goes on a sentence; empty if they count from 0."""
+    if origin == 0:
+        return ""
+    return (
+        f"; these count from {origin} s of the recording's clock, and a table whose time_s does must say so in its "
+        f"first line: '# {counts_from(origin)}'"
+    )
 
 
 def has_sample_at(reference: Reference, times: FloatArray) -> NDArray[np.bool_]:

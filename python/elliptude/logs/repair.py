@@ -500,6 +500,7 @@ class Repaired:
         self.found = found
         self.path = file.path
         self.columns = file.columns
+        self.label = getattr(file, "label", "")
         self._file = file
 
     def stream(self, column: str) -> str:

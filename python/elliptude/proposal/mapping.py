@@ -440,7 +440,7 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
             sampled[sensor.kind] = np.isin(gyro.times, there.times)
     attitudes = None
     if configuration.truth is not None:
-        reference = reference_attitudes.read_reference(name, configuration)
+        reference = reference_attitudes.read_reference(name, configuration, origin=gyro.counts_from)
         gap = _LARGEST_GAP * float(np.median(np.diff(reference.times))) if len(reference.times) > 1 else 0.0
         rows, rotations = reference_attitudes.attitudes_at(reference, gyro.times, np.arange(len(gyro.times)), gap)
         if configuration.reference_frame not in {None, "J2000"}:

@@ -17,7 +17,7 @@ from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.logs.quaternion_readings import Reading, misread, not_as_declared, readings_of
-from elliptude.logs.reference_attitudes import Reference, attitudes_at, read_reference
+from elliptude.logs.reference_attitudes import Reference, attitudes_at, in_words_of_origin, read_reference
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
@@ -266,7 +266,7 @@ def compare(
     compared = run.against(reference, largest_gap, reference_error)
     rows = np.flatnonzero(compared.compared)
     if not len(rows):
-        raise ValueError("no row with a set has a reference of its time")
+        raise ValueError(f"no row with a set has a reference of its time{in_words_of_origin(run.origin)}")
     assert compared.errors is not None
     assert compared.forms is not None
     estimated = Rotation.from_quat(run.quaternions[rows], scalar_first=True)
@@ -318,7 +318,7 @@ def run_against(
     FileError
         If there are none, they are misread, or no row with a set has one.
     """
-    reference = read_reference(path, configuration)
+    reference = read_reference(path, configuration, origin=run.origin)
     truth = None if configuration is None else configuration.truth
     choices = readings_of(truth)
     if reference_error is None:
@@ -334,6 +334,7 @@ def run_against(
         raise FileError(
             f"{path}: no row with a set has a reference of its time; rows are from {run.times[0]:g} s to "
             f"{run.times[-1]:g} s, and the largest gap that the reference is interpolated over is {largest_gap:g} s"
+            f"{in_words_of_origin(run.origin)}"
         )
     return compared
 

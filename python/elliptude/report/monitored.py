@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.io.column_files import Column
 from elliptude.io.tables import Result
-from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at
+from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at, in_words_of_origin
 from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
 from elliptude.monitoring.monitor import QUESTIONS, Heading
 from elliptude.report.run import Run
@@ -55,6 +55,7 @@ def run_of(result: Result, *, heading_from_start: bool, bounds_from_recording: s
         up_claims=None if result.up_claims is None else tuple(result.up_claims),
         headings=result.headings,
         heading_from_start=heading_from_start,
+        origin=result.origin,
         bounds_from_recording=bounds_from_recording,
     )
 
@@ -99,6 +100,7 @@ def judge(
         raise ValueError(
             f"no row has an estimate at its time; rows are from {run.times[0]:g} s to {run.times[-1]:g} s, estimates "
             f"from {estimate.times[0]:g} s to {estimate.times[-1]:g} s, and the largest gap is {largest_gap:g} s"
+            f"{in_words_of_origin(run.origin)}"
         )
     quaternions = np.full((len(run.times), 4), np.nan)
     quaternions[rows] = attitudes.as_quat(scalar_first=True)

@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.angles.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms
-from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric
+from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric, time_origin
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.tables import (
     ATTITUDE_ERRORS,
@@ -107,7 +107,7 @@ class Run:
     """The attitudes of a run with their sets; NaN where nothing is known."""
 
     times: FloatArray
-    """s, strictly increasing, shape (N,)."""
+    """s, strictly increasing, shape (N,), since ``origin``."""
     quaternions: FloatArray
     """(qw, qx, qy, qz) of the attitude from body to reference axes, shape (N, 4)."""
     shapes: FloatArray
@@ -177,6 +177,8 @@ class Run:
     """What the pictures of the estimation are called; None if nothing says it."""
     axes: ErrorAxes = "reference"
     """About which axes errors and half-widths are shown."""
+    origin: int = 0
+    """The second of the recording's clock that the times count from."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -285,7 +287,7 @@ class Run:
         Parameters
         ----------
         reference : Reference
-            What `elliptude.logs.reference_attitudes.read_reference` returns.
+            What `elliptude.logs.reference_attitudes.read_reference` returns for the run's origin.
         largest_gap : float
             If the reference has no sample at a row's time, it is interpolated between two no further apart, s.
         reference_error : float
@@ -445,6 +447,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         best=summary.best,
         frame=summary.frame,
         title=summary.title,
+        origin=time_origin(table),
     )
     return run, summary.label
 

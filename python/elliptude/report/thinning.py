@@ -87,7 +87,7 @@ def chosen(result: Result, rows: NDArray[np.intp]) -> Result:
     """Some rows of results."""
 
     def of(value: Any) -> Any:
-        if value is None or isinstance(value, str):
+        if value is None or isinstance(value, str | int):
             return value
         return value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
 
@@ -96,7 +96,7 @@ def chosen(result: Result, rows: NDArray[np.intp]) -> Result:
 
 def _joined(first: Result, second: Result) -> Result:
     def of(one: Any, other: Any) -> Any:
-        if one is None or isinstance(one, str):
+        if one is None or isinstance(one, str | int):
             return one
         return np.concatenate([one, other]) if isinstance(one, np.ndarray) else [*one, *other]
 

@@ -68,7 +68,7 @@ def measured_directions(log: NamedFile, configuration: Configuration, run: Run) 
     except ValueError as error:
         raise FileError(f"{log}: {error}") from error
     rows = np.searchsorted(read.times, run.times).clip(max=len(read.times) - 1)
-    strange = read.times[rows] != run.times
+    strange = (read.times[rows] != run.times) | (read.counts_from != run.origin)
     if strange.any():
         raise FileError(
             f"{log}: it has no row at {run.times[strange][0]:.6f} s, but the results do: they are not of this log and "

@@ -39,7 +39,7 @@ def pieces(log, sizes):
 def joined(parts):
     def of(name):
         values = [getattr(part, name) for part in parts]
-        if values[0] is None or isinstance(values[0], str):
+        if values[0] is None or isinstance(values[0], str | int):
             return values[0]
         return (
             np.concatenate(values)

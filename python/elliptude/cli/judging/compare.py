@@ -94,7 +94,7 @@ def compare(
     truth = None if configuration is None else configuration.truth
     choices = readings_of(truth)
     try:
-        attitudes = read_reference(other, configuration)
+        attitudes = read_reference(other, configuration, origin=run.origin)
         compared = comparison.compare(
             run,
             attitudes,

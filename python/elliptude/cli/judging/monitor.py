@@ -107,7 +107,7 @@ def monitor(
     described = None if estimate_config is None else read_configuration(estimate_config)
     truth = None if described is None else described.truth
     choices = readings_of(truth)
-    attitudes = read_reference(other, described)
+    attitudes = read_reference(other, described, origin=run.origin)
     free = heading_free or run.heading_from_start
     has_other_frame = free or estimate_frame is not None
     try:
@@ -130,6 +130,7 @@ def monitor(
     summary = {
         "log": str(source),
         "estimate": str(other),
+        "time_origin_s": run.origin,
         "bounds_from_recording": run.bounds_from_recording,
         "heading_of_sets": _heading_of_sets(run, source, configuration),
         "estimate_misread": misread,
@@ -209,7 +210,7 @@ def _write_monitored(
 
     out.mkdir(parents=True, exist_ok=True)
     table, picture, last = files
-    write_columns(table, "monitor", monitored.columns(found))
+    write_columns(table, "monitor", monitored.columns(found), origin=summary["time_origin_s"])
     title, recording = f"{estimate} judged by {log}", summary["bounds_from_recording"]
     figures.save(run_figures.monitor_figure(found, title, proposed_from=recording), picture)
     write_json(last, summary)
