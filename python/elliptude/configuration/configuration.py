@@ -224,8 +224,12 @@ class Configuration(Model):
 
     def time_offset_of(self, sensor: AnyDirection) -> float:
         """How far a direction's stamps may be off against the rows, which are at the gyro's times, s."""
-        of_gyro = self.flow.time_offset_bound_s if isinstance(self.flow, GyroFlow) else 0.0
-        return sensor.time_offset_bound_s + of_gyro
+        return sensor.time_offset_bound_s + self.time_offset_of_rows
+
+    @property
+    def time_offset_of_rows(self) -> float:
+        """How far the stamps of rows, which are the gyro's, may be off against those of all others, s."""
+        return self.flow.time_offset_bound_s if isinstance(self.flow, GyroFlow) else 0.0
 
     def _require_what_a_rule_is_of(self) -> None:
         if self.start is not None:
@@ -431,7 +435,7 @@ class Configuration(Model):
     @property
     def compares_vector(self) -> bool:
         """Whether forms include the vector, if its truth is known."""
-        return self.estimates_vector and self.truth_error == 0.0
+        return self.estimates_vector and self.truth_error == 0.0 and self.time_offset_of_rows == 0.0
 
     @property
     def accelerometer(self) -> Accelerometer | None:

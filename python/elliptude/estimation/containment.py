@@ -17,6 +17,7 @@ def compare(
     true_attitudes: FloatArray | None,
     true_vectors: FloatArray | None,
     truth_error: float = 0.0,
+    turned: FloatArray | None = None,
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Compute how far the truth is from the estimates, and its form in their sets.
 
@@ -29,6 +30,8 @@ def compare(
         Angular velocities or gyro biases.
     truth_error : float
         Angle by which the true attitudes may themselves be off, rad.
+    turned : (N,) array, optional
+        How far the body may turn between a set's moment and that of the truth beside it, rad; in the guaranteed mode.
 
     Returns
     -------
@@ -59,9 +62,10 @@ def compare(
             f"{estimated.times[row]:.6f} s, more than {_LARGEST_ERROR:g} rad/s"
         )
     is_gibbs = isinstance(estimated, GuaranteedLog)
-    if truth_error > 0.0:
+    if truth_error > 0.0 or turned is not None:
         offsets = 2.0 * elliptude.cayley_inverse(turns) if is_gibbs else errors[known, :3]
-        forms[known] = least_forms(offsets, estimated.shapes[known, :3, :3], truth_error)
+        distance = truth_error + (0.0 if turned is None else reach_of_turns(offsets, turned[known]))
+        forms[known] = attitude_forms(offsets, estimated.shapes[known, :3, :3], distance)
         return errors, forms
     whole = known & np.isfinite(errors[:, 3])
     if isinstance(estimated, GuaranteedLog):
@@ -75,7 +79,30 @@ def compare(
     return errors, forms
 
 
-def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.0) -> FloatArray:
+def reach_of_turns(offsets: FloatArray, turned: FloatArray) -> FloatArray:
+    """How far apart in the Gibbs chart attitudes are at most that are within an angle of one another.
+
+    Along a turn the chart goes by at most 1 + |γ|²/4 as fast, so that a turn straight outward gets farthest.
+
+    Parameters
+    ----------
+    offsets : (N, 3) array
+        γ of the one.
+    turned : (N,) array
+        rad.
+
+    Returns
+    -------
+    (N,) array
+        Infinite where the other may be half a turn away, or nothing is known of the angle.
+    """
+    lengths = np.linalg.norm(offsets, axis=1)
+    outward = np.arctan(0.5 * lengths) + 0.5 * turned
+    is_near = outward < 0.5 * np.pi
+    return np.where(is_near, 2.0 * np.tan(np.where(is_near, outward, 0.0)) - lengths, np.inf)
+
+
+def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float | FloatArray = 0.0) -> FloatArray:
     """xᵀ P⁻¹ x of attitude errors, or the least of all attitudes within a distance from each.
 
     Parameters
@@ -84,7 +111,7 @@ def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.
         x in the sets' own chart.
     shapes : (N, 3, 3) array
         P.
-    distance : float
+    distance : float or (N,) array
         rad.
 
     Returns
@@ -94,15 +121,17 @@ def attitude_forms(offsets: FloatArray, shapes: FloatArray, distance: float = 0.
     """
     forms = np.full(len(offsets), np.inf)
     usable = np.isfinite(offsets).all(axis=1) & (np.linalg.eigvalsh(shapes)[:, 0] > 0.0)
-    x, shapes = offsets[usable], shapes[usable]
-    if distance > 0.0:
-        forms[usable] = least_forms(x, shapes, distance)
-    else:
-        forms[usable] = (x * np.linalg.solve(shapes, x[..., None])[..., 0]).sum(axis=1)
+    distances = np.broadcast_to(distance, len(offsets))
+    for rows in (usable & (distances > 0.0), usable & ~(distances > 0.0)):
+        x = offsets[rows]
+        if (distances[rows] > 0.0).any():
+            forms[rows] = least_forms(x, shapes[rows], distances[rows])
+        else:
+            forms[rows] = (x * np.linalg.solve(shapes[rows], x[..., None])[..., 0]).sum(axis=1)
     return forms
 
 
-def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> FloatArray:
+def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float | FloatArray) -> FloatArray:
     """The least (x - e)ᵀ P⁻¹ (x - e) with ‖e‖ ≤ radius: at most 1 if a point that near to x is in the ellipsoid.
 
     With P = V diag(λ) Vᵀ and y = Vᵀ x, e = y/(1 + mλ) in these axes, where m makes its length the radius. In either
@@ -114,7 +143,7 @@ def least_forms(offsets: FloatArray, shapes: FloatArray, radius: float) -> Float
         x.
     shapes : (N, n, n) array
         P, positive definite.
-    radius : float
+    radius : float or (N,) array
         Positive.
 
     Returns

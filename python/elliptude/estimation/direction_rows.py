@@ -196,6 +196,23 @@ def _turned_by_offset(
         return np.full(len(log.times), math.radians(flow.largest_rate_deg_per_s) * offset)
     assert rates is not None
     assert gyro is not None
+    return turned_by_offset(log, rates, offset, gyro, flow)
+
+
+def turned_by_offset(log: Log, rates: FloatArray, offset: float, gyro: GyroBounds, flow: GyroFlow) -> FloatArray:
+    """How far the body may turn within a time about each row, rad, shape (N,); NaN where nothing is known.
+
+    Parameters
+    ----------
+    log : Log
+        Without rates in gaps.
+    rates : (N, 3) array
+        Those of the log without what is known of their bias.
+    offset : float
+        s.
+    gyro : GyroBounds
+    flow : GyroFlow
+    """
     # Rates between the gyro's samples are on lines, which do not show what the true rate does there.
     rows, acceleration = log.gyro_rows, math.radians(flow.angular_acceleration_deg_per_s2)
     if not len(rows):

@@ -14,6 +14,7 @@ from elliptude.estimation import gaps
 from elliptude.estimation.best import choice as best_estimates
 from elliptude.estimation.best.choice import Best
 from elliptude.estimation.containment import compare
+from elliptude.estimation.direction_rows import turned_by_offset
 from elliptude.estimation.guaranteed_run import GuaranteedRun, turned_to_start
 from elliptude.estimation.questions import columns as answer_columns
 from elliptude.estimation.questions.answers import Answers
@@ -60,7 +61,8 @@ def result_of(
     if run.starts_heading and true_attitudes is not None:
         true_attitudes = turned_to_start(true_attitudes, run)
     true_vectors = log.true_vectors if configuration.estimates_vector else None
-    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error)
+    turned = turns_within_offset(run, configuration)
+    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error, turned)
     extents = guaranteed.extents()
     vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
     if not configuration.estimates_vector:
@@ -96,8 +98,24 @@ def result_of(
             true_attitudes,
             true_vectors if configuration.compares_vector else None,
             configuration.truth_error,
+            turned,
         ),
+        clock_turns=turned,
     )
+
+
+def turns_within_offset(run: GuaranteedRun, configuration: Configuration) -> FloatArray | None:
+    """How far the body may turn within the offset of the gyro's stamps, which rows have, rad, shape (N,).
+
+    None without such an offset; where nothing bounds the turn it is π.
+    """
+    flow, offset = configuration.flow, configuration.time_offset_of_rows
+    if offset == 0.0 or not isinstance(flow, GyroFlow) or run.rows.gyro is None:
+        return None
+    log = gaps.without_rates_in_gaps(run.log, gaps.longest_interval(run.log, configuration))
+    assert log.rates is not None
+    turned = turned_by_offset(log, log.rates - run.rows.bias, offset, run.rows.gyro, flow)
+    return np.where(np.isfinite(turned), np.minimum(turned, np.pi), np.pi)
 
 
 def _of_questions(run: GuaranteedRun) -> dict[str, Any]:

@@ -48,7 +48,15 @@ _ANSWER_FORMS = ("turn_e_form", "turn_b_form", "vector_form", "own_form")
 _FORMS_OF_ANSWERS = ("turns_reference_forms", "turns_body_forms", "vector_forms", "own_forms")
 _BEST = ("best_bound", "best_tilt_bound", "best_put_back")
 _ANSWERS = (TURNS_REFERENCE, TURNS_BODY, OWN_QUATERNION, OWN_SHAPE)
-_NUMBERS_OF_QUESTIONS = ("form", "prediction_used", "tilt_bound", "up_bound", *_BEST, *_ANSWER_FORMS)
+_NUMBERS_OF_QUESTIONS = (
+    "form",
+    "prediction_used",
+    "tilt_bound",
+    "up_bound",
+    "turn_within_offset",
+    *_BEST,
+    *_ANSWER_FORMS,
+)
 _TEXTS_OF_QUESTIONS = ("claim", "dropped", "chart", "up_claim", "best_tilt_claim", "best_from")
 
 
@@ -233,6 +241,11 @@ class Result:
     """The same of the angular velocity or the gyro bias, shape (N,)."""
     own_forms: FloatArray | None = None
     """γᵀ P⁻¹ γ of the truth in the attitude's own set, shape (N,)."""
+    clock_turns: FloatArray | None = None
+    """How far the body may turn within the offset of the gyro's stamps, which the rows have, rad, shape (N,).
+
+    Attitudes with other stamps may be as far from a row's set; None if no offset is stated.
+    """
     origin: int = 0
     """The second of the recording's clock that the times count from."""
 
@@ -284,6 +297,7 @@ class Result:
             ("best_bound", self.best_bounds),
             ("best_tilt_bound", self.best_tilt_bounds),
             ("best_put_back", self.best_put_back),
+            ("turn_within_offset", self.clock_turns),
             *zip(_ANSWER_FORMS, self._answer_forms(), strict=True),
         ):
             _add(columns, (name,), None if values is None else values[:, None])
@@ -378,6 +392,7 @@ class Result:
             own_quaternions=stacked_if_there(columns, OWN_QUATERNION),
             own_shapes=symmetric(columns, OWN_SHAPE) if OWN_SHAPE[0] in names else None,
             origin=time_origin(path),
+            clock_turns=columns.get("turn_within_offset"),
             **{name: columns.get(column) for name, column in zip(_FORMS_OF_ANSWERS, _ANSWER_FORMS, strict=True)},
         )
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from elliptude.io.column_files import Column
 from elliptude.io.tables import Result
 from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at, in_words_of_origin
-from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor
+from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor, widened
 from elliptude.monitoring.monitor import QUESTIONS, Heading
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS, AttitudeBounds
@@ -55,6 +55,7 @@ def run_of(result: Result, *, heading_from_start: bool, bounds_from_recording: s
         up_claims=None if result.up_claims is None else tuple(result.up_claims),
         headings=result.headings,
         heading_from_start=heading_from_start,
+        clock_turns=result.clock_turns,
         origin=result.origin,
         bounds_from_recording=bounds_from_recording,
     )
@@ -118,6 +119,8 @@ def judge(
         heading=heading,
         limits=limits,
     )
+    if run.clock_turns is not None:
+        found = widened(found, run.clock_turns)
     # What is interpolated is not the filter's word: it can be off, but it proves nothing against the filter.
     least = np.where(has_sample_at(estimate, run.times)[:, None], found.least, np.minimum(found.least, 0.0))
     if run.bounds_from_recording is None:

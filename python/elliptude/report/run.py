@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.angles.about_axes import AboutAxes, ErrorAxes, about_axes
-from elliptude.estimation.containment import attitude_forms
+from elliptude.estimation.containment import attitude_forms, reach_of_turns
 from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric, time_origin
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.tables import (
@@ -53,6 +53,13 @@ from elliptude.typing import Chart, FloatArray
 
 SPELL_GAP = 1.0
 """Measurements left out within this time of one another are listed together, s."""
+_SINGLE_COLUMNS = {
+    "forms": "form",
+    "prediction_used": "prediction_used",
+    "tilt_bounds": "tilt_bound",
+    "up_bounds": "up_bound",
+    "clock_turns": "turn_within_offset",
+}
 # Sets up to the first size are magnified by one of these factors, so that they are at most the second, rad.
 _LARGEST_DRAWN = np.deg2rad(20.0)
 _MAGNIFICATIONS: tuple[int, ...] = tuple(digit * scale for scale in (1, 10, 100, 1000, 10_000) for digit in (1, 2, 5))
@@ -177,6 +184,8 @@ class Run:
     """What the pictures of the estimation are called; None if nothing says it."""
     axes: ErrorAxes = "reference"
     """About which axes errors and half-widths are shown."""
+    clock_turns: FloatArray | None = None
+    """How far the body may turn within the offset of the rows' stamps against others', rad, shape (N,); None: not."""
     origin: int = 0
     """The second of the recording's clock that the times count from."""
 
@@ -312,7 +321,10 @@ class Run:
             relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
-            forms[rows] = attitude_forms(offsets, self.shapes[rows], reference_error)
+            distance: float | FloatArray = reference_error
+            if self.clock_turns is not None:
+                distance = reference_error + reach_of_turns(offsets, self.clock_turns[rows])
+            forms[rows] = attitude_forms(offsets, self.shapes[rows], distance)
         return replace(self, errors=errors, forms=forms, reference_error=reference_error)
 
     def _counted_from_start(self, rows: NDArray[np.intp], true: Rotation) -> Rotation:
@@ -392,7 +404,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     names = column_names(table, "results")
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
-    further = [name for name in ("form", "prediction_used", "tilt_bound", "up_bound") if name in names]
+    further = [name for name in _SINGLE_COLUMNS.values() if name in names]
     columns = read_columns(
         table,
         optional=[QUATERNION, ATTITUDE_SHAPE, ATTITUDE_HALF_WIDTHS, ("largest_angle",)]
@@ -413,6 +425,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
     summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
+    single: dict[str, Any] = {field: columns.get(name) for field, name in _SINGLE_COLUMNS.items()}
     run = Run(
         times=columns["time_s"],
         quaternions=stacked(columns, QUATERNION),
@@ -425,13 +438,9 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         claims=claims,
         chart="gibbs" if used_charts == {"gibbs"} else "exponential",
         errors=stacked(columns, ATTITUDE_ERRORS) if with_errors else None,
-        forms=columns.get("form"),
         reference_error=math.radians(summary.truth_error_deg),
-        prediction_used=columns.get("prediction_used"),
-        tilt_bounds=columns.get("tilt_bound"),
         headings=stacked_if_there(columns, HEADINGS),
         ups=stacked_if_there(columns, UP),
-        up_bounds=columns.get("up_bound"),
         up_claims=up_claims,
         roll_pitch_yaw=stacked(columns, ROLL_PITCH + YAW) if YAW[0] in columns else None,
         turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
@@ -448,6 +457,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         frame=summary.frame,
         title=summary.title,
         origin=time_origin(table),
+        **single,
     )
     return run, summary.label
 

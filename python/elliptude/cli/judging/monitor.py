@@ -29,6 +29,7 @@ from elliptude.monitoring import Limits, Monitored
 from elliptude.report import comparison, monitored
 from elliptude.report.run import Run, files_of_run, read_run
 from elliptude.results import CLAIMS
+from elliptude.typing import FloatArray
 
 _GroundFrame = Literal["ENU", "NED", "NWU"]
 
@@ -131,6 +132,7 @@ def monitor(
         "log": str(source),
         "estimate": str(other),
         "time_origin_s": run.origin,
+        "turn_within_offset_deg": _largest_deg(run.clock_turns),
         "bounds_from_recording": run.bounds_from_recording,
         "heading_of_sets": _heading_of_sets(run, source, configuration),
         "estimate_misread": misread,
@@ -175,6 +177,10 @@ def _judge(log: NamedFile, config: Path | None) -> tuple[Run, Configuration | No
         bounds_from_recording=configuration.proposed_from,
     )
     return run, configuration
+
+
+def _largest_deg(angles: FloatArray | None) -> float | None:
+    return None if angles is None else float(np.rad2deg(angles.max()))
 
 
 def _heading_of_sets(run: Run, log: NamedFile, configuration: Configuration | None) -> str:
@@ -223,6 +229,11 @@ def _say_monitored(summary: dict[str, Any]) -> None:
         typer.echo(
             f"  the bounds are proposals from {summary['bounds_from_recording']}, so that no alarm is a proof: once "
             "there is a reason for each bound, delete bounds_from_recording in the configuration"
+        )
+    if (turned := summary["turn_within_offset_deg"]) is not None:
+        typer.echo(
+            "  the gyro's stamps, which the sets have, may be off against the estimate's (flow.time_offset_bound_s): "
+            f"bounds are wider by what the body may turn meanwhile, up to {turned:.3g} degrees"
         )
     if summary["questions"] == ["tilt"]:
         why = "; the sets' counts from the first row" if summary["heading_of_sets"] == "from the first row" else ""

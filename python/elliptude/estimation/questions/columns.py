@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from elliptude.estimation.containment import attitude_forms
+from elliptude.estimation.containment import attitude_forms, reach_of_turns
 from elliptude.estimation.questions.answers import Answers
 from elliptude.io import tables
 from elliptude.results import GuaranteedLog
@@ -22,6 +22,7 @@ def columns_of(
     true_attitudes: FloatArray | None,
     true_vectors: FloatArray | None,
     truth_error: float = 0.0,
+    turned: FloatArray | None = None,
 ) -> dict[str, Any]:
     """What a `Result` says of the answers.
 
@@ -36,6 +37,8 @@ def columns_of(
         Angular velocities or gyro biases.
     truth_error : float
         Angle by which the true attitudes may themselves be off, rad. A row is inside if an attitude is that is so near.
+    turned : (N,) array, optional
+        How far the body may turn between a row's moment and that of the truth beside it, rad.
 
     Returns
     -------
@@ -56,10 +59,11 @@ def columns_of(
         halves = _gibbs_between(sets.attitudes, true_attitudes)
         # Turns of C = Ĉ D in reference axes are those of D in the body's, seen from there.
         in_reference = (sets.attitudes @ halves[..., None])[..., 0]
-        found["turns_reference_forms"] = _turn_forms(answers.reference_turns, in_reference, truth_error)
-        found["turns_body_forms"] = _turn_forms(answers.body_turns, halves, truth_error)
+        distance = truth_error + (np.zeros(len(halves)) if turned is None else reach_of_turns(2.0 * halves, turned))
+        found["turns_reference_forms"] = _turn_forms(answers.reference_turns, in_reference, distance)
+        found["turns_body_forms"] = _turn_forms(answers.body_turns, halves, distance)
         if own[0] is not None and own[1] is not None:
-            found["own_forms"] = _own_forms(own[0], own[1], true_attitudes, truth_error)
+            found["own_forms"] = _own_forms(own[0], own[1], true_attitudes, truth_error, turned)
     if true_vectors is not None and answers.vectors is not None:
         found["vector_forms"] = _forms(answers.vectors, true_vectors)
     return found
@@ -81,11 +85,11 @@ def _gibbs_between(centers: FloatArray, true: FloatArray) -> FloatArray:
     return halves
 
 
-def _turn_forms(turns: FloatArray | None, halves: FloatArray, truth_error: float) -> FloatArray | None:
+def _turn_forms(turns: FloatArray | None, halves: FloatArray, distance: FloatArray) -> FloatArray | None:
     """Forms of the turns about three axes, (16.7): tan(ψ/2) is n · g, which attitudes within ε move by ε/2 and more."""
     if turns is None:
         return None
-    least, most = (2.0 * np.arctan(halves + sign * 0.5 * truth_error) for sign in (-1.0, 1.0))
+    least, most = (2.0 * np.arctan(halves + sign * 0.5 * distance[:, None]) for sign in (-1.0, 1.0))
     # The truth may be any of these turns; the one nearest to the middle is written.
     return _forms(turns, np.clip(turns.mean(axis=-1), least, most))
 
@@ -102,12 +106,15 @@ def _forms(intervals: FloatArray, true: FloatArray) -> FloatArray:
     return np.where(known, forms.max(axis=1), np.nan)
 
 
-def _own_forms(centers: FloatArray, shapes: FloatArray, true: FloatArray, truth_error: float) -> FloatArray:
+def _own_forms(
+    centers: FloatArray, shapes: FloatArray, true: FloatArray, truth_error: float, turned: FloatArray | None
+) -> FloatArray:
     """γᵀ P⁻¹ γ of the truth in the attitude's own set, shape (N,)."""
     gammas = 2.0 * _gibbs_between(centers, true)
     known = np.isfinite(gammas[:, 0])
     forms = np.full(len(true), np.nan)
-    forms[known] = attitude_forms(gammas[known], shapes[known], truth_error)
+    distance = truth_error + (0.0 if turned is None else reach_of_turns(gammas[known], turned[known]))
+    forms[known] = attitude_forms(gammas[known], shapes[known], distance)
     return forms
 
 
