@@ -2,14 +2,53 @@
 
 #include <algorithm>
 #include <elliptude/base/so3.hpp>
+#include <limits>
 #include <utility>
 
 namespace elliptude::python {
 
+namespace {
+
+/// Whether a value is one of NumPy's masked arrays, or a list that holds one.
+[[nodiscard]] bool is_masked(const py::handle& value) {
+  PyObject* const object = value.ptr();
+  if (PyFloat_CheckExact(object) != 0 || PyLong_CheckExact(object) != 0 ||
+      Py_TYPE(object) == py::detail::npy_api::get().PyArray_Type_) {
+    return false;
+  }
+  if (PyList_CheckExact(object) != 0 || PyTuple_CheckExact(object) != 0) {
+    const auto sequence = py::reinterpret_borrow<py::sequence>(value);
+    return std::any_of(sequence.begin(), sequence.end(), [](const py::handle& one) { return is_masked(one); });
+  }
+  return py::isinstance<py::array>(value) && py::hasattr(value, "mask");
+}
+
+/// A value without masks. NumPy's own conversion drops a mask and keeps the numbers below it: what is masked is NaN here,
+/// which is what was not measured where a function says so, and is refused elsewhere.
+[[nodiscard]] py::object unmasked(const py::handle& value) {
+  if (!is_masked(value)) {
+    return py::reinterpret_borrow<py::object>(value);
+  }
+  if (!py::isinstance<py::array>(value)) {
+    py::list items;
+    for (const py::handle& one : value) {
+      items.append(unmasked(one));
+    }
+    return std::move(items);
+  }
+  const char kind = py::reinterpret_borrow<py::array>(value).dtype().kind();
+  if (kind != 'f' && kind != 'i' && kind != 'u') {
+    return value.attr("data");
+  }
+  return value.attr("astype")("float64").attr("filled")(std::numeric_limits<double>::quiet_NaN());
+}
+
+}  // namespace
+
 Array real_array(const py::handle& value, const std::string& name) {
   py::object any;
   try {
-    any = py::module_::import("numpy").attr("asarray")(value);
+    any = py::module_::import("numpy").attr("asarray")(unmasked(value));
   } catch (py::error_already_set& error) {
     if (!error.matches(PyExc_ValueError)) {
       throw;

@@ -1,4 +1,3 @@
-# ruff: noqa: E402
 """Attitude estimation with ellipsoidal bounds.
 
 It computes the attitude and angular velocity of a rigid body, and a set that contains the truth, from measurements
@@ -16,11 +15,7 @@ from concurrent.futures import Executor
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elliptude import _core
-from elliptude._arrays import accept_masks, to_scipy
-
-accept_masks(_core)  # before any name is taken from it
-
+from elliptude._arrays import to_scipy
 from elliptude._core import (
     DirectionFilter,
     Ellipsoid,

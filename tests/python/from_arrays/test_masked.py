@@ -1,7 +1,5 @@
 """NumPy's masked arrays: what is masked is missing where NaN is, and refused elsewhere; never the number below."""
 
-import pickle
-
 import elliptude as el
 import numpy as np
 import pytest
@@ -125,11 +123,3 @@ def test_what_has_no_nan():
     given = [1.0, 2.0], "word", None
     assert unmasked(given[0]) is given[0]
     assert unmasked(given[1]) is given[1]
-    assert type(unmasked(([1.0], [2.0]))) is tuple
-
-
-def test_functions_stay_what_they_were():
-    assert pickle.loads(pickle.dumps(el.exp)) is el.exp
-    assert el.exp.__name__ == "exp"
-    assert el.exp.__doc__.startswith("The rotation exp")
-    assert el.GuaranteedFilter.update.__name__ == "update"
