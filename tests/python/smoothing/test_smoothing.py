@@ -264,7 +264,7 @@ def test_the_command_with_a_rule(tmp_path, with_field):
         cli.make_app(), ["compare", str(tmp_path / "smoothed"), str(log), "--config", str(config), "--json"]
     )
     assert compared.exit_code == 0, compared.output
-    assert json.loads(compared.output)["all"]["inside"] == 1600, compared.output
+    assert json.loads(compared.stdout)["all"]["inside"] == 1600, compared.output
     text = CliRunner().invoke(
         cli.make_app(), [*arguments[:-1], "--out", str(tmp_path / "smoothed"), "--smooth", "--force"]
     )
