@@ -263,7 +263,7 @@ def test_bounds_are_of_samples_as_they_are(folder):
     assert tomlkit.parse(out.read_text())["calibration"] == {"file": "found.toml"}
     plain = run("bounds", folder / "log.npz", folder / "log.toml", "--json")
     corrected = run("bounds", folder / "log.npz", folder / "calibrated.toml", "--json")
-    assert plain.output == corrected.output
+    assert plain.stdout == corrected.stdout
 
 
 def test_figures_as_json(folder):

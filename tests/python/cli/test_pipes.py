@@ -125,7 +125,7 @@ def test_the_format_is_found_from_the_content(tmp_path, format_of):
     expected = json.loads(succeed("bounds", tmp_path / log, *options, "--json"))
     done = CliRunner().invoke(app(), ["bounds", "-", *options, "--json"], input=(tmp_path / log).read_bytes())
     assert done.exit_code == 0, done.output
-    assert json.loads(done.output) == expected | {"log": "standard input"}
+    assert json.loads(done.stdout) == expected | {"log": "standard input"}
 
 
 def test_an_archive_that_has_arrays_beside_its_files_is_none_of_numpy(tmp_path):
