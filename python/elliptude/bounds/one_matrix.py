@@ -241,7 +241,8 @@ class OneMatrix:
     def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:
         """Bounds of the turn by scale error and noise between any rows of cells so many apart, (18.38), rad."""
         gyro, nodes, count = self._gyro, self._nodes, len(self._nodes) - 1
-        turned, elapsed, gaps = (of[nodes] for of in (self._piece.turned, self._piece.elapsed, self._piece.gap_count))
+        piece = self._piece
+        turned, elapsed, gaps = (of[nodes] for of in (piece.turned, piece.elapsed, piece.frame_gaps))
         inner = at_nodes[away - 1][1 : count - away + 1] if away else at_nodes[1][:count]
         middle = at_nodes[away]
         corners = 0.25 * (middle[: count - away] + middle[1 : count - away + 1] + at_nodes[away + 1] + inner)

@@ -173,9 +173,9 @@ class Piece:
         lengths_of_gaps = np.where(gaps, self.steps, 0.0)
         in_gaps = np.column_stack([gaps, lengths_of_gaps, lengths_of_gaps**2])
         self._in_gaps = np.concatenate([np.zeros((1, 3)), np.cumsum(in_gaps, axis=0)])
-        self.gap_count = self._in_gaps[:, 0]
-        """How many gaps there are before each row."""
-        self._closed = frame.closed[rows] if across_gaps else self.gap_count
+        self.frame_gaps = frame.gaps[rows].astype(np.float64)
+        """How many gaps of the frame there are before each row; one between samples of the sensor may hold several."""
+        self._closed = frame.closed[rows] if across_gaps else self._in_gaps[:, 0]
         lengths = lengths_of(vectors)
         self._steady = frame.steady[rows]
         self.carried = np.einsum("nij,nj->ni", self.attitudes, vectors)
@@ -187,7 +187,7 @@ class Piece:
                 self.turned,
                 self.elapsed,
                 turned_by_offset,
-                *([self.gap_count] if gaps.any() else []),
+                *([self.frame_gaps] if gaps.any() else []),
             ]
         )
         self._once = running_sum(self.steps, np.column_stack([self.carried, weights]))
@@ -258,7 +258,7 @@ class Piece:
         spanned, swept = between(6, self.elapsed), between(5, self.turned)
         pieces = both[:, 3]
         if self._once.shape[1] > 8:
-            pieces = pieces + between(8, self.gap_count)
+            pieces = pieces + between(8, self.frame_gaps)
         noise = self._gyro.noise * spanned
         if np.isfinite(self._gyro.increment):
             longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)

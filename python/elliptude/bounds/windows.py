@@ -92,7 +92,7 @@ class MotionBounds:
         ----------
         window : Window
         error : float
-            Of a sample, and what of the acceleration may change faster than by the jerk, m/s².
+            Of a sample: what of the acceleration may change faster than by the jerk is no larger, m/s².
         triangular : bool
             Whether weights rise to a top and fall; they are equal otherwise.
 
@@ -103,7 +103,8 @@ class MotionBounds:
         peak = (2.0 if triangular else 1.0) / (window.before + window.after)
         share = 1.0 / 3.0 if triangular else 0.25
         by_jerk = share * self.jerk * window.gaps.squares if np.isfinite(self.jerk) else 0.0
-        unseen: FloatArray = peak * (by_jerk + error * window.gaps.time)
+        # What changes faster may be one way in the samples around a gap, and the other way in it.
+        unseen: FloatArray = peak * (by_jerk + 2.0 * error * window.gaps.time)
         return unseen
 
 

@@ -86,13 +86,14 @@ def test_what_is_in_a_triangle_while_nothing_is_seen():
 
 
 def test_a_gap_between_wrong_samples():
-    """The samples around it are off, and so is the quick part of the acceleration in it, the other way."""
+    """The samples around it are off, and show the quick part of the acceleration, which is the other way in the gap."""
     error, gap = 0.5, 0.2
     times = STEP * np.arange(101)
     # The wrong samples and their neighbours cancel, in the means of all but the gap.
     off = np.zeros(101)
     off[[40, 60]], off[[39, 61]] = error, -0.5 * error
-    shown = off + error * gap  # in the gap the acceleration is less by the error: over 1 s there is none
+    # All is quick: outside the gap it is c, in it c - 2 error, so that over 1 s there is none.
+    shown = off + 2.0 * error * gap
     times, forces = without(times, tilted(shown[:, None]), lost=(0.4, 0.6))
     sensor = VectorSensorBounds(error=error, averaged_error=0.0, averaged_over=0.0)
     reached(over_one_second(times, forces, sensor=sensor), share=0.99)
@@ -170,6 +171,28 @@ def test_the_noise_of_each_piece_counts(at, scale_error):
     )
     # With one c for all of the window the bound would be below the error.
     reached(bounds, share=0.8, row=int(np.searchsorted(times, row - 1e-9)))
+
+
+@pytest.mark.parametrize("at", ["end", "middle"])
+@pytest.mark.parametrize("scale_error", [0.0, 1e-9])
+def test_the_noise_of_pieces_that_the_sensor_does_not_see(at, scale_error):
+    """While no sample of the sensor is there the gyro loses several: its noise comes to c in each piece between."""
+    noise, increment, lasts, count = 0.04, 0.002, 0.05, 4
+    times = 0.002 * np.arange(1001)
+    rates, forces = np.zeros((1001, 3)), np.tile(G * UP, (1001, 1))
+    row = 1000 if at == "end" else 500
+    steps = round(lasts / 0.002) + 2
+    begin = row - count * steps
+    for piece in range(count):
+        rates[begin + piece * steps : begin + (piece + 1) * steps, 0] = noise
+        rates[begin + piece * steps] = np.nan
+    forces[begin + 1 : row - 1] = np.nan
+    gyro = GyroBounds(noise, increment=increment, angular_acceleration=0.0, scale_error=scale_error)
+    bounds = gravity_bounds_over_windows(
+        times, forces, rates, [2.0], motion=NO_SPEED, gyro=gyro, maximum_step=0.003, at=at
+    )
+    # All of the window before is off by four times c; counted as one gap it would be two.
+    reached(bounds, share=0.6 if at == "end" else 0.5, row=row)
 
 
 # --- which windows ----------------------------------------------------------------------------------------------------
