@@ -4,7 +4,7 @@ Needs only NumPy; SI units and radians; rows are instants. Derivations and proof
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -313,7 +313,8 @@ def _over_windows(
         raise ValueError(f"at must be 'end' or 'middle', not {at!r}")
     if every < 1:
         raise ValueError(f"every must be at least 1, not {every}")
-    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=gyro, vectors=rows)
+    in_gaps = replace(gyro, longest_interval=min(gyro.longest_interval, maximum_step))
+    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=in_gaps, vectors=rows)
     # Rows of the gyro, gaps between them, and rows among them with a sample.
     of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
     gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)

@@ -36,7 +36,7 @@ from elliptude.logs.rest_phase import ReferenceBounds, RestField, reference_erro
 from elliptude.typing import FloatArray
 
 _MICROTESLA = units.FIELD["uT"]
-# Windows reach across missing samples of at most ten median steps.
+# A step of more than ten median ones is a gap for windows, whatever the gyro's bounds cover.
 _LONGEST_STEP = 10.0
 
 

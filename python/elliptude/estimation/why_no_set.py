@@ -55,6 +55,13 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
                 f"the gyro may be off by {np.rad2deg(error):.3g} deg/s, so that over one step of {step:.3g} s it says "
                 "nothing of the turn"
             )
+    if run.gaps and rows.gyro is not None:
+        turn = float(np.median([gap.turn for gap in run.gaps]))
+        hints.append(
+            f"the gyro has {len(run.gaps)} gaps, intervals longer than {rows.gyro.longest_interval:.4g} s, in each of "
+            f"which it may have turned {np.rad2deg(turn):.3g} deg otherwise than it shows: if the bound of its noise "
+            "covers longer ones, state that (longest_interval_s)"
+        )
     return hints or ["no set could be formed from its bounds: `elliptude check` says what is suspicious"]
 
 

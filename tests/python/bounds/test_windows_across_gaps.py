@@ -223,6 +223,23 @@ def test_rows_without_a_sample_are_as_good_as_rows_that_are_not_there(at):
     assert (forces_alone.angles[~lost][both] <= removed.angles[both] + 1e-12).mean() > 0.95
 
 
+def test_a_long_step_is_a_gap_for_stamps_too():
+    """An offset in time that reaches into it counts the largest rate there, whichever way the step is known as one."""
+    times = STEP * np.arange(201)
+    times, forces = without(times, np.tile(G * UP, (201, 1)), lost=(1.0, 1.1))
+    bounds = [
+        gravity_bounds_over_windows(
+            times, forces, np.zeros((len(times), 3)), [0.5], motion=MotionBounds(1.0, jerk=1.0),
+            gyro=GyroBounds(0.01, longest_interval=longest, largest_rate=2.0, angular_acceleration=1.0),
+            maximum_step=0.015, time_offset=0.05,
+        )
+        for longest in (0.015, np.inf)
+    ]  # fmt: skip
+    np.testing.assert_array_equal(bounds[0].angles, bounds[1].angles)
+    far, near = int(np.searchsorted(times, 0.9)), int(np.searchsorted(times, 1.0))
+    assert bounds[0].angles[near] > bounds[0].angles[far]
+
+
 @pytest.mark.parametrize("unstated", ["rate", "jerk"])
 def test_windows_end_at_a_gap_that_nothing_is_said_of(unstated):
     times = STEP * np.arange(201)

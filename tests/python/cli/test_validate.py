@@ -79,7 +79,7 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path):
     output, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert output == ""
-    assert errors.strip() in ("", "Aborted.")
+    assert [line for line in errors.splitlines() if "so far" not in line] in ([], ["Aborted."])
     assert [file.name for file in progress.parent.iterdir()] == ["progress.json"]
     begun = set(json.loads(progress.read_text())["done"])
     assert 0 < len(begun) < 15

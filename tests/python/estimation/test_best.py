@@ -373,7 +373,7 @@ def test_command(files, suffix):
 def test_options_of_the_command(files, monkeypatch):
     inputs = ("estimate", files / "log.npz", "--config", files / "config.toml")
     done = run(*inputs, "--out", files / "center", "--best", "center")
-    assert "best estimate, the center of the set: within " in done.output
+    assert "best estimate, the center of the set; mean error " in done.output
     assert done.exit_code == 0
     done = run(*inputs, "--out", files / "none", "--best", "none")
     assert "best estimate" not in done.output
@@ -382,7 +382,7 @@ def test_options_of_the_command(files, monkeypatch):
     )
     monkeypatch.setitem(sys.modules, "vqf", None)
     done = run(*inputs, "--out", files / "missing")
-    assert "the center of the set (vqf is not installed: pip install 'elliptude[best]'): within" in done.output
+    assert "the center of the set (vqf is not installed: pip install 'elliptude[best]'); mean error" in done.output
     done = run(*inputs, "--out", files / "refused", "--best", "vqf")
     assert done.exit_code == 1
     assert "estimator.best = 'vqf': vqf is not installed" in done.output.replace("\n", " ")

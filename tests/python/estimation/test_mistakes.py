@@ -129,7 +129,7 @@ def test_what_was_gone_on_with_is_said(tmp_path, suffix):
     arguments = ["--config", config, "--out", out, "--format", suffix, "--report", page]
     done = run("estimate", log, *arguments, "--ignore-implausible")
     assert done.exit_code == 0, done.output
-    assert words(done).startswith("gone on although implausible: field: its axes are not as stated")
+    assert done.stdout.startswith("gone on although implausible: field: its axes are not as stated")
     (said,) = json.loads((out / "summary.json").read_text())["implausible"]
     assert said.startswith("field: its axes are not as stated")
     if suffix == "csv":
