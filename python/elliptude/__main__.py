@@ -1,7 +1,7 @@
 """``python -m elliptude`` is the command ``elliptude``, where that is not on the path.
 
 A C++ build asks it where the headers and the CMake package are inside the installed package: ``--cmakedir`` for
-CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``. Both need nothing that the command needs.
+CMake's ``elliptude_DIR``, ``--includedir`` for a compiler's ``-I``. These and ``--version`` need no extra.
 """
 
 import importlib
@@ -26,7 +26,10 @@ def _installed_folder(relative: str) -> Path:
 
 
 def main() -> None:
-    """Print the folder that the only argument names, or run the command."""
+    """Print the version or the folder that the only argument asks for, or run the command."""
+    if sys.argv[1:] == ["--version"]:
+        print(elliptude.__version__)
+        return
     if len(sys.argv) == 2 and sys.argv[1] in _FOLDERS:
         print(_installed_folder(_FOLDERS[sys.argv[1]]))
         return
