@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import elliptude
 import pytest
 from elliptude.cli.application import COMMANDS, make_app
 from rich.text import Text
@@ -103,3 +104,11 @@ def test_python_runs_the_command_where_it_is_not_on_the_path():
     for option, inside in (("--includedir", "elliptude/version.hpp"), ("--cmakedir", "elliptudeConfig.cmake")):
         said = subprocess.run([*program, option], capture_output=True, text=True, timeout=60, check=True)
         assert (Path(said.stdout.strip()) / inside).is_file()
+
+
+def test_the_version_needs_no_extra():
+    blocked = "import runpy, sys; sys.modules['typer'] = None; runpy.run_module('elliptude', run_name='__main__')"
+    said = subprocess.run(
+        [sys.executable, "-c", blocked, "--version"], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert said.stdout.strip() == elliptude.__version__
