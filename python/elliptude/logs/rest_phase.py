@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elliptude import units
+from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.bounds.rest import mean_at_rest
 from elliptude.bounds.samples import VectorSensorBounds, angle_to_center
 from elliptude.configuration import references
@@ -32,8 +33,6 @@ from elliptude.typing import FloatArray
 _MICROTESLA = units.FIELD["uT"]
 # The mean of vectors over the mean of their lengths: 0.98 where they scatter by 11 degrees.
 _STILL = 0.98
-# Of the median step: samples were lost in a longer one, and no mean is stated across it.
-_LONGEST_STEP = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,8 @@ def _rest_mean(
     if np.linalg.norm(vectors.sum(axis=0)) < _STILL * np.linalg.norm(vectors, axis=1).sum():
         raise FileError(f"{file.path}: {sensor.name!r} turns in {where}")
     unit = 1.0 if isinstance(sensor, Accelerometer) else _MICROTESLA
-    longest = _LONGEST_STEP * float(np.median(np.diff(times))) if len(times) > 1 else np.inf
+    # Samples were lost in a longer step, and no mean is stated across it.
+    longest = TIMES_USUAL * float(np.median(np.diff(times))) if len(times) > 1 else np.inf
     mean, error, lasted = mean_at_rest(times, vectors / unit, configuration.sensor_bounds(sensor), longest_step=longest)
     return RestMean(unit * mean, error, lasted)
 
