@@ -195,7 +195,7 @@ namespace {
 
 using GyroFilter = GuaranteedFilter<GuaranteedGyroFlow<double>>;
 
-/// Of a gyro, within 0.01 rad of the identity, with a bias within 0.01 rad/s of zero.
+/// A gyro's set, within 0.01 rad of the identity, with a bias within 0.01 rad/s of zero.
 GyroFilter started_filter(Policy policy) {
   GuaranteedGyroFlow<double> flow;
   REQUIRE(GuaranteedGyroFlow<double>::make({}, GuaranteedGyroFlow<double>::IntervalRate::mean, flow) == Status::ok);

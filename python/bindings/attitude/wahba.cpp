@@ -200,7 +200,7 @@ struct WahbaCall {
   const Array given = real_array(value, "bounds");
   Items bounds(given.ndim() > 0 ? value : py::object(to_array(Eigen::VectorXd::Constant(m, *given.data()))), "bounds",
                {m});
-  constexpr double half_turn = 3.14159265358979323846;
+  const double half_turn = scalar::pi<double>();
   for (Index i = 0; i < bounds.count() * m; ++i) {
     const double bound = bounds[0][i];
     if (!(bound > 0) || !(bound < half_turn)) {

@@ -4,7 +4,7 @@ namespace elliptude::python {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+const double pi = scalar::pi<double>();
 
 /// \throws ValueError of an angle of half a turn or more, which bounds nothing.
 void require_below_half_turn(const Matrix3<double>& bound, const std::string& label) {

@@ -165,7 +165,7 @@ TEST_CASE("the curvatures of a sum of cones are lowered by what rounding may hav
     DirectionCones<float>::Weights weights{};
     const RealMatrix turned = random.rotation().cast<Real>();
     for (int i = 0; i < count; ++i) {
-      // Of unit length, so that normalizing leaves them as they are, but for what is rounded.
+      // They have unit length, so that normalizing leaves them as they are, but for what is rounded.
       reference.col(i) = scalar::unit(Vector3<float>(random.unit_vector<3>().cast<float>()));
       const RealVector seen = turned.transpose() * reference.col(i).cast<Real>();
       body.col(i) = scalar::unit(Vector3<float>((seen + 0.1L * random.unit_vector<3>().cast<Real>()).cast<float>()));

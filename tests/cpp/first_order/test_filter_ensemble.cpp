@@ -33,7 +33,7 @@ class Random {
   [[nodiscard]] Vector3<Number> vector(double scale) {
     return Vector3<Number>(number(scale), number(scale), number(scale));
   }
-  /// Of at most this length.
+  /// A vector of at most this length.
   [[nodiscard]] Vector3<Number> in_ball(double radius) {
     const Vector3<Number> v = vector(1);
     return Number(radius * std::cbrt(std::generate_canonical<double, 53>(generator_))) * v / v.norm();

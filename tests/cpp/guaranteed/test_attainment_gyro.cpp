@@ -348,7 +348,7 @@ TEST_CASE("gyro flow: a drift moves the bias and the attitude together, and is t
         CAPTURE(static_cast<int>(mode));
         CAPTURE(speed);
         CHECK(form <= 1);
-        // Of a mean, what it has seen of the drift and what it has not share a bound.
+        // What a mean has seen of the drift, and what it has not, share a bound.
         const double least = drift < bias ? 0.98 : (mode == Mode::mean ? 0.5 : 0.95);
         CHECK(form > least);
       }

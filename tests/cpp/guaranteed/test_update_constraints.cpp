@@ -136,7 +136,7 @@ TEST_CASE("update constraints: of a set alone the answers are the set's") {
   REQUIRE(alone.attitude_set(SizeCriterion<double, 3>::volume(), own) == Status::ok);
   const Matrix3<double> present = set.shape.topLeftCorner<3, 3>();
   CHECK(own.shape.determinant() == doctest::Approx(present.determinant()).epsilon(0.01));
-  // Of a product both sets are asked by themselves.
+  // Both sets of a product are asked by themselves.
   GibbsEllipsoid<SceneState> product = set;
   product.shape.topRightCorner<3, 3>().setZero();
   product.shape.bottomLeftCorner<3, 3>().setZero();

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-// Of dynamic size, because each fixed size takes long to compile.
+// The size is dynamic, because each fixed size takes long to compile.
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
 // Entries of l lᵀ − a, each as a share of √(aᵢᵢ aⱼⱼ): the scale in which Cholesky's method is accurate.

@@ -19,7 +19,7 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double pi = 3.141592653589793;
 
-// Of dynamic size, because each fixed size takes long to compile.
+// The size is dynamic, because each fixed size takes long to compile.
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using LongVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 

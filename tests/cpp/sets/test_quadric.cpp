@@ -14,7 +14,7 @@ using elliptude::testing::Random;
 
 namespace {
 
-// Of dynamic size, because each fixed size takes long to compile.
+// The size is dynamic, because each fixed size takes long to compile.
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using LongVector = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
 template <int N>

@@ -22,7 +22,7 @@ struct Hash {
   }
 };
 
-/// Of exp, log, sin, cos and atan2. Integers alone make the arguments, which have 24 digits.
+/// Hashes of exp, log, sin, cos and atan2. Integers alone make the arguments, which have 24 digits.
 template <typename Real>
 [[nodiscard]] std::array<std::uint64_t, 5> function_hashes() {
   using elementary::detail::power_of_two;

@@ -18,7 +18,7 @@ namespace elliptude::testing {
 
 using SceneFilter = GuaranteedFilter<GuaranteedRigidBodyFlow<double, FreeBody<double>>>;
 using SceneState = SceneFilter::State;
-/// Of directions, rad, and of the rate, rad/s.
+/// Bounds of the errors of directions, rad, and of the rate, rad/s.
 inline const double scene_bound = 7 * scalar::pi<double>() / 180;
 
 inline Matrix3<double> rotation_of_gibbs(const Vector3<double>& gamma) {

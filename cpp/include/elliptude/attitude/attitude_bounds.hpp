@@ -9,16 +9,16 @@
 
 namespace elliptude {
 
-/// How far the attitude of a set's center is at most from the attitudes in the set, rad, up to π; of nothing that was
-/// asked, π.
+/// How far the attitude of a set's center is at most from the attitudes in the set, rad, up to π; π where nothing
+/// was asked.
 template <typename Scalar>
 struct AttitudeBounds {
   Scalar tilt = scalar::pi<Scalar>();  ///< between the vertical as seen from the body in both attitudes
-  /// Of the turn about the vertical that is left when the tilt is taken away by the shortest turn, from the center's to
-  /// the others: the least and the most, about the vertical in the sense of a right-handed screw.
+  /// The least and the most that is left of the turn from the center's attitude to the others when the shortest turn has
+  /// taken the tilt away: a turn about the vertical, in the sense of a right-handed screw.
   Scalar heading_from = -scalar::pi<Scalar>();
   Scalar heading_to = scalar::pi<Scalar>();
-  /// Of the turn from one to the other: cos(angle/2) = cos(tilt/2) cos(heading/2), each at its largest.
+  /// Angle of the whole turn from one to the other: cos(angle/2) = cos(tilt/2) cos(heading/2), each at its largest.
   Scalar angle = scalar::pi<Scalar>();
 
   /// The larger of both sides.

@@ -172,11 +172,18 @@ template <typename Scalar>
   return Scalar(static_cast<scalar::Value<Scalar>>(multiple)) * Scalar(scalar::epsilon<Scalar>);
 }
 
+/// ε itself: what one rounding may be, relative to the number. Where no guarantee depends on it, what is smaller by this
+/// factor counts as nothing: the end of an iteration, an entry beside the diagonal, an angle at rest.
+template <typename Scalar>
+[[nodiscard]] Scalar epsilon() noexcept {
+  return share<Scalar>(1);
+}
+
 /// Whether a time (s) is within 1/ε: from there on the numbers beside it are a second away or more. In `float` that is
 /// after 97 days, in `double` never.
 template <typename Scalar>
 [[nodiscard]] bool tells_seconds(const Scalar& time) noexcept {
-  return scalar::abs(time) * share<Scalar>(1) <= Scalar(1);
+  return scalar::abs(time) * epsilon<Scalar>() <= Scalar(1);
 }
 
 /// √ε: half of the digits.
@@ -188,7 +195,7 @@ template <typename Scalar>
 /// ε².
 template <typename Scalar>
 [[nodiscard]] Scalar square() noexcept {
-  return share<Scalar>(1) * share<Scalar>(1);
+  return epsilon<Scalar>() * epsilon<Scalar>();
 }
 
 /// Whether numbers have the precision of `float`, or less.

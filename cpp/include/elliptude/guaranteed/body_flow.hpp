@@ -315,7 +315,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     return true;
   }
 
-  /// Of the steps that are left as many as a tube that has been started may have. The series of the motion is here, and
+  /// Takes as many of the steps that are left as a tube that has been started may have. The series of the motion is here, and
   /// not where the tube is, as both are large.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status follow_tube(ErrorTube<Scalar, Potential>& tube, const Scalar& time,
                                                          const Scalar& h, long steps, const Input& input,

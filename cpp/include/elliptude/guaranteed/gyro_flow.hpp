@@ -314,7 +314,7 @@ class GuaranteedGyroFlow {
                                                                   const GibbsEllipsoid<State>& ellipsoid) noexcept {
     GibbsEllipsoid<State> set{{ellipsoid.center.attitude, bias.center}, Matrix6<Scalar>::Zero()};
     set.shape.template topLeftCorner<3, 3>() = ellipsoid.shape.template topLeftCorner<3, 3>();
-    set.shape.diagonal().template tail<3>().setConstant(rounding::share<Scalar>(1) * rounding::share<Scalar>(1));
+    set.shape.diagonal().template tail<3>().setConstant(rounding::square<Scalar>());
     return set;
   }
 

@@ -85,7 +85,7 @@ class TorqueExpansion<QuadraticPotential<Scalar>, Scalar, Terms> : public expans
   Scalar products_;  // ‖K‖: of a nearly isotropic K little is left of b × Kb
 };
 
-/// Of a stated torque the part M* + 𝓜* a, with the value M* and the derivative 𝓜* at the attitude C* and the time in
+/// The part M* + 𝓜* a of a stated torque, with the value M* and the derivative 𝓜* at the attitude C* and the time in
 /// the middle of a step, and a = sin θ n for C = C* exp(θ S(n)). In C it is a polynomial of first degree: a = ½ Σ sᵢ ×
 /// eᵢ, sᵢ = CᵀC*eᵢ. What it lacks of the torque is `remainder`. (theory, eqs. 17.12 and 17.13)
 template <typename Scalar, typename Torque, int Terms>

@@ -60,7 +60,7 @@ class UpdateConstraints {
     }
     const Vector3<Scalar> n = scalar::unit(direction);
     Interval<Scalar> found;
-    // Of a product the vector's set is one by itself.
+    // Where the set is a product, the vector's set is one by itself.
     const Ellipsoid<Scalar, 3> vector = projection<3, 3>(set_);
     const Status status =
         is_product_ ? extent_along<Scalar, 3>(vector, nullptr, 0, n, found) : answered<6>([&](const auto& asked) {
@@ -75,7 +75,7 @@ class UpdateConstraints {
     const Scalar middle = n.dot(origin);
     const Scalar slip = rounding::share<Scalar>(rounding::component) * n.cwiseAbs().dot(origin.cwiseAbs());
     const auto lost = [&slip](const Scalar& value) {
-      return Scalar(slip + rounding::share<Scalar>(1) * scalar::abs(value));
+      return Scalar(slip + rounding::epsilon<Scalar>() * scalar::abs(value));
     };
     const Scalar from = middle + found.least;
     const Scalar to = middle + found.most;

@@ -23,7 +23,7 @@ template <typename State>
     return Status::not_finite;
   }
   const Matrix3<Scalar> attitude = set.shape.template topLeftCorner<3, 3>();
-  // Of a thin set the terms may cancel.
+  // The terms may cancel where the set is thin.
   const Scalar width = g.cwiseAbs().dot(attitude.diagonal().cwiseSqrt());
   const Scalar computed = g.dot(attitude.lazyProduct(g));
   const Scalar square =
@@ -45,7 +45,8 @@ template <typename State>
   }
   const Scalar attitude_slip = slip * (Scalar(1) + square_reach);
   const Vector3<Scalar> offset = vector_part(set.center) - vector_part(center);
-  const Scalar vector_slip = rounding::share<Scalar>(1) * (vector_part(set.center).norm() + vector_part(center).norm());
+  const Scalar vector_slip =
+      rounding::epsilon<Scalar>() * (vector_part(set.center).norm() + vector_part(center).norm());
   Ellipsoid<Scalar, 6> result;
   result.center << Scalar(-2) * g, offset;
   result.shape = detail::with_attitude_added(shape, Scalar(e * stretch), attitude_slip, vector_slip);

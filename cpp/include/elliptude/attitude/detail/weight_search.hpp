@@ -119,7 +119,7 @@ class WeightSearch {
     return scalar::isfinite(point.level) && scalar::isfinite(point.spread);
   }
 
-  /// Of J, where the Hessian in μ is J Jᵀ.
+  /// The rows of J, where the Hessian in μ is J Jᵀ.
   using Rows = std::array<Vector<Scalar, 13>, most>;
 
   /// The Newton step in log μ, with the weights and the point brought to the best scale; where N + τ falls with μₖ its

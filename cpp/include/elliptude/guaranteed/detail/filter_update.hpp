@@ -290,13 +290,13 @@ class FilterUpdate {
       return {vector, seen.shape};
     }
     const Scalar slip =
-        rounding::share<Scalar>(1) * scalar::sqrt(Scalar((vector.cwiseAbs() + shift.cwiseAbs()).squaredNorm()));
+        rounding::epsilon<Scalar>() * scalar::sqrt(Scalar((vector.cwiseAbs() + shift.cwiseAbs()).squaredNorm()));
     return {vector + shift, enlarged(seen.shape, Matrix3<Scalar>((slip * slip) * Matrix3<Scalar>::Identity()))};
   }
 
   Memory& filter_;
   Solution solution_;  // that was found, or taken up in its place
-  // Of what was taken up: which measurements it rests on, and whether on the prediction.
+  // Which measurements the set rests on that was taken up, and whether on the prediction.
   Sensors used_ = 0;
   bool with_prediction_ = false;
   bool took_up_ = false;
