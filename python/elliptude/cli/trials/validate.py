@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,23 +12,21 @@ from rich.console import Console
 from rich.table import Table
 
 import elliptude
-from elliptude.campaigns import engine
 from elliptude.campaigns.pieces import Piece
 from elliptude.cli.options import SummaryAsJson, quantity
 from elliptude.cli.outputs import require_outputs
-from elliptude.cli.progress import progress_with_time_left
-from elliptude.io.files import FileError, write_json
+from elliptude.cli.trials import resumed
+from elliptude.cli.trials.validate_recordings import validate_recordings
+from elliptude.io.files import write_json
 from elliptude.validation import adversary, monte_carlo, tally, trial_kinds
 from elliptude.validation.adversary import Case
 from elliptude.validation.judge import Mode
 from elliptude.validation.monte_carlo import Arguments
 from elliptude.validation.questions import combine_questions
 
-_PROGRESS, _SUMMARY, _FIGURE = "progress.json", "summary.json", "validation.png"
+_PROGRESS, _SUMMARY, _FIGURE = resumed.PROGRESS, "summary.json", "validation.png"
 # In the guaranteed mode none of these may happen.
 _FAULTS = ("escapes", "overclaimed", "refused", "failed", "stuck")
-# Time between two saves of the progress, s.
-_KEEP_AFTER = 0.5
 
 
 def validate(
@@ -65,6 +62,24 @@ def validate(
             least=1e-3,
             greatest=60.0,
             show_default="0.1, 1, 7 and 20",
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config",
+            help="Try whole recordings instead: each trial is a log that keeps all that this configuration of the "
+            "guaranteed mode states, and is estimated as by `estimate`. Only --trials, --seed, --smooth, --keep-worst, "
+            "--processes, --json and --force go with it.",
+            show_default=False,
+        ),
+    ] = None,
+    smooth: Annotated[bool, typer.Option("--smooth", help="With --config: smooth each recording, too.")] = False,
+    keep_worst: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --config: folder for the log and the configuration of the worst trial, for `estimate`.",
+            show_default=False,
         ),
     ] = None,
     noise: Annotated[
@@ -106,38 +121,36 @@ def validate(
     The exit code is 1 if the guaranteed mode lost the truth, gave a wrong answer, took true measurements for
     contradictory, gave up, or did not recover from a liar.
     """
+    if config is not None:
+        validate_recordings(
+            config,
+            out,
+            number=trials,
+            seed=seed,
+            smooth=smooth,
+            keep_worst=keep_worst,
+            processes=processes,
+            as_json=as_json,
+            force=force,
+        )
+        return
+    if smooth or keep_worst is not None:
+        raise typer.BadParameter("is for recordings, with --config", param_hint="--smooth / --keep-worst")
     if mode == "guaranteed" and not hasattr(elliptude, "GuaranteedFilter"):
         raise typer.BadParameter("'guaranteed' is not in this version of elliptude", param_hint="--mode")
-    bounds = adversary.BOUNDS_DEG if bound_deg is None else tuple(dict.fromkeys(bound_deg))
-    every_kind = ("honest", *trial_kinds.KINDS)
-    for name in kind or ():
-        if name not in (*every_kind, "all"):
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(every_kind)}, all", param_hint="--kind")
-    kinds = every_kind if kind and "all" in kind else tuple(dict.fromkeys(kind or ("honest",)))
-    if mode != "guaranteed" and kinds != ("honest",):
-        raise typer.BadParameter("only mode guaranteed is tried with other kinds than honest", param_hint="--kind")
-    cases = tuple(
-        Case(one_scenario, one_set, bound, one_noise, one_kind)
-        for one_kind in kinds
-        for one_scenario in (adversary.SCENARIOS if scenario == "all" else (scenario,))
-        for one_set in (adversary.DIRECTIONS if directions == "all" else (directions,))
-        for bound in bounds
-        for one_noise in (adversary.NOISES if noise == "all" else (noise,))
-        if one_kind == "honest" or (one_scenario in trial_kinds.KINDS[one_kind].scenarios and one_noise != "search")
-    )
-    if not cases:
-        where = ", ".join(f"{name} is of {', '.join(trial_kinds.KINDS[name].scenarios)}" for name in kinds)
-        raise typer.BadParameter(f"nothing is left to try: {where}; none is searched", param_hint="--kind")
+    cases = _cases(scenario, directions, bound_deg, noise, kind, mode)
     arguments = Arguments(mode=mode, trials=trials, updates=updates, seed=seed, cases=cases)
-    # An interrupted run goes on in the same files; `_begun` refuses those of another one.
+    # An interrupted run goes on in the same files; `begun` refuses those of another one.
     require_outputs((out / name for name in (_PROGRESS, _SUMMARY, _FIGURE)), force=True, folder=out)
-    done = _begun(out, arguments, force)
+    chunks = {name: Piece(name, (arguments, case, number)) for name, case, number in monte_carlo.chunks(arguments)}
+    done = resumed.begun(out / _PROGRESS, arguments.to_dict(), set(chunks), force=force)
     out.mkdir(parents=True, exist_ok=True)
     # It says that the folder is complete.
     (out / _SUMMARY).unlink(missing_ok=True)
     console = Console(stderr=True)
     begin, before = time.monotonic(), len(done)
-    _run(arguments, done, out / _PROGRESS, processes, console)
+    every = list(chunks.values())
+    resumed.run(monte_carlo.validate_chunk, every, done, arguments.to_dict(), out / _PROGRESS, processes, console)
     elapsed = time.monotonic() - begin
     summary = monte_carlo.summarize(arguments, done)
     from elliptude.report import figures  # imports Matplotlib, which would slow every command
@@ -165,43 +178,36 @@ def validate(
         raise typer.Exit(1)
 
 
-def _begun(out: Path, arguments: Arguments, force: bool) -> dict[str, Any]:
-    """The results of an earlier run with the same arguments."""
-    file = out / _PROGRESS
-    if force or not file.exists():
-        return {}
-    try:
-        begun = json.loads(file.read_text(encoding="utf-8"))
-        same, done = begun["arguments"] == arguments.to_dict(), begun["done"]
-    except (ValueError, TypeError, KeyError) as error:
-        raise FileError(f"{file} is not a validation's; --force starts over") from error
-    if not same:
-        raise FileError(f"{file} is of a validation with other arguments; --force starts over")
-    known = {name for name, *_ in monte_carlo.chunks(arguments)}
-    return {name: chunk for name, chunk in done.items() if name in known}
-
-
-def _run(arguments: Arguments, done: dict[str, Any], file: Path, processes: int | None, console: Console) -> None:
-    """Run the trials that are not done; however it ends, the file keeps the results."""
-    all_chunks = list(monte_carlo.chunks(arguments))
-    pieces = [Piece(name, (arguments, case, number)) for name, case, number in all_chunks if name not in done]
-    results = engine.results(monte_carlo.validate_chunk, pieces, processes=processes)
-
-    def keep() -> None:
-        write_json(file, {"arguments": arguments.to_dict(), "done": done})
-
-    kept = time.monotonic()
-    with progress_with_time_left(console) as progress, closing(results):
-        task = progress.add_task("Validating", total=len(all_chunks), completed=len(done))
-        try:
-            for name, result in results:
-                done[name] = result
-                progress.advance(task)
-                if time.monotonic() > kept + _KEEP_AFTER:
-                    keep()
-                    kept = time.monotonic()
-        finally:
-            keep()
+def _cases(
+    scenario: str,
+    directions: str,
+    bound_deg: list[float] | None,
+    noise: adversary.Noise | Literal["all"],
+    kind: list[str] | None,
+    mode: Mode,
+) -> tuple[Case, ...]:
+    """What is tried, by the options of these names."""
+    bounds = adversary.BOUNDS_DEG if bound_deg is None else tuple(dict.fromkeys(bound_deg))
+    every_kind = ("honest", *trial_kinds.KINDS)
+    for name in kind or ():
+        if name not in (*every_kind, "all"):
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(every_kind)}, all", param_hint="--kind")
+    kinds = every_kind if kind and "all" in kind else tuple(dict.fromkeys(kind or ("honest",)))
+    if mode != "guaranteed" and kinds != ("honest",):
+        raise typer.BadParameter("only mode guaranteed is tried with other kinds than honest", param_hint="--kind")
+    cases = tuple(
+        Case(one_scenario, one_set, bound, one_noise, one_kind)
+        for one_kind in kinds
+        for one_scenario in (adversary.SCENARIOS if scenario == "all" else (scenario,))
+        for one_set in (adversary.DIRECTIONS if directions == "all" else (directions,))
+        for bound in bounds
+        for one_noise in (adversary.NOISES if noise == "all" else (noise,))
+        if one_kind == "honest" or (one_scenario in trial_kinds.KINDS[one_kind].scenarios and one_noise != "search")
+    )
+    if not cases:
+        where = ", ".join(f"{name} is of {', '.join(trial_kinds.KINDS[name].scenarios)}" for name in kinds)
+        raise typer.BadParameter(f"nothing is left to try: {where}; none is searched", param_hint="--kind")
+    return cases
 
 
 # --- the table --------------------------------------------------------------------------------------------------------

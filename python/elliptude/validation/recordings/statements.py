@@ -1,0 +1,263 @@
+"""What a configuration of the guaranteed mode states, by a rule or sensor by sensor, in SI units."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from elliptude import units
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.windows import MotionBounds
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.rules import RestRule, Rule
+from elliptude.configuration.sensors import (
+    SUN_ERROR_DEG,
+    AccelerationBound,
+    Accelerometer,
+    AnyDirection,
+    Direction,
+    FieldBound,
+    Magnetometer,
+    RestPhase,
+    SunByTime,
+    Velocity,
+    VelocityWindowBound,
+)
+from elliptude.io.files import FileError
+from elliptude.typing import FloatArray
+
+# Without a rule that says it, a rest is this long at least, s.
+_REST = 2.0
+
+
+@dataclass(frozen=True)
+class StatedGyro:
+    """What is stated of the gyro and of how the body turns."""
+
+    bounds: GyroBounds
+    known_bias: FloatArray
+    """rad/s, shape (3,)."""
+    is_estimated: bool
+    """Whether the bias is part of the state, and moves no faster than it drifts."""
+    between: float
+    """How fast the rate changes between samples beside the noise, rad/s²."""
+    holds: bool
+    """Whether the rate between two samples is that of the one before."""
+    interval: float | None
+    """The longest interval that is stated, s."""
+    increment_over: float
+    """The longest window that the increment is stated for, s."""
+
+
+@dataclass(frozen=True)
+class StatedForce:
+    """What is stated of the accelerometer, and of how it moves."""
+
+    sensor: VectorSensorBounds
+    motion: MotionBounds
+    windows: tuple[float, ...]
+    """Lengths of the windows that are tried, s; none for single samples."""
+    gravity: float
+    gravity_error: float
+    angle: float | None
+    """If each sample is within a constant angle of up, rad."""
+
+
+@dataclass(frozen=True)
+class StatedField:
+    """What is stated of the magnetometer, and of the field."""
+
+    sensor: VectorSensorBounds
+    disturbance: float
+    """µT."""
+    strength_error: float
+    """µT."""
+    angle: float | None
+    """If each sample is within a constant angle of the reference, rad."""
+
+
+@dataclass(frozen=True)
+class StatedRest:
+    """A rest that the log must have, in the time of its rows."""
+
+    begin: float
+    """s after the first row."""
+    end: float
+    velocity: float
+    """m/s."""
+    field_change: float
+    """How far the field may be from its mean over the rest, µT."""
+    shows: RestRule | None
+    """By which a rule finds it, and takes the gyro's bias from it."""
+
+
+class Stated:
+    """All that a configuration states.
+
+    Parameters
+    ----------
+    configuration : Configuration
+
+    Raises
+    ------
+    FileError
+        If it states something of which no logs are drawn.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        self.configuration = configuration
+        self.rule: Rule | None = None if configuration.rule is None else configuration.rule.rule()
+        _require_drawable(configuration)
+        self.flow = configuration.flow
+        self.directions: tuple[AnyDirection, ...] = configuration.directions
+        self.velocity: Velocity | None = configuration.velocity
+        self.gyro = self._gyro()
+        self.force, self.field = self._force(), self._field()
+        self.rests = self._rests()
+
+    def offset_of(self, sensor: AnyDirection) -> float:
+        """How far a sensor's stamps may be off beside the gyro's, s."""
+        if self.rule is None:
+            own = sensor.time_offset_bound_s
+        elif isinstance(sensor, Accelerometer):
+            own = self.rule.accelerometer.time_offset_bound_s
+        else:
+            assert self.rule.magnetometer is not None
+            own = self.rule.magnetometer.time_offset_bound_s
+        # What makes one row of different stamps has to be part of it.
+        within = self.configuration.timing.same_within_s
+        return max(own - within, 0.0) if within > 1e-8 else own
+
+    def delay_of(self, sensor: AnyDirection) -> float:
+        """How late a sensor's stamps are, s."""
+        if self.rule is not None and self.rule.magnetometer is not None and isinstance(sensor, Magnetometer):
+            return self.rule.magnetometer.delay_s
+        return sensor.delay_s
+
+    @property
+    def gyro_offset(self) -> float:
+        """How far the gyro's stamps may be off against all others, s."""
+        return self.flow.time_offset_bound_s if isinstance(self.flow, GyroFlow) else 0.0
+
+    @property
+    def longest_window(self) -> float:
+        """The longest window of the accelerometer, s; 0 without one."""
+        return max(self.force.windows, default=0.0) if self.force is not None else 0.0
+
+    def _gyro(self) -> StatedGyro:
+        flow, anchor = self.flow, None
+        assert isinstance(flow, GyroFlow)
+        if self.rule is not None:
+            assert self.configuration.rule is not None
+            anchor = self.configuration.rule.anchor_s
+            over = max(*self.rule.motion.windows_s, anchor or 0.0)
+            interval = self.rule.gyro.longest_interval_s
+            return StatedGyro(self.rule.gyro.bounds(), np.zeros(3), False, 0.0, False, interval, over)
+        windows = [w for sensor in self.directions for w in getattr(sensor.bound_from, "windows_s", ())]
+        return StatedGyro(
+            flow.bounds(),
+            np.deg2rad(flow.known_bias_deg_per_s),
+            flow.estimate_bias,
+            math.radians(flow.angular_acceleration_deg_per_s2),
+            flow.interval_rate == "first_sample",
+            flow.longest_interval_s,
+            max([*windows, flow.anchor_s or 0.0]),
+        )
+
+    def _force(self) -> StatedForce | None:
+        sensor = self.configuration.accelerometer
+        if sensor is None:
+            return None
+        if self.rule is not None:
+            stated, moves = self.rule.accelerometer, self.rule.motion
+            return StatedForce(
+                stated.sensor(),
+                moves.bounds(),
+                moves.windows_s,
+                stated.gravity_m_per_s2,
+                stated.gravity_error_m_per_s2,
+                None,
+            )
+        bound, errors = sensor.bound_from, sensor.sensor_error.bounds()
+
+        def known(value: float | None) -> float:
+            return math.inf if value is None else value
+
+        if isinstance(bound, VelocityWindowBound):
+            motion = MotionBounds(
+                known(bound.velocity_m_per_s),
+                known(bound.position_m),
+                known(bound.acceleration_m_per_s2),
+                known(bound.largest_jerk_m_per_s3),
+            )
+            return StatedForce(
+                errors, motion, bound.windows_s, sensor.gravity_m_per_s2, bound.gravity_error_m_per_s2, None
+            )
+        if isinstance(bound, AccelerationBound):
+            motion = MotionBounds(acceleration=bound.acceleration_m_per_s2)
+            return StatedForce(errors, motion, (), sensor.gravity_m_per_s2, bound.gravity_error_m_per_s2, None)
+        return StatedForce(errors, MotionBounds(), (), sensor.gravity_m_per_s2, 0.0, radius_of(sensor))
+
+    def _field(self) -> StatedField | None:
+        sensor = next((one for one in self.directions if isinstance(one, Magnetometer)), None)
+        if sensor is None:
+            return None
+        if self.rule is not None:
+            assert self.rule.magnetometer is not None
+            return StatedField(self.rule.magnetometer.sensor(), self.rule.magnetometer.disturbance_ut, 0.0, None)
+        bound, errors = sensor.bound_from, sensor.sensor_error.bounds()
+        if isinstance(bound, FieldBound):
+            return StatedField(errors, bound.disturbance_ut, bound.strength_error_ut, None)
+        return StatedField(errors, 0.0, 0.0, radius_of(sensor))
+
+    def _rests(self) -> tuple[StatedRest, ...]:
+        if self.rule is not None:
+            rest = self.rule.rest
+            lasts = max(rest.least_s, rest.most_s or 0.0)
+            return (StatedRest(0.0, lasts, rest.velocity_m_per_s, self.rule.field_change(), rest),)
+        sensor = next((one for one in self.directions if isinstance(one, Magnetometer)), None)
+        if sensor is None or not isinstance(sensor.reference, RestPhase):
+            return ()
+        phase, motion = sensor.reference, self.force.motion if self.force is not None else MotionBounds()
+        velocity = motion.velocity if phase.velocity_m_per_s is None else phase.velocity_m_per_s
+        change = self.field.disturbance if self.field is not None else 0.0
+        return (StatedRest(phase.from_s, phase.to_s, velocity, change, None),)
+
+
+def radius_of(sensor: AnyDirection) -> float:
+    """The angle within which a direction with a constant bound lies, rad; of an ellipsoid the ball about it counts."""
+    if sensor.bound_rad2 is not None:
+        return float(math.sqrt(np.linalg.eigvalsh(np.asarray(sensor.bound_rad2))[-1]))
+    degrees = sensor.bound_deg if sensor.bound_from is None else getattr(sensor.bound_from, "angle_deg", None)
+    assert degrees is not None
+    return math.radians(degrees)
+
+
+def added_to(sensor: AnyDirection) -> float:
+    """How far the reference and the sensor's axes may be off together, rad."""
+    of_sun = isinstance(sensor, Direction) and isinstance(sensor.reference, SunByTime)
+    of_reference = sensor.reference_error_deg
+    if of_reference is None:
+        of_reference = SUN_ERROR_DEG if of_sun else 0.0
+    return math.radians(of_reference + sensor.alignment_error_deg)
+
+
+def _require_drawable(configuration: Configuration) -> None:
+    open_still = []
+    if configuration.estimator.mode != "guaranteed":
+        open_still.append("estimator.mode: only 'guaranteed' promises anything")
+    if configuration.calibration is not None:
+        open_still.append("calibration: its sensors' samples would be corrected; leave it out")
+    if not isinstance(configuration.flow, GyroFlow):
+        open_still.append("flow.kind: logs of a gyro are drawn, not of a rigid body")
+    elif configuration.start is not None and configuration.flow.estimate_bias:
+        open_still.append("start: is not drawn beside flow.estimate_bias")
+    if open_still:
+        raise FileError("; ".join(open_still))
+
+
+def tesla_of(sensor: Magnetometer) -> float:
+    """How many µT a sensor's unit is."""
+    return sensor.tesla / units.FIELD["uT"]

@@ -1,0 +1,265 @@
+"""Whole recordings within what a configuration states: nothing is wrong with them, and what is too small is noticed."""
+
+import itertools
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+from elliptude import cli
+from elliptude.bounds import gyro as gyro_bounds
+from elliptude.bounds import turns
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.windows import MotionBounds
+from elliptude.configuration import rules
+from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.sensors import Direction, DirectionBase
+from elliptude.estimation import direction_rows
+from elliptude.io.toml import validate
+from elliptude.logs.rest_phase import ReferenceBounds
+from elliptude.validation.recordings.drawing import draw_recording
+from elliptude.validation.recordings.trials import RecordingArguments, try_recording
+from elliptude.validation.recordings.turning import Turning
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+
+from random_configurations import draw_configuration
+
+GUARANTEED = {"mode": "guaranteed", "policy": "drop_measurement", "best": "center"}
+GYRO = {"kind": "gyro", "columns": ["gx", "gy", "gz"], "longest_interval_s": 0.05, "noise_deg_per_s": 1e-6}
+UP = {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "m/s^2"}
+FIELD = {"name": "field", "kind": "magnetometer", "columns": ["mx", "my", "mz"], "unit": "uT"}
+
+
+def configured(flow, *directions, **more):
+    tables = {"time_column": "t", "reference_frame": "ENU", "flow": GYRO | flow, "directions": list(directions)}
+    tables["estimator"] = GUARANTEED
+    return validate(Path("a test"), tables | more, Configuration)
+
+
+def faults(configuration, trials, seed=0):
+    """How many of these recordings have a fault; stops at the first."""
+    arguments = RecordingArguments(configuration, trials, seed)
+    return any(try_recording(arguments, trial).verdict.is_fault for trial in range(trials))
+
+
+def test_turns_solve_their_equation():
+    draws = np.random.default_rng(1)
+    times = np.cumsum(np.append(0.0, draws.uniform(0.05, 0.2, 5)))
+    begins, ends = 5.0 * draws.normal(size=(2, 5, 3))
+    turning = Turning(times, begins, ends)
+
+    def change(time, attitude):
+        x, y, z = turning.rates(np.array([time]))[0]
+        return (attitude.reshape(3, 3) @ np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])).ravel()
+
+    attitude = np.eye(3).ravel()
+    for begin, end in itertools.pairwise(times):
+        inside = end - 1e-15
+        attitude = solve_ivp(change, (begin, inside), attitude, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    np.testing.assert_allclose(turning.attitudes(times[-1:])[0], attitude.reshape(3, 3), rtol=0.0, atol=1e-11)
+
+
+def test_same_seeds_draw_the_same():
+    configuration = validate(Path("a test"), draw_configuration(3), Configuration)
+    one, other = (draw_recording(configuration, 5) for _ in range(2))
+    for name, values in one.columns.items():
+        np.testing.assert_array_equal(values, other.columns[name])
+
+
+@pytest.mark.parametrize("number", range(16))
+def test_nothing_is_wrong_with_random_configurations(number):
+    configuration = validate(Path(f"configuration {number}"), draw_configuration([0, number]), Configuration)
+    verdict = try_recording(RecordingArguments(configuration, 1, number), 0).verdict
+    assert verdict.rows > 0
+    assert (verdict.error, verdict.contradicted, verdict.outside) == (None, 0, 0)
+
+
+# --- that a bound that is too small is noticed ------------------------------------------------------------------------
+
+SMALL = {"error_m_per_s2": 1e-9}
+FIXED = {"name": "sun", "columns": ["px", "py", "pz"], "reference": [1.0, 0.2, 0.0], "bound_deg": 0.01}
+STAR = FIXED | {"name": "star", "columns": ["qx", "qy", "qz"], "reference": [0.0, 0.1, 1.0]}
+RARE = {"time_column": "ts", "time_unit": "s"}
+STARS = (FIXED | RARE, STAR | RARE)
+WINDOW = {"kind": "velocity_window", "windows_s": [2.0], "at": "middle"}
+STATED_FIELD = FIELD | {"reference_ut": [1.0, 20.0, -43.0], "sensor_error": {"error_ut": 1e-9}}
+NO_DISTURBANCE = {"bound_from": {"kind": "field", "disturbance_ut": 0.0}}
+REST = {"kind": "rest_phase", "from_s": 0.5, "to_s": 2.0, "declination_deg": 0.0, "velocity_m_per_s": 0.0}
+
+
+def up(window=None, **more):
+    return UP | {"sensor_error": SMALL, "bound_from": WINDOW | (window or {})} | more
+
+
+STILL_UP = up({"velocity_m_per_s": 0.0})
+
+
+def ruled(**tables):
+    rule = {"kind": "stated"} | rules.hand_held().model_dump(mode="json", exclude_none=True)
+    rule["gyro"] = {"noise_deg_per_s": 0.1, "bias_deg_per_s": 0.1, "drift_deg_per_s2": 0.0, "scale_error": 0.0}
+    rule["motion"] |= {"velocity_m_per_s": 0.0, "position_m": 0.0, "windows_s": [2.0]}
+    rule["rest"] |= {"velocity_m_per_s": 0.0}
+    rule["accelerometer"] |= {"scale_error": 0.0, "error_m_per_s2": 1e-9, "averaged_error_m_per_s2": 0.0}
+    rule["accelerometer"] |= {"gravity_error_m_per_s2": 0.0, "time_offset_bound_s": 0.0}
+    rule["magnetometer"] |= {"scale_error": 0.0, "error_ut": 1e-9, "averaged_error_ut": 0.0, "disturbance_ut": 0.0}
+    rule["magnetometer"] |= {"time_offset_bound_s": 0.0, "delay_s": 0.0}
+    for name, table in tables.items():
+        rule[name] |= table
+    configuration = {"time_column": "t", "rule": rule, "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"]}}
+    configuration["directions"] = [UP, FIELD]
+    configuration["estimator"] = GUARANTEED
+    return validate(Path("a test"), configuration, Configuration)
+
+
+def smaller(monkeypatch, owner, name, share=0.9):
+    """Make what a function says this much smaller."""
+    whole = getattr(owner, name)
+    monkeypatch.setattr(owner, name, lambda *given, **more: share * whole(*given, **more))
+
+
+def without(monkeypatch, owner, name):
+    """Make a property zero."""
+    monkeypatch.setattr(owner, name, property(lambda _: 0.0))
+
+
+WEAKENED = {
+    "the speed in a window": (
+        lambda m: smaller(m, MotionBounds, "mean_acceleration_uniform"),
+        lambda: configured({}, up({"velocity_m_per_s": 1.0}), FIXED),
+    ),
+    "the error of a mean": (
+        lambda m: smaller(m, VectorSensorBounds, "mean_error"),
+        lambda: configured(
+            {},
+            up({"velocity_m_per_s": 0.0}, sensor_error={"error_m_per_s2": 0.5, "averaged_error_m_per_s2": 0.3}),
+            FIXED,
+        ),
+    ),
+    "the bias of a gyro": (
+        lambda m: smaller(m, GyroBounds, "steady_error"),
+        lambda: configured({"bias_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
+    ),
+    "the noise of a gyro": (
+        lambda m: smaller(m, GyroBounds, "_noise_angle"),
+        lambda: configured({"noise_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
+    ),
+    "noise that turns with the body": (
+        lambda m: smaller(m, GyroBounds, "swept_increment", 0.5),
+        lambda: configured({"noise_deg_per_s": 5.0, "increment_deg": 0.5, "anchor_s": 2.0}, *STARS),
+    ),
+    "rates on lines that cone": (
+        lambda m: [m.setattr(one, "coning_angles", lambda steps, rates: 0.0 * steps) for one in (gyro_bounds, turns)],
+        lambda: configured({"anchor_s": 1.0}, STILL_UP, STATED_FIELD | NO_DISTURBANCE),
+    ),
+    "the largest rate in a gap": (
+        lambda m: smaller(m, GyroBounds, "turns_over_gaps", 0.7),
+        lambda: configured({"largest_rate_deg_per_s": 100.0, "anchor_s": 1.0}, *STARS),
+    ),
+    "offsets in time": (
+        lambda m: smaller(m, direction_rows, "time_offset_angles"),
+        lambda: configured({}, FIXED | {"time_offset_bound_s": 0.02}, STAR),
+    ),
+    "offsets of a gyro": (
+        lambda m: without(m, Configuration, "time_offset_of_rows"),
+        lambda: configured({"time_offset_bound_s": 0.02}, FIXED, STAR),
+    ),
+    "errors of axes and of a reference": (
+        lambda m: without(m, DirectionBase, "added_angle"),
+        lambda: configured({}, FIXED | {"alignment_error_deg": 1.0}, STAR),
+    ),
+    "a reference that moves": (
+        lambda m: without(m, Direction, "reference_rate"),
+        lambda: configured(
+            {},
+            {key: value for key, value in FIXED.items() if key != "reference"}
+            | {"time_offset_bound_s": 0.5, "reference_columns": ["a", "b", "c"], "reference_rate_deg_per_s": 2.0},
+            STAR,
+        ),
+    ),
+    "a phase of rest as a reference": (
+        lambda m: m.setattr(direction_rows, "reference_error", lambda *_: ReferenceBounds(0.0, 0.0)),
+        lambda: configured(
+            {}, STILL_UP, FIELD | {"reference": REST, "sensor_error": {"error_ut": 2.0}} | NO_DISTURBANCE
+        ),
+    ),
+    "a rule's reference field": (
+        lambda m: m.setattr(rules, "_field_at_rest", _exact(rules._field_at_rest)),
+        lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
+    ),
+}
+
+
+def _exact(whole):
+    return lambda *given: (whole(*given)[0], 0.0)
+
+
+@pytest.mark.parametrize("what", WEAKENED)
+def test_a_bound_that_is_too_small_is_noticed(what, monkeypatch):
+    weaken, make = WEAKENED[what]
+    configuration = make()
+    assert not faults(configuration, 3)
+    weaken(monkeypatch)
+    assert faults(configuration, 60)
+
+
+# --- as typed ---------------------------------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.make_app(), [str(argument) for argument in arguments])
+
+
+def written(folder, tables=None):
+    file = folder / "config.toml"
+    tables = tables or {"time_column": "t", "flow": GYRO, "directions": [FIXED, STAR]} | {"estimator": GUARANTEED}
+    file.write_text(tomlkit.dumps(tables), encoding="utf-8")
+    return file
+
+
+def test_command_says_what_became_of_recordings(tmp_path):
+    config, out = written(tmp_path), tmp_path / "out"
+    typed = ["validate", "--config", config, "--out", out, "--trials", 2, "--processes", 1]
+    done = run(*typed, "--json", "--keep-worst", tmp_path / "worst")
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    assert summary == json.loads((out / "summary.json").read_text())
+    assert summary["total"]["rows"] > 0
+    assert summary["faults"] == []
+    assert {"set", "largest angle"} <= set(summary["answers"])
+    # The same command goes on, and says the same.
+    assert json.loads(run(*typed, "--json").stdout) == summary
+    refused = run(*typed, "--seed", 1)
+    assert refused.exit_code == 1
+    again = run(
+        "estimate", tmp_path / "worst/log.csv", "--config", tmp_path / "worst/config.toml", "--out", tmp_path / "found",
+        "--ignore-implausible",
+    )  # fmt: skip
+    assert again.exit_code == 0, again.output
+    assert "against truth" in again.output
+
+
+def test_command_fails_if_a_bound_is_too_small(tmp_path, monkeypatch):
+    weaken, _ = WEAKENED["errors of axes and of a reference"]
+    weaken(monkeypatch)
+    tables = {"time_column": "t", "flow": GYRO, "estimator": {"mode": "guaranteed", "policy": "drop_measurement"}}
+    stars = [FIXED | {"alignment_error_deg": 1.0}, STAR]
+    config = written(tmp_path, tables | {"directions": stars})
+    done = run("validate", "--config", config, "--out", tmp_path / "out", "--trials", 8, "--processes", 1)
+    assert done.exit_code == 1
+    assert "trial" in done.stdout
+
+
+def test_what_is_not_drawn_is_refused(tmp_path):
+    body = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 2.0, 2.5], "step_s": 0.1}
+    tables = {"flow": body, "directions": [FIXED], "estimator": {"mode": "guaranteed"}}
+    done = run("validate", "--config", written(tmp_path, tables), "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "flow.kind" in done.output
+    done = run("validate", "--smooth", "--out", tmp_path / "out")
+    assert done.exit_code == 2
