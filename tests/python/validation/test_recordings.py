@@ -13,6 +13,7 @@ from elliptude.bounds import gyro as gyro_bounds
 from elliptude.bounds import turns
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import VectorSensorBounds
+from elliptude.bounds.velocity import VelocityOfRows
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
@@ -129,6 +130,31 @@ def without(monkeypatch, owner, name):
 
 
 WEAKENED = {
+    "the place in a window": (
+        lambda m: smaller(m, MotionBounds, "mean_acceleration_triangular"),
+        lambda: configured({}, up({"position_m": 1.0}), FIXED),
+    ),
+    "what nobody saw in a gap": (
+        lambda m: smaller(m, MotionBounds, "unseen", 0.0),
+        lambda: configured(
+            {"largest_angular_acceleration_deg_per_s2": 10.0},
+            up({"velocity_m_per_s": 0.1, "largest_jerk_m_per_s3": 20.0}),
+            FIXED,
+        ),
+    ),
+    "a measured velocity": (
+        lambda m: smaller(m, VelocityOfRows, "mean_acceleration"),
+        lambda: configured(
+            {},
+            up(),
+            FIXED,
+            velocity={"columns": ["u", "v", "w"], "error_m_per_s": 0.5, "largest_acceleration_m_per_s2": 2.0},
+        ),
+    ),
+    "a rule's bias that drifts": (
+        lambda m: m.setattr(rules, "after_rest", lambda gyro, times: gyro),
+        lambda: ruled(gyro={"bias_deg_per_s": 0.0, "drift_deg_per_s2": 0.05}, rest={"least_s": 6.0}),
+    ),
     "the speed in a window": (
         lambda m: smaller(m, MotionBounds, "mean_acceleration_uniform"),
         lambda: configured({}, up({"velocity_m_per_s": 1.0}), FIXED),

@@ -50,7 +50,7 @@ _KINDS: dict[str, tuple[str, ...]] = {
     "field scale": gyro_errors.MATRICES,
     "disturbance": gyro_errors.PATTERNS,
     "directions": gyro_errors.PATTERNS,
-    "velocity": gyro_errors.PATTERNS,
+    "velocity": (*gyro_errors.PATTERNS, "along the rate", "along the rate", "along the rate"),
     "stamps": ("even", "even", "uneven"),
     "lost": ("none", "none", "single", "runs"),
     "empty": ("none", "none", "some"),
@@ -242,7 +242,9 @@ def _motion(of: _Draw) -> vector_errors.Moved | None:
     assert sensor is not None
     times = of.grid + of.offset(sensor.name, of.stated.offset_of(sensor))
     largest = np.inf if velocity is None else velocity.largest_acceleration_m_per_s2
-    return vector_errors.draw_motion(force, _rest_of(of), times, of.first, of.more, of.kinds, largest, of.draws)
+    return vector_errors.draw_motion(
+        force, _rest_of(of), times, of.first, of.more, of.kept, of.kinds, largest, of.draws
+    )
 
 
 def _stamps(
@@ -456,7 +458,7 @@ def _velocity(
     times = stamps - stated.delay_s + of.offset("the velocity", stated.time_offset_bound_s)
     true = moved.velocities_at(np.clip(times, moved.times[0], moved.times[-1]))
     along = gyro_errors.pattern(
-        "in the body" if of.kinds["velocity"] == "along the rate" else of.kinds["velocity"],
+        of.kinds["velocity"],
         np.tile(np.eye(3), (len(times), 1, 1)),
         true,
         draws,

@@ -194,12 +194,15 @@ def draw_gyro(
             _turn_in_gap(base, times, begin, end, gyro, draws)
     attitudes = Turning(times, base[:-1], base[1:]).attitudes(times)
     scale = matrix_within(bounds.scale_error, kinds["scale"], draws)
-    biases = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
-    at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases, resting, draws)
+    biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
+    at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases + drifts, resting, draws)
     raw = gyro.known_bias
     for rest in stated.rests:
         if rest.shows is not None:
             raw = _shown_in_rest(rest, times, kept, biases, at_samples, gyro, draws)
+            # What drifts is not hidden: the mean over the rest is that of its middle.
+            drifts -= drifts[kept & (times <= first + (1.0 + 1e-9) * rest.end)].mean(axis=0)
+    biases = biases + drifts
     for values in (biases, at_samples):
         _fill_in(values, times, lost, gyro)
     shown = base @ (np.eye(3) + scale).T + raw + biases + at_samples
@@ -268,15 +271,15 @@ def _biases(
     rates: FloatArray,
     first: float,
     draws: np.random.Generator,
-) -> FloatArray:
-    """What is left of the bias, rad/s, shape (M, 3)."""
+) -> tuple[FloatArray, FloatArray]:
+    """What is left of the bias when it is known, and how it drifts from there, rad/s, shape (M, 3) each."""
     since = np.maximum(times - first, 0.0)[:, None]
     drifts = gyro.bounds.drift * AT_BOUND * since * unit_vector(draws)
     if gyro.is_estimated:
         share = draws.choice([0.0, 0.5, 1.0])
         left = share * gyro.bounds.bias * AT_BOUND * np.tile(unit_vector(draws), (len(times), 1))
-        return np.asarray(left + drifts)
-    return gyro.bounds.bias * AT_BOUND * pattern(kind, attitudes, rates, draws) + drifts
+        return np.asarray(left), drifts
+    return gyro.bounds.bias * AT_BOUND * pattern(kind, attitudes, rates, draws), drifts
 
 
 def _noise(

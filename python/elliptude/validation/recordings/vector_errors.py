@@ -1,5 +1,6 @@
 """What accelerometers, magnetometers and sensors of directions show, with errors that keep their bounds."""
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -15,7 +16,17 @@ from elliptude.validation.recordings.statements import StatedField, StatedForce,
 
 # Of vectors as they are drawn and written, as a share.
 _ROUNDING = 16.0 * float(np.finfo(np.float64).eps)
-MOTIONS = ("still", "back and forth", "back and forth", "back and forth", "steady", "waves", "any")
+MOTIONS = (
+    "still",
+    "back and forth",
+    "back and forth",
+    "back and forth",
+    "bounces",
+    "bounces",
+    "steady",
+    "waves",
+    "any",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +71,7 @@ def draw_motion(
     times: FloatArray,
     first: float,
     more: float,
+    kept: NDArray[np.bool_],
     kinds: dict[str, str],
     largest: float,
     draws: np.random.Generator,
@@ -77,6 +89,8 @@ def draw_motion(
         Time of the first row, s.
     more : float
         How far stamps may be off, s.
+    kept : (M,) array of bool
+        Where there are samples.
     kinds : dict
         Of the motion (``moves``).
     largest : float
@@ -91,10 +105,19 @@ def draw_motion(
     window *= 1.01  # so that a window fits between two turns
     speed = motion.velocity if np.isfinite(motion.velocity) else 10.0 ** draws.uniform(0.0, 1.5)
     size = min(motion.acceleration, largest, 2.0 * speed / window, 16.0 * motion.position / window**2)
+    first_row, last_row = np.flatnonzero(kept)[[0, -1]]
+    if np.isfinite(motion.jerk) and not kept[first_row:last_row].all():
+        size *= 1.3  # what is hidden while samples are lost may undo as much
     phase = draws.uniform(0.0, 2.0)
     kind = kinds["moves"]
     if kind == "back and forth":
         wanted = size * np.sign(np.sin(math.pi * (times / window + phase)))[:, None] * level
+    elif kind == "bounces":
+        # All the same way, and back within a few samples: it keeps to one side of its place.
+        back = 2.0 * float(np.median(np.diff(times)))
+        period = window + back
+        since = np.mod(times / period + phase, 1.0) * period
+        wanted = np.where(since < back, -size * window / back, size)[:, None] * level
     elif kind == "steady":
         wanted = size * np.tile(level, (len(times), 1))
     elif kind == "waves":
@@ -120,8 +143,25 @@ def draw_motion(
             wanted[times <= first + rest.end + more + rest.shows.duration_s] = 0.0
             wanted[quiet] = least * level * draws.choice([-1.0, 0.0, 1.0])
             start = -0.5 * lasts * wanted[0]
+    _hide(wanted, kept, times, motion.jerk, quiet)
     wanted = _slewed(wanted, times, motion.jerk, force.sensor.error)
-    return _within(wanted, times, start, quiet, force, rest, draws)
+    return _within(wanted, times, start, quiet, force, rest, largest)
+
+
+def _hide(
+    wanted: FloatArray, kept: NDArray[np.bool_], times: FloatArray, jerk: float, quiet: NDArray[np.bool_]
+) -> None:
+    """While samples are lost, let the acceleration do less and come back, as fast as it may change."""
+    if not np.isfinite(jerk):
+        return
+    for begin, end in itertools.pairwise(np.flatnonzero(kept).tolist()):
+        if end == begin + 1 or quiet[begin : end + 1].any():
+            continue
+        inside = slice(begin + 1, end)
+        away = jerk * np.minimum(times[inside] - times[begin], times[end] - times[inside])
+        length = float(np.linalg.norm(wanted[begin]))
+        wanted[inside] = wanted[begin] - (away[:, None] * wanted[begin] / length if length > 0.0 else 0.0)
+        wanted[end] = wanted[begin]
 
 
 def _slewed(wanted: FloatArray, times: FloatArray, jerk: float, quick: float) -> FloatArray:
@@ -143,26 +183,29 @@ def _within(
     quiet: NDArray[np.bool_],
     force: StatedForce,
     rest: StatedRest | None,
-    draws: np.random.Generator,
+    largest: float,
 ) -> Moved:
     """The motion, less of it if it breaks what is stated of velocity and place."""
     motion, window = force.motion, max(force.windows, default=0.0)
     share = np.ones(len(times))
-    for _ in range(60):
+    for _ in range(120):
         moved = Moved.by(times, wanted * share[:, None], start)
         velocities = moved.velocities
-        if rest is None and np.isfinite(motion.velocity):
+        if rest is None:
+            mean = running_integral(times, velocities)[-1] / (times[-1] - times[0])
             middle = 0.5 * (velocities.max(axis=0) + velocities.min(axis=0))
-            moved = Moved(times, moved.accelerations, velocities - middle)
+            # Of the speed alone the ends count, of the place that it does not drift.
+            moved = Moved(times, moved.accelerations, velocities - (mean if np.isinf(motion.velocity) else middle))
             velocities = moved.velocities
-        too_fast = np.linalg.norm(velocities, axis=1).max() > motion.velocity * AT_BOUND
+        too_fast = bool(np.linalg.norm(velocities, axis=1).max() > motion.velocity * AT_BOUND)
+        too_fast |= bool(np.linalg.norm(moved.accelerations, axis=1).max() > min(motion.acceleration, largest))
         if rest is not None:
             too_fast = too_fast or bool(
                 np.linalg.norm(velocities[quiet], axis=1).max(initial=0.0) > rest.velocity * AT_BOUND + 1e-12
             )
         if not too_fast and _reach(moved, window) <= motion.position * AT_BOUND:
             return moved
-        share *= 0.9
+        share *= 0.97
     return Moved.by(times, np.zeros_like(wanted), np.zeros(3))
 
 
