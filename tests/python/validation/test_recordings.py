@@ -1,5 +1,6 @@
 """Whole recordings within what a configuration states: nothing is wrong with them, and what is too small is noticed."""
 
+import dataclasses
 import itertools
 import json
 import sys
@@ -10,15 +11,16 @@ import pytest
 import tomlkit
 from elliptude import cli
 from elliptude.bounds import gyro as gyro_bounds
-from elliptude.bounds import turns
+from elliptude.bounds import one_matrix, turns
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.velocity import VelocityOfRows
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Direction, DirectionBase
-from elliptude.estimation import direction_rows
+from elliptude.estimation import direction_rows, guaranteed_run
 from elliptude.io.toml import validate
 from elliptude.logs.rest_phase import ReferenceBounds
 from elliptude.validation.recordings.drawing import draw_recording
@@ -130,6 +132,26 @@ def without(monkeypatch, owner, name):
 
 
 WEAKENED = {
+    "a matrix that undoes itself": (
+        lambda m: smaller(m, gyro_bounds, "_largest_stretch", 0.5),
+        lambda: configured({"scale_error": 0.05, "anchor_s": 1.0}, *STARS),
+    ),
+    "a matrix about a window": (
+        lambda m: smaller(m, one_matrix, "nuclear_norms", 0.5),
+        lambda: configured({"scale_error": 0.05}, STILL_UP, FIXED),
+    ),
+    "rates on lines that cone, from row to row": (
+        lambda m: m.setattr(guaranteed_run, "_coning_rate", lambda *_: 0.0),
+        lambda: configured({}, *STARS),
+    ),
+    "what rates do between samples": (
+        lambda m: m.setattr(GyroFlow, "off_the_line", lambda *_: 0.0),
+        lambda: configured({"angular_acceleration_deg_per_s2": 2000.0}, *STARS),
+    ),
+    "errors that the rate makes larger": (
+        lambda m: m.setattr(guaranteed_run, "gyro_flow", _without_scale(guaranteed_run.gyro_flow)),
+        lambda: configured({"scale_error": 0.05}, *STARS),
+    ),
     "the place in a window": (
         lambda m: smaller(m, MotionBounds, "mean_acceleration_triangular"),
         lambda: configured({}, up({"position_m": 1.0}), FIXED),
@@ -219,6 +241,10 @@ WEAKENED = {
         lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
     ),
 }
+
+
+def _without_scale(whole):
+    return lambda gyro, flow: whole(dataclasses.replace(gyro, scale_error=0.0), flow)
 
 
 def _exact(whole):

@@ -338,7 +338,7 @@ def _force(
         shown = vector_errors.turned_away(true, angle, at_true, kinds, draws)
     else:
         true = np.einsum("nji,nj->ni", at_true, gravity * up + a @ frame.T)
-        still = np.full(len(rows), np.inf)
+        still = _still_in_rest(of, rows, gravity)
         sampling = np.zeros_like(true)
         for rest in of.stated.rests:
             if rest.shows is not None:
@@ -363,6 +363,15 @@ def _less_in_rest(of: _Draw, rows: FloatArray, angle: float) -> FloatArray:
     for rest in of.stated.rests:
         angles[(rows >= rest.begin - 1e-6) & (rows <= rest.end + 1e-6)] = min(angle, _STILL)
     return angles
+
+
+def _still_in_rest(of: _Draw, rows: FloatArray, length: float) -> FloatArray:
+    """The same of what is added to a vector: how large it may be for each row."""
+    still = np.full(len(rows), np.inf)
+    for rest in of.stated.rests:
+        if rest.shows is None:
+            still[(rows >= rest.begin - 1e-6) & (rows <= rest.end + 1e-6)] = 0.5 * _STILL * length
+    return still
 
 
 def _level_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -437,7 +446,14 @@ def _field(
     )
     true = np.einsum("nji,nj->ni", at_true, field_ut + added)
     shown = vector_errors.shown_vectors(
-        true, at_rows, rows, errors, None, _prefixed(of.kinds, "field"), np.full(len(rows), np.inf), draws
+        true,
+        at_rows,
+        rows,
+        errors,
+        None,
+        _prefixed(of.kinds, "field"),
+        _still_in_rest(of, rows, float(np.linalg.norm(field_ut))),
+        draws,
     )
     return _misaligned(shown, sensor.alignment_error_deg, draws) / tesla
 
