@@ -8,6 +8,7 @@ what is left is then nearly attained, so that a term that is missing in a bound 
 
 import argparse
 import math
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -150,8 +151,18 @@ def _stated(of: _Drawn) -> Tables:
         directions.append(_tracker(of, i))
     tables["directions"] = directions
     tables["estimator"] = _estimator(of, has_rule=False)
-    if with_up and len(directions) > 1 and tables["flow"].get("anchor_s") is None and of.maybe(0.1):
-        tables["estimator"] |= {"policy": "raise"}
+    references = [sensor["reference"] for sensor in directions if isinstance(sensor.get("reference"), dict)]
+    if not any("declination_deg" in one for one in references) and of.maybe(0.15):
+        tables["estimator"] |= {"policy": "relaxed", "most_wrong": 1}
+    if not references and not tables["flow"].get("estimate_bias") and of.maybe(0.15):
+        size = of.among(1e-8, 1e-2)
+        shape = [size, size * of.one(1.0, 0.1), size, 1e-12, 1e-12, 1e-12]
+        tables["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [0.5, -0.3, 0.7, 0.4], "P_diagonal": shape}
+    if all("kind" not in sensor for sensor in directions) and of.maybe(0.5):
+        tables["reference_frame"] = "J2000"
+        directions[0].pop("reference_columns", None)
+        directions[0].pop("reference_rate_deg_per_s", None)
+        directions[0]["reference"] = {"kind": "sun", "time_zero": datetime(2020, 3, 1, tzinfo=UTC)}
     return tables
 
 
@@ -305,6 +316,9 @@ def _tracker(of: _Drawn, number: int) -> Tables:
         sensor["reference_error_deg"] = of.among(0.01, 1.0)
     if of.maybe(0.2):
         sensor["alignment_error_deg"] = of.among(0.01, 1.0)
+    if not {"reference_error_deg", "alignment_error_deg"} & sensor.keys() and of.maybe(0.2):
+        square = math.radians(sensor.pop("bound_deg")) ** 2
+        sensor["bound_rad2"] = [[square, 0.0, 0.0], [0.0, 0.25 * square, 0.0], [0.0, 0.0, square]]
     return sensor
 
 

@@ -60,11 +60,23 @@ def result_of(
     true_attitudes = log.true_attitudes
     if run.starts_heading and true_attitudes is not None:
         true_attitudes = turned_to_start(true_attitudes, run)
-    true_vectors = log.true_vectors if configuration.estimates_vector else None
+    # The filter's state is what is left of a gyro's bias; the table is of the bias.
+    known = run.rows.bias
+    true_vectors = log.true_vectors - known if configuration.estimates_vector and log.true_vectors is not None else None
     turned = turns_within_offset(run, configuration)
     errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error, turned)
     extents = guaranteed.extents()
-    vectors, shapes, half_widths = guaranteed.vectors, guaranteed.shapes, extents.half_widths_body
+    vectors, shapes, half_widths = guaranteed.vectors + known, guaranteed.shapes, extents.half_widths_body
+    answered = answer_columns.columns_of(
+        answers,
+        guaranteed,
+        true_attitudes,
+        true_vectors if configuration.compares_vector else None,
+        configuration.truth_error,
+        turned,
+    )
+    if answered.get("vector_ranges") is not None:
+        answered["vector_ranges"] = answered["vector_ranges"] + np.repeat(known, 2)
     if not configuration.estimates_vector:
         # The filter's vector is not the gyro's bias here.
         attitude = np.arange(6) < 3
@@ -92,14 +104,7 @@ def result_of(
         origin=log.counts_from,
         **_of_questions(run),
         **best_estimates.columns_of(best),
-        **answer_columns.columns_of(
-            answers,
-            guaranteed,
-            true_attitudes,
-            true_vectors if configuration.compares_vector else None,
-            configuration.truth_error,
-            turned,
-        ),
+        **answered,
         clock_turns=turned,
     )
 

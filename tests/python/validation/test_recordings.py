@@ -83,6 +83,14 @@ def test_nothing_is_wrong_with_random_configurations(number):
     assert (verdict.error, verdict.contradicted, verdict.outside) == (None, 0, 0)
 
 
+def test_the_table_has_the_bias_of_the_gyro():
+    flow = {"known_bias_deg_per_s": [0.3, -2.0, 1.0], "bias_deg_per_s": 0.05, "estimate_bias": True}
+    questions = GUARANTEED | {"questions": ["vector"]}
+    verdict = try_recording(RecordingArguments(configured(flow, FIXED, STAR, estimator=questions), 1, 0), 0).verdict
+    assert verdict.answers["bias"]["answers"] > 0
+    assert (verdict.contradicted, verdict.outside) == (0, 0)
+
+
 # --- that a bound that is too small is noticed ------------------------------------------------------------------------
 
 SMALL = {"error_m_per_s2": 1e-9}

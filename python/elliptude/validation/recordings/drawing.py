@@ -70,6 +70,8 @@ class Recording:
     """The truth, in the time of the log's rows."""
     biases: tuple[FloatArray, FloatArray]
     """Times, and what is left of the gyro's bias there, rad/s."""
+    known_bias: FloatArray
+    """What is known of it, rad/s, shape (3,)."""
     clocks: dict[str, FloatArray] = field(default_factory=dict)
 
 
@@ -191,7 +193,7 @@ def draw_recording(configuration: Configuration, seed: Any) -> Recording:
         _velocity(of, moved, columns, clocks, gyro_clock)
     for name, stamps in clocks.items():
         columns[name] = _in_ticks(stamps, _unit_of(configuration, name))
-    return Recording(columns, of.kinds, shown.turning, (of.grid[of.kept], shown.biases), clocks)
+    return Recording(columns, of.kinds, shown.turning, (of.grid[of.kept], shown.biases), stated.gyro.known_bias, clocks)
 
 
 def _unit_of(configuration: Configuration, clock: str) -> Any:
