@@ -186,6 +186,8 @@ def draw_gyro(
     base = draw_rates(kinds["turns"], times, _moving(resting, times, kinds, draws), gyro, draws)
     at = np.flatnonzero(kept)
     longest = gyro.interval if gyro.interval is not None else 1.5 * float(np.median(np.diff(times[kept])))
+    # Stamps are rounded: what is as long as this is on lines, whether it is taken for a gap or not.
+    longest *= 1.0 + 1e-6
     steps = [(begin, end) for begin, end in itertools.pairwise(at.tolist()) if end > begin + 1]
     lost = [(begin, end) for begin, end in steps if times[end] - times[begin] <= longest]
     _fill_in(base, times, lost, gyro)
